@@ -56,7 +56,7 @@ def test_points_of_an_area_get_a_plane_of_their_own(
     assert result.areas[0].height_m.value == result.plane.height_m.value
     assert [m.text for m in result.messages if m.code == "area-unpicked"] == [
         "The ground's area 'lawn' is not used: no usable pick names it in the column `area` of "
-        "picks.csv."
+        "picks.csv. Name it there, or take it out of the project."
     ]
     known = truth("calm_nadir")
     true = np.array([known["measurements"][name] for name in result.measurements.name])

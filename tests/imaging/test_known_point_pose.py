@@ -99,7 +99,7 @@ def test_a_rival_pose_that_fits_as_well_is_reported(scene_factory: Callable[...,
 
     assert len(refined.alternatives) == 1
     (said,) = [message for message in messages if message.code == "ambiguous-pose"]
-    assert "2 different poses" in said.text
+    assert "2 camera positions" in said.text
     poses = [refined.adjustment, *refined.alternatives]
     tilts = [one.state.rotation[0, :2, 2] for one in poses]  # which way each looks
     assert np.linalg.norm(tilts[0] - tilts[1]) > 0.1

@@ -26,9 +26,10 @@ def test_hints_stop_where_they_would_take_long(
         check=SimpleNamespace(label=np.array([])),
     )
     texts = [message.text for message in check._unseen(cast("Inputs", inputs))]
+    way_out = ": pick it, or correct its name."
     assert texts == [
-        f"Point 'P1' of line 'L' is never picked{hint}.",
-        f"Point 'P1' of known thing 'k' is never picked{hint}.",
-        f"Point 'P1' of measurement 'm' is never picked{hint}.",
-        "Point 'Q77' of the control points is never picked.",
+        f"Point 'P1' of line 'L' is never picked{hint}{way_out}",
+        f"Point 'P1' of known thing 'k' is never picked{hint}{way_out}",
+        f"Point 'P1' of measurement 'm' is never picked{hint}{way_out}",
+        f"Point 'Q77' of the control points is never picked{way_out}",
     ]

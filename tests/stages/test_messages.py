@@ -80,6 +80,18 @@ def test_the_cause_comes_first_its_consequences_last_and_errors_before_all() -> 
     ]
 
 
+def test_identified_causes_come_before_what_they_explain() -> None:
+    """What spoils everything, what spoils one thing, the log, the accused, what is left open."""
+    codes = (
+        *("lengths-wrong-unit", "label-elsewhere", "log-position-jump", "line-left-out"),
+        *("pick-suspect", "misfit", "ground-not-plane", "nothing-checks", "line-unseen"),
+    )
+    messages = in_order(*(Message("warning", code, code) for code in reversed(codes)))
+
+    assert tuple(m.code for m in messages) == codes
+    assert in_order(*messages) == messages
+
+
 def test_the_same_message_is_told_once_and_telling_twice_changes_nothing() -> None:
     messages = in_order(left_out("a.jpg"), left_out("a.jpg"), left_out("b.jpg"))
     assert len(messages) == 1

@@ -27,3 +27,11 @@ def test_errors_come_before_warnings_before_choices() -> None:
     levels = [line.split(":")[0] for line in message_lines(survey.build().messages)]
 
     assert levels == ["error", "warning", "info"]
+
+
+def test_each_message_ends_with_its_code() -> None:
+    messages = survey.build().messages
+
+    assert sorted(line.rsplit(" [")[1] for line in message_lines(messages)) == sorted(
+        f"{message.code}]" for message in messages
+    )

@@ -102,6 +102,10 @@ def _unseen(inputs: Inputs) -> list[Message]:
 
 def _never_picked(what: str, label: str, near: str) -> Message:
     hint = f" ({near})" if near else ""
-    several = Several("{count} points are never picked", f"{label!r} of {what}{hint}")
-    text = f"Point {label!r} of {what} is never picked{hint}."
+    several = Several(
+        "{count} points are never picked",
+        f"{label!r} of {what}{hint}",
+        ending="Pick them, or correct their names.",
+    )
+    text = f"Point {label!r} of {what} is never picked{hint}: pick it, or correct its name."
     return Message("warning", "label-unseen", text, labels=(label,), several=several)

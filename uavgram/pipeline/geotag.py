@@ -113,12 +113,16 @@ def _seeds(inputs: Inputs) -> tuple[GeoTags, tuple[Message, ...]]:
 def _left_out(inputs: Inputs, tags: GeoTags, choice: PoseChoice) -> Iterator[Message]:
     without = [name for name in inputs.photos.frame_id if name not in set(tags.frame_id)]
     if without:
-        text = f"{len(without)} photos have no pose and were left out (the first is {without[0]})."
-        yield Message("warning", "geotag-without-pose", text)
-    seeds = tags.pose.count("seed")
+        text = (
+            f"{len(without)} photos have no pose and were left out (the first is {without[0]}): "
+            "`uavgram check` says why."
+        )
+        yield Message("warning", "geotag-without-pose", text, frames=tuple(without))
+    poses = zip(tags.frame_id, tags.pose, strict=True)
+    seeds = tuple(name for name, pose in poses if pose == "seed")
     if choice == "refined" and seeds:
         text = (
-            f"{seeds} photos have no picks, so they were not adjusted: their seed poses were "
-            "written, with the seeds' accuracies."
+            f"{len(seeds)} photos have no picks, so they were not adjusted: their poses are those "
+            "of the log, and as inaccurate. Pick points in them for better ones."
         )
-        yield Message("warning", "geotag-seeds", text)
+        yield Message("warning", "geotag-seeds", text, frames=seeds)

@@ -245,6 +245,7 @@ def _gauge(survey: Survey) -> Iterator[Message]:
             "Nothing fixes position and heading (no flight log, fewer than two control points): "
             "lengths, areas and angles are right, coordinates are relative to the first frame, "
             f"{survey.frame_id[0]}: it stands above 0, 0, and up in it is north.",
+            frames=survey.frame_id[:1],
         )
 
 
@@ -270,10 +271,13 @@ def _unseen_control(control: KnownWorldPoints, survey: Survey) -> Iterator[Messa
             yield Message(
                 "warning",
                 "control-unseen",
-                f"The control point {label!r} is not used: it has no usable pick{hint}.",
+                f"The control point {label!r} is not used: it has no usable pick{hint}. Pick it, "
+                "or correct its name.",
                 labels=(label,),
                 several=Several(
-                    "{count} control points are not used, having no usable pick", f"{label!r}{hint}"
+                    "{count} control points are not used, having no usable pick",
+                    f"{label!r}{hint}",
+                    ending="Pick them, or correct their names.",
                 ),
             )
 
@@ -288,7 +292,13 @@ def _unpicked_areas(ground: GroundOptions, survey: Survey) -> Iterator[Message]:
                 "warning",
                 "area-unpicked",
                 f"The ground's area {name!r} is not used: no usable pick names it in the column "
-                f"`area` of picks.csv{hint}.",
+                f"`area` of picks.csv{hint}. Name it there, or take it out of the project.",
+                several=Several(
+                    "{count} areas of the ground are not used: no usable pick names them in the "
+                    "column `area` of picks.csv",
+                    f"{name!r}{hint}",
+                    ending="Name them there, or take them out of the project.",
+                ),
             )
 
 

@@ -165,7 +165,8 @@ def _known_messages(known: KnownThings, same: Mapping[int, str]) -> tuple[Messag
         "What is known of the same points, with the same value, was counted once: "
         f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. Remove the copies."
     )
-    return (Message("warning", "known-duplicate", text),)
+    labels = dict.fromkeys(label for i in same for label in known.points[i])
+    return (Message("warning", "known-duplicate", text, labels=tuple(labels)),)
 
 
 def _photo_message(
@@ -183,7 +184,7 @@ def _photo_message(
         f"{count} there twice and counted once, as a copy says nothing new: "
         f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. Take the copies out of `images`."
     )
-    return (Message("warning", code, text),)
+    return (Message("warning", code, text, frames=tuple(copies)),)
 
 
 def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message, ...]:
@@ -203,7 +204,8 @@ def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message,
         f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. If it was copied, remove the copies. If "
         "it was taped again with this very reading, write down one more digit of each reading."
     )
-    return (Message("warning", "line-duplicate", text),)
+    lengths = tuple(lines.name[i] for i in same)
+    return (Message("warning", "line-duplicate", text, lengths=lengths),)
 
 
 def _listed(names: list[str]) -> str:

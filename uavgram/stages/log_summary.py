@@ -56,7 +56,9 @@ def _clock(boot: Boot) -> tuple[BootClock | None, tuple[Message, ...]]:
     try:
         return fit_boot_clock(boot)
     except UavgramError as error:
-        return None, (Message("warning", "clock-missing", str(error)),)
+        why = str(error)
+        text = f"{why[0].upper()}{why[1:]}."
+        return None, (Message("warning", "clock-missing", text),)
 
 
 def _span(positions: PositionSamples | None, clock: BootClock | None) -> tuple[str, str]:
@@ -101,30 +103,43 @@ def _home_moves_m(home: HomeSamples | None) -> float:
 def _unusual(boot: Boot) -> Iterator[Message]:
     positions, events = boot.positions, boot.events
     if boot.attitudes is None:
-        yield _warning("attitude-missing", "the vehicle's attitude is never stated")
+        yield _warning(
+            "attitude-missing",
+            "The vehicle's attitude is never stated: this log cannot place photos.",
+        )
     if positions is None:
-        yield _warning("position-missing", "it is never stated where the vehicle is")
+        yield _warning(
+            "position-missing",
+            "It is never stated where the vehicle is: this log cannot place photos.",
+        )
         return
     pauses = np.diff(positions.time_boot_s)
     if (pauses > _LONG_PAUSE_S).any():
         text = (
-            f"{positions.source} pauses {int((pauses > _LONG_PAUSE_S).sum())} times for more than "
-            f"{_LONG_PAUSE_S:.0f} s, {pauses.max():.1f} s at the longest"
+            f"The log has gaps in its positions: {positions.source} pauses "
+            f"{int((pauses > _LONG_PAUSE_S).sum())} times for more than {_LONG_PAUSE_S:.0f} s, "
+            f"{pauses.max():.1f} s at the longest. Photos taken then have no place."
         )
         yield _warning("position-gap", text)
     jump = float(np.abs(np.diff(positions.height_m)).max(initial=0.0))
     if jump > _HEIGHT_JUMP_M:
-        text = f"the height jumps by {jump:.0f} m from one position to the next"
+        text = (
+            f"The height jumps by {jump:.0f} m from one position to the next: do not trust the "
+            "photos about it."
+        )
         yield _warning("height-jump", text)
     if events is not None:
         first, last = positions.time_boot_s[[0, -1]]
         outside = int(((events.time_boot_s < first) | (events.time_boot_s > last)).sum())
         if outside:
-            text = f"{outside} camera events lie before the first or after the last position"
+            text = (
+                f"{outside} camera events lie before the first or after the last position: their "
+                "photos have no place."
+            )
             yield _warning("event-outside", text)
     moved = _home_moves_m(boot.home)
     if moved > _HOME_MOVED_M:
-        yield Message("info", "home-moves", f"home moves by up to {moved:.1f} m")
+        yield Message("info", "home-moves", f"Home moves by up to {moved:.1f} m.")
 
 
 def _warning(code: str, text: str) -> Message:

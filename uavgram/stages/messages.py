@@ -15,21 +15,33 @@ MOST_LISTED = 12
 
 LEVELS = ("error", "warning", "info")
 
+IDENTIFIED = (
+    (
+        *("lengths-wrong-unit", "lengths-factor", "lengths-offset", "labels-swapped-everywhere"),
+        *("other-zoom", "mount-turned", "gimbal-off", "clock-off"),
+    ),
+    (
+        *("other-camera", "photo-elsewhere", "photo-mirrored", "photo-turned"),
+        *("labels-swapped", "label-elsewhere"),
+        *("line-wrong-unit", "line-wrong-digit", "line-other-ends", "lines-exchanged"),
+    ),
+)
+"""Codes of causes that were found and explain the rest: what spoils everything first, then what
+spoils one photo, label or length."""
+
 CAUSES = (
+    *IDENTIFIED,
     ("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
     ("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
-    (
-        *("mount-turned", "other-zoom", "line-left-out", "known-left-out"),
-        *("control-left-out", "labels-swapped", "point-off-ground"),
-    ),
+    ("line-left-out", "known-left-out", "control-left-out", "point-off-ground"),
     ("line-removed", "known-removed", "pick-removed", "blunder-not-located", "blunder-kept"),
     (
         *("pick-suspect", "line-suspect", "known-suspect", "control-suspect"),
         *("telemetry-strained", "prior-strained"),
     ),
     ("check-suspect", "lengths-contradict", "odd-height"),
-    ("ground-not-plane", "picks-less-exact"),
     ("misfit",),
+    ("ground-not-plane", "picks-less-exact"),
     ("nothing-checks",),
 )
 """Codes of what explains other messages, what explains most of them first."""

@@ -110,7 +110,10 @@ def _left_out(
 ) -> Iterator[Message]:
     """Messages on repetitions without a solution, and without a value that the survey has."""
     if failed:
-        text = f"{failed} Monte Carlo repetitions did not come to rest and were left out."
+        text = (
+            f"{failed} Monte Carlo repetitions found no solution and were left out: the sampled "
+            "intervals may be too narrow. Add known lengths or picks."
+        )
         yield Message("warning", "monte-carlo-failed", text)
     rows = propagate(adjustment, requests, frames).rows
     for row, missing in zip(rows, (~known).sum(axis=0), strict=True):
@@ -149,13 +152,14 @@ def compare(first: MeasurementResults, sampled: MonteCarloResults) -> Iterator[M
             sigmas = f"sigma {first.sigma[i]:.3g}, sampled {sampled.sigma[i]:.3g} {unit}"
             ends_text = f"{low:.6g} to {high:.6g} {unit}"
             several = Several(
-                "{count} measurements: the first-order interval is off, use the sampled 95 % one",
+                "Use the sampled 95 % intervals of {count} measurements, the ordinary ones are off",
                 f"{name!r} {ends_text} ({sigmas})",
             )
             yield Message(
                 "warning",
                 "first-order-off",
-                f"{name!r}: first-order {sigmas}: use the sampled 95 % interval, {ends_text}.",
+                f"Use the sampled 95 % interval of {name!r}, {ends_text}: the ordinary one is off "
+                f"(first-order {sigmas}).",
                 measurements=(name,),
                 several=several,
             )

@@ -63,11 +63,11 @@ def _message(results: MeasurementResults, bias: float, sigma: float, i: int) -> 
     else:
         why = "observations that differ by little more than their sigmas have no solution"
     text = (
-        f"{results.name[i]!r}: first-order uncertainty is not good enough ({why}). Run again with "
-        "--monte-carlo and use that interval."
+        f"The uncertainty of {results.name[i]!r} is not reliable: run again with --monte-carlo and "
+        f"use that interval ({why})."
     )
     several = Several(
-        "{count} measurements: first-order uncertainty is not good enough",
+        "The uncertainties of {count} measurements are not reliable",
         repr(results.name[i]),
         why,
         "Run again with --monte-carlo and use those intervals.",

@@ -96,11 +96,12 @@ def unshown_rows(result: Result, most: int, folder: Path) -> list[str]:
 def message_lines(messages: Sequence[Message], *, verbose: bool = True) -> list[str]:
     """One line per message: errors first, then warnings, then the choices that were made.
 
-    Without `verbose`, nothing of what only says how the program came to its numbers.
+    Each ends with its code, which docs/messages.md explains. Without `verbose`, nothing of what
+    only says how the program came to its numbers.
     """
     shown = [m for m in messages if verbose or (m.level, m.code) not in DETAILS]
     ordered = sorted(shown, key=lambda message: LEVEL_RANK[message.level])
-    return [f"{message.level}: {message.text}" for message in ordered]
+    return [f"{message.level}: {message.text} [{message.code}]" for message in ordered]
 
 
 def aligned(cells: Sequence[tuple[str, ...]], right: tuple[int, ...] = RIGHT_ALIGNED) -> str:

@@ -6,7 +6,8 @@ from scenes import make_scene
 
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.stages.judge.groups import judge_groups
+from uavgram.stages.judge.groups import _misfit, judge_groups
+from uavgram.stages.messages import in_order
 from uavgram.stages.refine import refine
 
 
@@ -23,6 +24,17 @@ def test_sigmas_far_too_wide_are_told() -> None:
     assert "variance factor 0.1" in message.text
     assert "picks (0.1" in message.text
     assert "far too wide" in message.text
+
+
+def test_groups_that_fit_worse_than_stated_are_one_message() -> None:
+    (message,) = in_order(_misfit("pixels", 3.0, 1e-7), _misfit("lengths", 2.0, 1e-4))
+
+    assert message.text == (
+        "2 kinds of observations do not fit as well as their stated errors promise: picks: look at "
+        "their labels and picks_sigma_px (variance factor 3.0, probability 1e-07); known lengths: "
+        "look at their readings and sigma_m (variance factor 2.0, probability 0.0001). Until this "
+        "is cleared up, the uncertainties of the results are too small."
+    )
 
 
 def test_sigmas_as_they_are_say_nothing() -> None:

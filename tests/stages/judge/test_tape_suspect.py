@@ -20,4 +20,4 @@ def test_a_tape_that_is_one_per_cent_long_is_named(scene_factory: Callable[..., 
     examined = run_tests(refined, propagate(refined.adjustment, (), NO_TIMES), 0.001)
     said = [message.text for message in judge_suspects(examined)]
 
-    assert any("the tape 'red' is 0.94 % too long" in text for text in said)
+    assert any("the tape 'red' seems to be 0.94 % too long" in text for text in said)

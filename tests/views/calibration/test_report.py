@@ -60,6 +60,7 @@ def test_every_photo_message_and_sum_is_there(html: str, account: CalibrationAcc
         assert one.sha256 in html
     for message in account.messages:
         assert message.text.split("'")[0].split("&")[0][:60] in html
+        assert f">{message.code}<" in html
     assert html.count('src="data:image/jpeg') == len(account.result.photos.file) + 1
     for model in account.result.models:
         held = model.held_out_px

@@ -106,6 +106,7 @@ def test_every_message_frame_line_and_point_is_on_the_page() -> None:
 
     for text in (
         *(message.text for message in result.messages),
+        *(message.code for message in result.messages),
         *result.frames.frame_id,
         *(f"{n}{a} – {b}" for n, (a, b) in zip(result.lines.name, ends, strict=True)),
         *result.points.label,

@@ -66,6 +66,7 @@ def camera(
         File to write.
     """
     from uavgram.pipeline.cameras.read import camera_in, read_camera, write_camera
+    from uavgram.views.terminal import message_lines
 
     read = read_camera(file, name)
     changed = _changed(read, crop, size)
@@ -78,7 +79,7 @@ def camera(
         say(camera_in(changed, form, options).rstrip("\n"))
         return DONE
     write_camera(output, changed, form, options)
-    say(*(f"{m.level}: {m.text}" for m in changed.messages), f"written: {output}")
+    say(*message_lines(changed.messages), f"written: {output}")
     if form == "colmap":
         say("info: COLMAP's file has no place for the covariance: keep the original too.")
     return DONE
@@ -104,6 +105,7 @@ def _shown(read: CameraRead) -> list[str]:
     from uavgram.geometry.camera.facts import camera_facts
     from uavgram.pipeline.cameras.read import focal_on_sensor_mm
     from uavgram.views.calibration.camera_text import camera_lines
+    from uavgram.views.terminal import message_lines
 
     lines = camera_lines(
         read.calibration,
@@ -111,7 +113,7 @@ def _shown(read: CameraRead) -> list[str]:
         read.provenance,
         focal_on_sensor_mm(read),
     )
-    notes = [f"{message.level}: {message.text}" for message in read.messages]
+    notes = message_lines(read.messages)
     return [*lines, *([""] if notes else []), *notes]
 
 
@@ -119,9 +121,10 @@ def _compared(first: CameraRead, other: Path, distance: float | None) -> list[st
     from uavgram.estimation.calibration.difference import camera_difference
     from uavgram.pipeline.cameras.read import read_camera
     from uavgram.views.calibration.camera_text import difference_lines
+    from uavgram.views.terminal import message_lines
 
     second = read_camera(other)
     difference = camera_difference(first.calibration, second.calibration, distance=distance)
     lines = difference_lines(first.calibration, second.calibration, difference)
-    notes = [f"{m.level}: {m.text}" for m in (*first.messages, *second.messages)]
+    notes = message_lines((*first.messages, *second.messages))
     return [*lines, *([""] if notes else []), *notes]

@@ -70,12 +70,12 @@ def fit_boot_clock(boot: Boot) -> tuple[BootClock, tuple[Message, ...]]:
             )
         )
     text = (
-        "the log has no SYSTEM_TIME" if not reason else f"the log's {reason.removeprefix('its ')}"
+        "The log has no SYSTEM_TIME" if not reason else f"The log's {reason.removeprefix('its ')}"
     )
     remark = Message(
         "warning" if reason else "info",
         "clock-receive",
-        f"{text}: the ground station's clock was used, where its delay is least",
+        f"{text}: the ground station's clock was used, where its delay is least.",
     )
     return _clock(station, LINK_DELAY_SIGMA_S, "receive"), (remark,)
 
@@ -121,7 +121,7 @@ def _jumps(line: ClockLine, samples: ClockSamples) -> tuple[Message, ...]:
         return ()
     text = (
         f"{int(jumped.sum())} of {len(off_s)} {samples.source} clock readings jump off the others, "
-        f"by {float(np.median(off_s[jumped])):+.2f} s in the median: they were left out"
+        f"by {float(np.median(off_s[jumped])):+.2f} s in the median: they were left out."
     )
     return (Message("warning", "clock-jumps", text),)
 
@@ -173,5 +173,5 @@ def _difference(line: ClockLine, station: ClockLine | None) -> tuple[Message, ..
     apart = 0.0 if station is None else station.offset_s - line.offset_s
     if abs(apart) < 1.0:
         return ()
-    text = f"the ground station's clock is {apart:+.1f} s off the autopilot's UTC, which was used"
+    text = f"The ground station's clock is {apart:+.1f} s off the autopilot's UTC, which was used."
     return (Message("info", "clock-station-off", text),)

@@ -219,8 +219,17 @@ class Names:
             f"{' or the '.join(named)}{others}."
         )
 
-    def subjects(self, member: Member) -> Subjects:
-        """Which frames, labels and lengths an observation is of, as a message carries them."""
+    def subjects(self, *members: Member) -> Subjects:
+        """Which frames, labels and lengths observations are of, as a message carries them."""
+        each = [self._subjects(member) for member in members]
+        together: Subjects = {
+            "frames": tuple(dict.fromkeys(f for one in each for f in one.get("frames", ()))),
+            "labels": tuple(dict.fromkeys(a for one in each for a in one.get("labels", ()))),
+            "lengths": tuple(dict.fromkeys(i for one in each for i in one.get("lengths", ()))),
+        }
+        return together
+
+    def _subjects(self, member: Member) -> Subjects:
         survey, row = self.adjustment.survey, member.row
         if member.kind == "pixels":
             frame, label = self.pick(row)

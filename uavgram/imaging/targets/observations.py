@@ -163,7 +163,7 @@ def _unseen_messages(files: Sequence[str], sightings: Sequence[Sighting]) -> lis
             f"{len(without)} of {len(files)} photos show no board, and are not used: "
             f"{', '.join(without)}."
         )
-        messages.append(Message("warning", "photo-without-board", text))
+        messages.append(Message("warning", "photo-without-board", text, files=tuple(without)))
     for file, sighting in zip(files, sightings, strict=True):
         if sighting.is_other_board and sighting.found_size is not None:
             columns, rows = sighting.found_size
@@ -171,7 +171,13 @@ def _unseen_messages(files: Sequence[str], sightings: Sequence[Sighting]) -> lis
                 f"{file} seems to show a board of {columns} x {rows} inner corners, and is not "
                 "used."
             )
-            messages.append(Message("warning", "photo-other-board", text))
+            several = Several(
+                "{count} photos seem to show another board, and are not used",
+                f"{file} ({columns} x {rows} inner corners)",
+            )
+            messages.append(
+                Message("warning", "photo-other-board", text, files=(file,), several=several)
+            )
     return messages
 
 

@@ -286,8 +286,11 @@ def _unjudged(inputs: Inputs, world: World) -> tuple[Message, ...]:
     """Check points of a world in which coordinates mean nothing."""
     if world.gauge == "world" or not len(inputs.check.label):
         return ()
-    text = "Check points are not judged: coordinates mean nothing without a log or control."
-    return (Message("warning", "check-unjudged", text),)
+    text = (
+        "Check points are not judged: without a flight log or control points, coordinates mean "
+        "nothing. Name either in the project."
+    )
+    return (Message("warning", "check-unjudged", text, labels=inputs.check.label),)
 
 
 def _frames(

@@ -179,13 +179,15 @@ def _column_messages(*files: str | None) -> Iterator[Message]:
             names = ", ".join(map(repr, own))
             what = "column" if len(own) == 1 else "columns"
             text = f"{Path(file).name}: nothing reads the {what} {names}; what is there stays."
-            yield Message("info", "own-columns", text)
+            yield Message("info", "own-columns", text, files=(Path(file).name,))
 
 
 def log_messages(log: FlightLog) -> tuple[Message, ...]:
     """What was odd about a log's file, as warnings."""
     name = Path(log.path).name
-    return tuple(Message("warning", "log-note", f"{name}: {note}") for note in log.notes)
+    return tuple(
+        Message("warning", "log-note", f"{name}: {note}", files=(name,)) for note in log.notes
+    )
 
 
 def _lens_messages(calibration: Calibration) -> tuple[Message, ...]:

@@ -284,7 +284,7 @@ def known_in_world(
                 "Points with latitude and longitude cannot be used: nothing ties this world to "
                 "the earth. Give the log, world.origin, or geodetic control points."
             )
-            return NO_CONTROL, (Message("warning", "points-unplaced", text),)
+            return NO_CONTROL, (Message("warning", "points-unplaced", text, labels=points.label),)
         shift = height_shift(inputs, world.height_datum)
         latitude, longitude, height = points.coordinates.T
         coordinates = enu_from_geodetic(latitude, longitude, height + shift, world.origin)

@@ -41,9 +41,9 @@ class Notes:
     found: list[str] = field(default_factory=list)
     messages: list[Message] = field(default_factory=list)
 
-    def warn(self, code: str, text: str) -> None:
-        """Add a warning."""
-        self.messages.append(Message("warning", code, text))
+    def warn(self, code: str, text: str, *files: str) -> None:
+        """Add a warning, on `files` where it is about some."""
+        self.messages.append(Message("warning", code, text, files=files))
 
 
 def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[PhotoGroup, ...]:
@@ -191,7 +191,8 @@ def choose_camera(
         try:
             camera = read_camera(path).calibration
         except InputError as why:
-            notes.warn("camera-passed-over", f"{candidate} was passed over: {why.message}.")
+            text = f"{candidate} was passed over: {why.message}."
+            notes.warn("camera-passed-over", text, candidate)
             continue
         own = camera.width_px, camera.height_px
         if own == size:
@@ -201,7 +202,7 @@ def choose_camera(
             f"{candidate} was passed over: it is for {own[0]} x {own[1]} px, the photos have "
             f"{size[0]} x {size[1]}."
         )
-        notes.warn("camera-passed-over", text)
+        notes.warn("camera-passed-over", text, candidate)
     name = only_one(folder, "camera", "camera", fitting, chosen)
     if name is not None:
         notes.found.append(f"camera: {name}")

@@ -76,6 +76,7 @@ def _on_outliers(result: CalibrationResult) -> Iterator[Message]:
                 "info",
                 code,
                 f"{marked.sum()} of {len(verdict)} corners {what}: in {', '.join(files)}.",
+                files=tuple(files),
             )
 
 
@@ -108,9 +109,8 @@ def _on_the_covariance(judged: AssessedCalibration, result: CalibrationResult) -
         yield Message(
             "warning",
             "corner-sigma-too-small",
-            f"Residuals are larger than the corners' sigmas say (variance factor "
-            f"{quality.variance_factor:.2g}), so the camera's are too small: use corner_sigma: "
-            "residuals.",
+            "The camera's sigmas are too small, as the corners fit worse than their own sigmas "
+            f"say: use corner_sigma: residuals (variance factor {quality.variance_factor:.2g}).",
         )
 
 

@@ -63,7 +63,7 @@ def _contradicted(moved: str, *, is_assumed: bool) -> str:
     return (
         f"The survey moves the camera farther than its calibration allows ({moved} of its "
         "sigmas): another camera, resolution, zoom or focus than was calibrated, or gross "
-        "errors in picks and lengths."
+        "errors in picks and lengths. Look at these, and calibrate the camera as it was used."
     )
 
 

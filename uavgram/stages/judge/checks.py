@@ -63,7 +63,7 @@ def judge_overall(
     names = [lines.name[i] for i in withheld] + [known.label[i] for i in chosen]
     of = np.concatenate([np.arange(len(withheld)), len(withheld) + np.arange(3 * len(chosen)) // 3])
     off = _off_alone(error, joint, of, significance)
-    return overall, (_message(overall, [names[k] for k in off], len(names)),)
+    return overall, (_message(overall, names, off, len(withheld)),)
 
 
 def _judged_rows(adjustment: Adjustment, known: KnownWorldPoints) -> Ints:
@@ -109,21 +109,29 @@ def _off_alone(error: Floats, joint: Floats, of: Ints, significance: float) -> l
     return off if upper_tail(squared, len(rest)) >= significance else []
 
 
-def _message(overall: ChecksOverall, off: list[str], checks: int) -> Message:
+def _message(overall: ChecksOverall, names: list[str], off: list[int], lengths: int) -> Message:
+    """What is off: `off` of `names`, of which the first are lengths."""
     cause = (
         "the stated sigmas of lengths, picks or log are too small, or something common to all is "
-        "wrong."
+        "wrong. Until this is cleared up, do not trust the uncertainties"
     )
     if off:
         cause = (
-            f"that is {', '.join(repr(name) for name in off)} alone; the other {checks - len(off)} "
-            "fit."
+            f"that is {', '.join(repr(names[k]) for k in off)} alone; the other "
+            f"{len(names) - len(off)} fit. Look there first"
         )
     text = (
-        f"The {overall.count} checks as a whole are further off than their uncertainties allow "
-        f"(chi-square {overall.chi2:.1f}, probability {overall.probability:.1g}): {cause}"
+        f"The withheld lengths and points are further off than their uncertainties allow: {cause} "
+        f"({overall.count} values, chi-square {overall.chi2:.1f}, probability "
+        f"{overall.probability:.1g})."
     )
-    return Message("warning", "checks-misfit", text)
+    return Message(
+        "warning",
+        "checks-misfit",
+        text,
+        lengths=tuple(names[k] for k in off if k < lengths),
+        labels=tuple(names[k] for k in off if k >= lengths),
+    )
 
 
 FEW = 3
@@ -162,9 +170,13 @@ def judge_points(
         Message(
             "warning",
             "check-unseen",
-            f"The check point {known.label[i]!r} has no usable pick.",
+            f"The check point {known.label[i]!r} has no usable pick: pick it, or correct its name.",
             labels=(known.label[i],),
-            several=Several("{count} check points have no usable pick", repr(known.label[i])),
+            several=Several(
+                "{count} check points have no usable pick",
+                repr(known.label[i]),
+                ending="Pick them, or correct their names.",
+            ),
         )
         for i in np.flatnonzero(index < 0)
     ]

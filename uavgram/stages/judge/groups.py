@@ -6,18 +6,18 @@ from collections.abc import Iterator
 
 from uavgram.estimation.reliability.redundancy import group_fit, upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Several
 from uavgram.model.result.result import GroupFactor
 
 GROUP_WORDS = {
-    "pixels": ("picks", "their sigmas, or a wrong label"),
-    "lengths": ("known lengths", "their sigmas, or a wrong reading"),
-    "known": ("known things", "their sigmas, or a wrong value"),
-    "control": ("control points", "their sigmas, or a wrong label"),
-    "telemetry": ("telemetry", "its sigmas, the gimbal or the times"),
-    "calibration": ("calibration of the camera", "its sigmas, or another focus or resolution"),
+    "pixels": ("picks", "their labels and picks_sigma_px"),
+    "lengths": ("known lengths", "their readings and sigma_m"),
+    "known": ("known things", "their values and sigmas"),
+    "control": ("control points", "their labels and sigmas"),
+    "telemetry": ("positions and directions of the log", "the gimbal, the times and their sigmas"),
+    "calibration": ("values of the camera file", "its focus, zoom and resolution, and its sigmas"),
 }
-"""What each group is called, and where the fault may lie."""
+"""What each group is called, and where to look."""
 
 
 WIDE = 0.4
@@ -52,16 +52,27 @@ def judge_groups(
         fit = group_fit(block, adjustment.minimum.factor, adjustment.covariance)
         groups.append(GroupFactor(name=name, observations=block.residual.size, **fit._asdict()))
         if fit.probability < significance and name in GROUP_WORDS and not silent:
-            what, cause = GROUP_WORDS[name]
-            text = (
-                f"The {what} ({cause}) fit worse than stated: variance factor "
-                f"{fit.variance_factor:.1f}, probability {fit.probability:.1g}. The uncertainties "
-                "of the results are too small until this is cleared up."
-            )
-            messages.append(Message("warning", "group-misfit", text))
+            messages.append(_misfit(name, fit.variance_factor, fit.probability))
     if adjustment.minimum.converged:
         messages += _too_wide(adjustment, groups, significance)
     return tuple(groups), tuple(messages)
+
+
+def _misfit(group: str, factor: float, probability: float) -> Message:
+    what, cause = GROUP_WORDS[group]
+    how = f"variance factor {factor:.1f}, probability {probability:.1g}"
+    until = "Until this is cleared up, the uncertainties of the results are too small"
+    return Message(
+        "warning",
+        "group-misfit",
+        f"The {what} do not fit as well as their stated errors promise: look at {cause}. {until} "
+        f"({how}).",
+        several=Several(
+            "{count} kinds of observations do not fit as well as their stated errors promise",
+            f"{what}: look at {cause} ({how})",
+            ending=f"{until}.",
+        ),
+    )
 
 
 def _too_wide(
@@ -82,10 +93,9 @@ def _too_wide(
         for g in named
     )
     text = (
-        f"Everything fits far better than stated: variance factor {cost / degrees:.2g}, "
-        f"probability {probability:.7g}. The priors and stated sigmas are far too wide, and so "
-        "are the uncertainties of the results"
-        + (f"; by group: {which}" if which else "")
-        + ". State them as they are: picks_sigma_px, sigma_m of the lengths, ground, telemetry."
+        "Everything fits far better than stated: the stated errors are far too wide, and so are "
+        "the uncertainties of the results. State them as they are: picks_sigma_px, sigma_m of the "
+        f"lengths, ground, telemetry (variance factor {cost / degrees:.2g}, probability "
+        f"{probability:.7g}" + (f"; by group: {which})." if which else ").")
     )
     yield Message("info", "sigmas-too-wide", text)

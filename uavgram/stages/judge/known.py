@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.special import ndtri
 
-from uavgram.errors import near_miss
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.names import named_thing
@@ -16,6 +15,7 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.result.known import NOTHING_KNOWN, KnownResults, KnownStatus
 from uavgram.model.survey.known import KnownThing, KnownThings
+from uavgram.stages.judge.lines import PICK_OR_CORRECT, no_pick_of
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
 _COLUMNS = ("adjusted", "adjusted_sigma", "residual", "w", "redundancy", "mdb")
@@ -155,28 +155,30 @@ def _gross(examined: TestedSurvey) -> list[int]:
 def _left_out(results: KnownResults, i: int) -> Message:
     what = named_thing(results.kind[i], results.name[i], results.points[i])
     found = f" (sigma {results.adjusted_sigma[i]:.2g})" if results.adjusted_sigma[i] > 0 else ""
-    text = (
-        f"The known {what} was left out: {stated(results, i)}{found}. With so gross an error, "
-        "nothing else would fit. Look at its value and unit, and at the labels of its points."
+    how, why = f"{stated(results, i)}{found}", "With so gross an error, nothing else would fit."
+    several = Several(
+        "{count} known things were left out",
+        f"{what} {how}",
+        ending=f"Look at their values and units, and at the labels of their points. {why}",
     )
-    return Message("warning", "known-left-out", text, labels=results.points[i])
+    text = (
+        f"The known {what} was left out: {how}. Look at its value and unit, and at the labels of "
+        f"its points. {why}"
+    )
+    return Message("warning", "known-left-out", text, labels=results.points[i], several=several)
 
 
 def _unseen(adjustment: Adjustment, known: KnownThings, i: int) -> Message:
     labels = adjustment.survey.label
     missing = [label for label in known.points[i] if label not in labels]
-    words = []
-    for label in missing:
-        hint = f" ({near})" if (near := near_miss(label, labels)) else ""
-        words.append(f"{label!r}{hint}")
     what = named_thing(known.kind[i], known.name[i], known.points[i])
-    which = f"no usable pick of {' and '.join(words)}"
+    which = no_pick_of(missing, labels)
     return Message(
         "warning",
         "known-unseen",
-        f"The {what} is not used: {which}.",
+        f"The {what} is not used: {which}. {PICK_OR_CORRECT}",
         labels=tuple(missing),
-        several=Several("{count} known things are not used", what, which),
+        several=Several("{count} known things are not used", what, which, PICK_OR_CORRECT),
     )
 
 
@@ -189,6 +191,12 @@ def _idle(known: KnownThings, i: int) -> Message:
         f"The {what} is not used: by their picks all of its points lie on the ground, of which it "
         "says nothing. Where some of them do not, write `free` for their height_m in picks.csv.",
         labels=known.points[i],
+        several=Several(
+            "{count} known things are not used, as by their picks all of their points lie on the "
+            "ground, of which they say nothing",
+            what,
+            ending="Where some of them do not, write `free` for their height_m in picks.csv.",
+        ),
     )
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import chain
+
 import numpy as np
 
 from uavgram.errors import near_miss
@@ -17,6 +20,8 @@ from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
 from uavgram.model.survey.observations import KnownLines
 from uavgram.stages.judge.picks import rows_of
 from uavgram.stages.judge.tested_survey import TestedSurvey
+
+PICK_OR_CORRECT = "Pick that, or correct the label."
 
 _COLUMNS = ("adjusted_m", "adjusted_sigma_m", "residual_m", "w", "redundancy", "mdb_m")
 
@@ -103,20 +108,25 @@ def _fit_of_observed(examined: TestedSurvey, row: Ints, columns: dict[str, Float
     columns["mdb_m"][there] = group.bias(examined.significance)[at, 0]
 
 
-def _unseen(lines: KnownLines, i: int, missing: list[str], known: tuple[str, ...]) -> Message:
+def no_pick_of(missing: Sequence[str], labels: Sequence[str]) -> str:
+    """``no usable pick of 'R33' (did you mean 'R3'?)``: labels that are not among `labels`."""
     words = []
     for label in missing:
-        hint = f" ({near})" if (near := near_miss(label, known)) else ""
+        hint = f" ({near})" if (near := near_miss(label, labels)) else ""
         words.append(f"{label!r}{hint}")
+    return f"no usable pick of {' and '.join(words)}"
+
+
+def _unseen(lines: KnownLines, i: int, missing: list[str], known: tuple[str, ...]) -> Message:
     what = named_ends(lines.name[i], lines.start[i], lines.end[i])
-    which = f"no usable pick of {' and '.join(words)}"
+    which = no_pick_of(missing, known)
     return Message(
         "warning",
         "line-unseen",
-        f"The length {what} is not used: {which}.",
+        f"The length {what} is not used: {which}. {PICK_OR_CORRECT}",
         lengths=(lines.name[i],),
         labels=tuple(missing),
-        several=Several("{count} lengths are not used", what, which),
+        several=Several("{count} lengths are not used", what, which, PICK_OR_CORRECT),
     )
 
 
@@ -167,6 +177,7 @@ def _left_out(
             "line-left-out",
             _text(refined, lines, group, what[group[0]], (seen_m, sigma_m)),
             lengths=tuple(lines.name[i] for i in group),
+            labels=tuple(dict.fromkeys(chain(*((lines.start[i], lines.end[i]) for i in group)))),
         )
         for group in groups
     )
@@ -205,8 +216,8 @@ def _text(
             f"say{ask} {listed}."
         )
     return (
-        f"{opening} With so gross an error, nothing else would fit. Look at reading and unit, and "
-        "at the labels of the ends."
+        f"{opening} Look at reading and unit, and at the labels of the ends. With so gross an "
+        "error, nothing else would fit."
     )
 
 

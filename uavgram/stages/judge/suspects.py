@@ -44,12 +44,12 @@ READINGS_TOGETHER = {
         "Look at their coordinates, their labels and their picks.",
     ),
     "telemetry": (
-        "{count} frames do not stand where the log has them",
+        "{count} photos do not stand where the log has them",
         "Look at their picks, their times and the gimbal.",
     ),
 }
 PRIORS_TOGETHER = (
-    "The observations contradict {count} things that were assumed",
+    "{count} things that were assumed do not fit the picks, lengths and log",
     "Check their values and sigmas in the project.",
 )
 
@@ -73,8 +73,9 @@ def judge_suspects(examined: TestedSurvey, swaps: Sequence[Swap] = ()) -> tuple[
     ]
     if len(examined.suspicions) >= MOST_SUSPECTS:
         text = (
-            f"{MOST_SUSPECTS} observations or more do not fit; the first {MOST_SUSPECTS} are "
-            "named. Something common to them is wrong: labels, the camera file, the ground, times."
+            f"{MOST_SUSPECTS} picks and lengths or more do not fit; the first {MOST_SUSPECTS} are "
+            "named. Something common to them is wrong: look at labels, the camera file, the "
+            "ground, times."
         )
         messages.append(Message("warning", "many-suspects", text))
     return tuple(messages)
@@ -183,7 +184,7 @@ def _pose(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     frame = examined.names.frame(suspicion.accused.row)
     how = f"{POSE_AXES[suspicion.accused.axis]}, w = {suspicion.w:.1f}"
     return (
-        f"Frame {frame!r} does not stand where the log has it: {how}. Look at its picks, its time "
+        f"Photo {frame!r} does not stand where the log has it: {how}. Look at its picks, its time "
         "and the gimbal.",
         f"{frame!r} ({how})",
     )
@@ -194,11 +195,11 @@ def _tape(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     # Without its prior the scale would be the estimate over the prior's redundancy.
     free = adjustment.state.tape[row] / examined.groups["tape"].redundancy[row, 0]
     what = examined.names.tape(row)
-    how = f"{100.0 * abs(free):.2g} % too {'long' if free > 0 else 'short'} (w = {suspicion.w:.1f})"
+    size, side = f"{100.0 * abs(free):.2g} %", "long" if free > 0 else "short"
     return (
-        f"By all that does not rest on it, {what} is {how}: compare it with another one, or state "
-        "how good it is (tape: scale_sigma).",
-        f"{what} is {how}",
+        f"By all that does not rest on it, {what} seems to be {size} too {side}: compare it with "
+        f"another one, or state how good it is (tape: scale_sigma; w = {suspicion.w:.1f}).",
+        f"{what} seems to be {size} too {side} (w = {suspicion.w:.1f})",
     )
 
 
@@ -213,8 +214,8 @@ def _prior(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
         )
     what = examined.names.prior(suspicion.accused)
     return (
-        f"The observations contradict what was assumed of the {what} (w = {suspicion.w:.1f}): "
-        "check its value and sigma in the project.",
+        f"What was assumed of the {what} does not fit the picks, lengths and log: check its value "
+        f"and sigma in the project (w = {suspicion.w:.1f}).",
         f"{what} (w = {suspicion.w:.1f})",
     )
 

@@ -37,7 +37,8 @@ def geotag(
     if world.origin is None:
         raise GeometryError(
             "nothing ties this survey to the earth (no flight log, no photo poses, no geodetic "
-            "control points): there are no coordinates to write"
+            "control points), so there are no coordinates to write: name one of them in the "
+            "project"
         )
     latitude, longitude, height = geodetic_from_enu(poses.center_world_m, world.origin)
     ned_from_gimbal = ENU_FROM_NED @ poses.world_from_camera @ GIMBAL_FROM_CAMERA.T

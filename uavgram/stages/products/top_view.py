@@ -48,7 +48,9 @@ def choose_view(result: Result, frame: str | None = None) -> View:
                 f"frame {frame!r} has no adjusted pose: pick points in it, or take another"
             )
     if not rows.size:
-        raise GeometryError("no frame has an adjusted pose: there is nothing to rectify")
+        raise GeometryError(
+            "no photo was adjusted, so there is nothing to rectify: pick points in some"
+        )
     return View(result, rows)
 
 
@@ -71,7 +73,10 @@ def lay_raster(view: View, pixel_m: float | None = None) -> GroundRaster:
     shown = [_shown_ground(view, index) for index in range(len(view.rows))]
     together = np.concatenate(shown)
     if not len(together):
-        raise GeometryError("no adjusted photo looks down at the ground: nothing to rectify")
+        raise GeometryError(
+            "no adjusted photo looks down at the ground, so there is nothing to rectify: pick "
+            "points in one that does"
+        )
     origin, crs = view.origin, view.result.world.crs
     if origin is not None and crs is not None:
         together = projected_from_enu(together, origin, crs)

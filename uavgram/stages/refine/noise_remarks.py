@@ -53,8 +53,8 @@ def _picks(picks: PickNoise) -> Iterator[Message]:
     if picks.factor > WORSE:
         text = (
             f"The picks are less exact than stated: {stated}, {found}. "
-            "All uncertainties are wider for that. Look whether each label is at the same place in "
-            "all photos."
+            "Look whether each label is at the same place in all photos. All uncertainties are "
+            "wider for that."
         )
         yield Message("warning", "picks-less-exact", text)
     if picks.factor < BETTER:

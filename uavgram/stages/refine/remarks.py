@@ -17,7 +17,7 @@ from uavgram.estimation.reliability.wrong_units import likely_unit_of_height
 from uavgram.estimation.survey.adjustment import Adjustment, Refined, Removal
 from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.suspicion import Member, Suspicion
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
@@ -28,6 +28,8 @@ LOWEST_M, HIGHEST_M = 0.3, 1000.0
 
 MOST_LISTED = 12
 """Lengths that are listed, oddest first."""
+
+LOOK_AT_PICKS = "Look at their places and labels."
 
 WEAK = 0.01
 """Relative sigma of the scene's distances (root mean square) from which the lengths are weak."""
@@ -42,25 +44,26 @@ def remarks(survey: Survey, refined: Refined) -> tuple[Message, ...]:
         if removal.before is not None
     ]
     if not refined.adjustment.minimum.converged:
-        text = (
-            "The adjustment did not come to rest: do not trust these numbers, and no test can tell "
-            f"from them what is wrong. {_pulling_hardest(refined)} Look for a swapped label or a "
-            "wrong length; where the camera is only assumed, calibrate it."
-        )
-        messages.append(Message("error", "not-converged", text))
+        messages.append(_not_converged(refined))
     messages += _contradictory(survey, refined)
     messages += _odd_height(refined.adjustment)
     return (*messages, *_ambiguity(refined), *_weak_lengths(refined))
 
 
-def _pulling_hardest(refined: Refined) -> str:
-    """The observation with the largest residual, as a sentence."""
+def _not_converged(refined: Refined) -> Message:
+    """No rest, and the observation with the largest residual."""
     blocks = refined.adjustment.minimum.blocks
     sizes = {k: np.linalg.norm(blocks[k].residual, axis=1) for k in READINGS if k in blocks}
     kind = max(sizes, key=lambda k: float(sizes[k].max(initial=0.0)))
     row = int(sizes[kind].argmax())
-    what = Names(refined.adjustment).observation(Member(kind, row, 0))
-    return f"The {what} pulls hardest (residual of {sizes[kind][row]:.3g} of its sigmas)."
+    names, hardest = Names(refined.adjustment), Member(kind, row, 0)
+    text = (
+        "The adjustment did not come to rest: do not trust these numbers. Look for a swapped label "
+        "or a wrong length; where the camera is only assumed, calibrate it. "
+        f"The {names.observation(hardest)} pulls hardest (residual of {sizes[kind][row]:.3g} of "
+        "its sigmas), but no test can tell from these numbers what is wrong."
+    )
+    return Message("error", "not-converged", text, **names.subjects(hardest))
 
 
 def _contradictory(survey: Survey, refined: Refined) -> Iterator[Message]:
@@ -74,7 +77,8 @@ def _contradictory(survey: Survey, refined: Refined) -> Iterator[Message]:
     settled = refined.adjustment.minimum.converged and not odd_in_view(ratio).any()
     if np.isfinite(ratio).any() and not settled:
         text = f"The lengths may contradict each other. {_listed(survey, ratio)}"
-        yield Message("warning", "lengths-contradict", text)
+        names = (survey.line_name[i] for i in _oddest(ratio) if survey.line_name)
+        yield Message("warning", "lengths-contradict", text, lengths=tuple(filter(None, names)))
 
 
 def contradiction(survey: Survey, keep: Bools) -> str:
@@ -85,18 +89,22 @@ def contradiction(survey: Survey, keep: Bools) -> str:
     return f". The lengths contradict each other. {_listed(survey, ratio)}"
 
 
+def _oddest(ratio: Floats) -> Ints:
+    """Lengths that can be compared, the oddest first."""
+    lines = np.flatnonzero(np.isfinite(ratio))
+    return lines[np.argsort(-np.abs(ratio[lines]), kind="stable")][:MOST_LISTED]
+
+
 def _listed(survey: Survey, ratio: Floats) -> str:
     """How the lengths compare with what one sees, as sentences."""
-    lines = np.flatnonzero(np.isfinite(ratio))
-    lines = lines[np.argsort(-np.abs(ratio[lines]), kind="stable")][:MOST_LISTED]
     label = survey.label
     values = [
         f"{label[survey.line_start[i]]!r} to {label[survey.line_end[i]]!r} {np.exp(ratio[i]):.3g}"
-        for i in lines
+        for i in _oddest(ratio)
     ]
     return (
-        "Taped over seen, as if from straight above, an ordinary one of the same frames being 1: "
-        f"{', '.join(values)}. Look at the unit and at the labels of the odd one."
+        "Look at the unit and at the labels of the odd one: taped over seen, as if from straight "
+        f"above, an ordinary one of the same photos being 1, are {', '.join(values)}."
     )
 
 
@@ -129,10 +137,12 @@ def _left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
         yield Message(
             "warning",
             "pick-left-out",
-            f"The pick of {label!r} in {name!r} was left out: {why}.",
+            f"The pick of {label!r} in {name!r} was left out: {why}. {LOOK_AT_PICKS}",
             frames=(name,),
             labels=(label,),
-            several=Several("{count} picks were left out", f"{label!r} in {name!r}", why),
+            several=Several(
+                "{count} picks were left out", f"{label!r} in {name!r}", why, LOOK_AT_PICKS
+            ),
         )
     for name, reasons in frames.items():
         why = "; ".join(
@@ -142,10 +152,13 @@ def _left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
         yield Message(
             "warning",
             "frame-left-out",
-            f"The frame {name!r} was left out, with all of its picks: {why}.",
+            f"The photo {name!r} was left out, with all of its picks: {why}. {LOOK_AT_PICKS}",
             frames=(name,),
             several=Several(
-                "{count} frames were left out, with all of their picks", repr(name), why
+                "{count} photos were left out, with all of their picks",
+                repr(name),
+                why,
+                LOOK_AT_PICKS,
             ),
         )
 
@@ -156,7 +169,10 @@ def _removal(removal: Removal, before: Refined) -> Message:
     names = Names(before.adjustment)
     what = names.observation(removal.suspicion.accused)
     plural = {"line": "known lengths", "pick": "picks", "known": "known things"}[removal.kind]
-    text = f"The {what} was removed as a blunder (w = {removal.w:.1f}); the rest was adjusted anew."
+    text = (
+        f"The {what} was taken out, as it does not fit the rest (w = {removal.w:.1f}); everything "
+        "else was adjusted anew. Look at it, and correct or delete it."
+    )
     if removal.suspicion.group:
         text += f" It may be the {names.group(removal.suspicion)}: {names.look(removal.suspicion)}."
     if removal.suspicion.rivals:
@@ -167,8 +183,10 @@ def _removal(removal: Removal, before: Refined) -> Message:
         text,
         **names.subjects(removal.suspicion.accused),
         several=Several(
-            f"{{count}} {plural} were removed as blunders, and the rest adjusted anew",
+            f"{{count}} {plural} were taken out, as they do not fit the rest, which was adjusted "
+            "anew",
             f"{what} (w = {removal.w:.1f})",
+            ending="Look at them, and correct or delete them.",
         ),
     )
 
@@ -183,10 +201,11 @@ def not_located(refined: Refined, suspicion: Suspicion) -> Message:
     """There is a blunder that no test can tell from its neighbours."""
     names = Names(refined.adjustment)
     text = (
-        f"There is a blunder (w = {abs(suspicion.w):.1f}), but none was removed: the "
-        f"{names.group(suspicion)}: {names.look(suspicion)}, or tape another line."
+        f"One of these does not fit: the {names.group(suspicion)}; {names.look(suspicion)}, or "
+        f"tape another line. Nothing was taken out (w = {abs(suspicion.w):.1f})."
     )
-    return Message("warning", "blunder-not-located", text)
+    members = (suspicion.accused, *suspicion.group)
+    return Message("warning", "blunder-not-located", text, **names.subjects(*members))
 
 
 def indispensable(refined: Refined, removal: Removal, why: GeometryError) -> Message:
@@ -201,9 +220,12 @@ def indispensable(refined: Refined, removal: Removal, why: GeometryError) -> Mes
     why
         What cannot be determined without it.
     """
-    what = Names(refined.adjustment).observation(removal.suspicion.accused)
-    text = f"The {what} looks like a blunder (w = {removal.w:.1f}), but was kept: without it, {why}"
-    return Message("warning", "blunder-kept", text)
+    names, accused = Names(refined.adjustment), removal.suspicion.accused
+    text = (
+        f"The {names.observation(accused)} does not fit the rest, but was kept (w = "
+        f"{removal.w:.1f}). Look at it, and correct it. Without it, {why}"
+    )
+    return Message("warning", "blunder-kept", text, **names.subjects(accused))
 
 
 def _ambiguity(refined: Refined) -> Iterator[Message]:
@@ -217,9 +239,9 @@ def _ambiguity(refined: Refined) -> Iterator[Message]:
         also = ", or give another right angle or pair of parallel lines" if survey.known else ""
         what = "known lengths and things fit" if survey.known else "lengths fit"
         text = (
-            f"The {what} {len(refined.alternatives) + 1} different poses about equally well"
-            f"{within}: {_differences(refined)}. The measured values of the others stand under "
-            f"alternatives. Tape another line that does not close a triangle{also}{how_else}."
+            f"The {what} {len(refined.alternatives) + 1} camera positions about equally well"
+            f"{within}: {_differences(refined)}. Tape another line that does not close a "
+            f"triangle{also}{how_else}. The measured values of the others stand under alternatives."
         )
         yield Message("warning", "ambiguous-pose", text)
     lines = len(refined.adjustment.problem.line_index)
@@ -232,11 +254,12 @@ def _ambiguity(refined: Refined) -> Iterator[Message]:
             )
             yield Message("warning", "three-known", text)
             return
+        best, ends = _suggestion(refined)
         text = (
             "Three lengths alone: nothing checks them, and they may have several solutions. Tape "
-            f"a fourth line that does not close a triangle{_suggestion(refined)}."
+            f"a fourth line that does not close a triangle{best}."
         )
-        yield Message("warning", "three-lengths", text)
+        yield Message("warning", "three-lengths", text, labels=ends)
 
 
 def _differences(refined: Refined) -> str:
@@ -264,34 +287,37 @@ def _weak_lengths(refined: Refined) -> Iterator[Message]:
         return
     what = "; ".join(faults) or "they say little of the scene's shape"
     known = "lengths and things" if survey.known else "lengths"
+    best, labels = _suggestion(refined)
     text = (
         f"The known {known} are weak as a set: {what}. Distances between the points are known to "
-        f"{100 * advice.relative_sigma:.2g} %{_suggestion(refined)}."
+        f"{100 * advice.relative_sigma:.2g} %. Tape another line{best}."
     )
     level: Literal["info", "warning"] = "warning" if advice.relative_sigma >= WEAK else "info"
-    yield Message(level, "weak-lengths", text)
+    yield Message(level, "weak-lengths", text, labels=labels)
 
 
-def _suggestion(refined: Refined) -> str:
-    """The line to tape next and what it would bring, as the end of a sentence."""
+def _suggestion(refined: Refined) -> tuple[str, tuple[str, ...]]:
+    """The line to tape next and what it would bring, as the end of a sentence; and its ends."""
     advice = next_line(refined.adjustment)
     if advice is None or not advice.relative_sigma_after < advice.relative_sigma:
-        return ""
+        return "", ()
     label = refined.adjustment.survey.label
-    return (
-        f"; best from {label[advice.start]!r} to {label[advice.end]!r}, about "
-        f"{advice.length_m:.1f} m long: it would bring the sigma of distances from "
-        f"{100 * advice.relative_sigma:.2g} % to {100 * advice.relative_sigma_after:.2g} %"
+    start, end = label[advice.start], label[advice.end]
+    text = (
+        f"; best from {start!r} to {end!r}, about {advice.length_m:.1f} m long: it would bring the "
+        f"sigma of distances from {100 * advice.relative_sigma:.2g} % to "
+        f"{100 * advice.relative_sigma_after:.2g} %"
     )
+    return text, (start, end)
 
 
 def _ambiguous_control(refined: Refined) -> Iterator[Message]:
     if not refined.alternatives:
         return
     text = (
-        f"The control points fit {len(refined.alternatives) + 1} different poses equally well; the "
-        "measured values of the others stand under alternatives. Pick more control points, wider "
-        "apart or of other heights, or give the flight log."
+        f"The control points fit {len(refined.alternatives) + 1} camera positions equally well. "
+        "Pick more control points, wider apart or of other heights, or give the flight log. The "
+        "measured values of the others stand under alternatives."
     )
     yield Message("warning", "ambiguous-pose", text)
 
@@ -299,7 +325,8 @@ def _ambiguous_control(refined: Refined) -> Iterator[Message]:
 def too_many(removed: int) -> Message:
     """The removal was stopped: what is wrong is no single observation."""
     text = (
-        f"{removed} observations were removed and still others do not fit: the removal was "
-        "stopped. Something common to them is wrong: labels, the camera file, the ground, times."
+        f"{removed} picks and lengths were taken out and still others do not fit, so that was "
+        "stopped: do not use these numbers. Something common to them is wrong: look at labels, "
+        "the camera file, the ground, times."
     )
     return Message("error", "too-many-blunders", text)

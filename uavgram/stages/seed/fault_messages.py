@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.second_opinions import FlightEvidence, LogFault
-from uavgram.model.message import Message
+from uavgram.model.flight.second_opinions import FaultKind, FlightEvidence, LogFault
+from uavgram.model.message import Message, Several
 from uavgram.stages.seed.freed_frames import Faults, freed_by, unsure_s
 
 _MOST_NAMED = 5
@@ -42,33 +42,63 @@ def fault_messages(faults: Faults, evidence: FlightEvidence, frames: Frames) -> 
             last = k == len(alike) - 1
             own = freed if fault.is_jump else _freed([fault], frames)
             effect = _effect(own) if last or not fault.is_jump else ""
-            text = f"{_what(fault)} {_where(fault.start_s, fault.end_s, frames)}.{_why(fault)}"
-            yield Message("warning", f"log-{code}", text + effect, frames=own)
+            where = _where(fault.start_s, fault.end_s, frames)
+            several = Several(
+                _OPENINGS[code], f"{_size(fault)} {where}", ending=_effect(freed).strip()
+            )
+            text = f"{_what(fault)} {where}.{_why(fault)}{effect}"
+            yield Message("warning", f"log-{code}", text, frames=own, several=several)
     yield from _untraced(faults, evidence, frames)
+
+
+_OPENINGS: dict[FaultKind, str] = {
+    "position-jump": "The log's position jumps {count} times",
+    "attitude-jump": "The log's attitude jumps {count} times",
+    "position-frozen": "The log's position stands still {count} times while the vehicle flies on",
+    "attitude-frozen": "The log repeats one and the same attitude {count} times",
+    "position-gap": "The log states no position {count} times while photos were taken",
+    "attitude-gap": "The log states no attitude {count} times while photos were taken",
+    "gimbal-gap": "The log states no gimbal direction {count} times while photos were taken",
+    "receiver-apart": (
+        "The log's position lies off what the GPS receiver itself states, {count} times"
+    ),
+}
+"""Of several faults of a kind."""
 
 
 def _what(fault: LogFault) -> str:
     """What happens, as the beginning of a sentence."""
-    lasts = f"{fault.end_s - fault.start_s:.1f} s"
-    along, up = fault.horizontal, abs(fault.change[2])
-    tilt, yaw = np.degrees([along, up])
+    size = _size(fault)
     return {
-        "position-jump": "The log's position jumps by "
-        + _larger_part((along, "{:.1f} m"), (up, "{:.1f} m in height")),
-        "attitude-jump": "The log's attitude jumps by "
-        + _larger_part((tilt, "{:.0f} degrees of tilt"), (yaw, "{:.0f} degrees of heading")),
+        "position-jump": f"The log's position jumps {size}",
+        "attitude-jump": f"The log's attitude jumps {size}",
         "position-frozen": (
-            f"The log's position stands still for {lasts} while the vehicle flies on by "
-            f"{along:.1f} m"
+            f"The log's position stands still {size} while the vehicle flies on by "
+            f"{fault.horizontal:.1f} m"
         ),
-        "attitude-frozen": f"The log repeats one and the same attitude for {lasts}",
-        "position-gap": f"The log states no position for {lasts} while photos were taken",
-        "attitude-gap": f"The log states no attitude for {lasts} while photos were taken",
-        "gimbal-gap": f"The log states no gimbal direction for {lasts} while photos were taken",
+        "attitude-frozen": f"The log repeats one and the same attitude {size}",
+        "position-gap": f"The log states no position {size} while photos were taken",
+        "attitude-gap": f"The log states no attitude {size} while photos were taken",
+        "gimbal-gap": f"The log states no gimbal direction {size} while photos were taken",
         "receiver-apart": (
-            f"The log's position lies up to {along:.1f} m off what the GPS receiver itself states"
+            f"The log's position lies {size} off what the GPS receiver itself states"
         ),
     }[fault.kind]
+
+
+def _size(fault: LogFault) -> str:
+    """``by 3.0 m``, ``for 2.6 s``."""
+    along, up = fault.horizontal, abs(fault.change[2])
+    tilt, yaw = np.degrees([along, up])
+    if fault.kind == "position-jump":
+        return "by " + _larger_part((along, "{:.1f} m"), (up, "{:.1f} m in height"))
+    if fault.kind == "attitude-jump":
+        return "by " + _larger_part(
+            (tilt, "{:.0f} degrees of tilt"), (yaw, "{:.0f} degrees of heading")
+        )
+    if fault.kind == "receiver-apart":
+        return f"up to {along:.1f} m"
+    return f"for {fault.end_s - fault.start_s:.1f} s"
 
 
 def _larger_part(one: tuple[float, str], other: tuple[float, str]) -> str:
@@ -109,7 +139,7 @@ def _freed(faults: list[LogFault], frames: Frames) -> tuple[str, ...]:
 def _effect(names: tuple[str, ...]) -> str:
     """What follows for which photos, and what to do."""
     if not names:
-        return ""
+        return " No photo depends on that, so nothing was changed."
     listed = ", ".join(names[:_MOST_NAMED])
     more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
     return (

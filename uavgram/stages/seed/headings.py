@@ -145,4 +145,5 @@ def _messages(survey: Survey, turn: Floats, doubted: Bools) -> Iterator[Message]
         f"The picks contradict the heading that the course gives {len(names)} photos: "
         f"{', '.join(names)}. Their heading was taken as unknown and found from the picks."
     )
-    yield Message("info", "course-contradicted", text)
+    frames = tuple(survey.frame_id[k] for k in np.flatnonzero(doubted))
+    yield Message("info", "course-contradicted", text, frames=frames)

@@ -115,10 +115,11 @@ def _bias_hint(sigma_position: Floats, telemetry: TelemetryOptions) -> Iterator[
     if bias[0] < _DROWNED * horizontal:
         return
     text = (
-        f"The photos' positions state {horizontal:.2f} m horizontal and {vertical:.2f} m vertical, "
+        "The photos' positions are better than the project lets them be: they "
+        f"state {horizontal:.2f} m horizontal and {vertical:.2f} m vertical, "
         f"but telemetry.position_bias_sigma_m lets all of them be off together by {bias[0]:g} and "
         f"{bias[1]:g} m: with a base station of known place, set it to [{horizontal:.2f}, "
-        f"{vertical:.2f}]"
+        f"{vertical:.2f}]."
     )
     yield Message("info", "position-bias-wide", text)
 
@@ -162,12 +163,13 @@ def _messages(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> Iterato
     way_out = "give yaw_deg, pitch_deg and roll_deg in a CSV file (`poses`)"
     if guessed.any():
         text = (
-            f"{poses.source} has no attitude for {int(guessed.sum())} photos: they look as "
-            "`mount` says from a level vehicle that heads along the course from photo to photo "
-            f"(sigma {COURSE_TILT_SIGMA_DEG:g} degrees of tilt, {COURSE_YAW_SIGMA_DEG:g} of yaw, "
-            f"{TURN_YAW_SIGMA_DEG:g} where the course turns)"
+            f"{poses.source} has no attitude for {int(guessed.sum())} photos: they are taken to "
+            "look as `mount` says from a level vehicle that heads along the course from photo to "
+            f"photo (sigma {COURSE_TILT_SIGMA_DEG:g} degrees of tilt, {COURSE_YAW_SIGMA_DEG:g} of "
+            f"yaw, {TURN_YAW_SIGMA_DEG:g} where the course turns). If you know better, {way_out}."
         )
-        yield Message("warning", "attitude-from-course", text)
+        frames = tuple(poses.frame_id[k] for k in np.flatnonzero(guessed))
+        yield Message("warning", "attitude-from-course", text, frames=frames)
     if unknown.size:
         text = (
             f"{poses.source} has no attitude for {unknown.size} photos (the first is "
@@ -175,9 +177,10 @@ def _messages(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> Iterato
             "would give a course. They look as `mount` says from a level vehicle (sigma "
             f"{COURSE_TILT_SIGMA_DEG:g} degrees of tilt); their heading is unknown, and only "
             f"points that several photos share, or known points, tell it: pick such points, or "
-            f"{way_out}"
+            f"{way_out}."
         )
-        yield Message("warning", "attitude-unknown", text)
+        frames = tuple(poses.frame_id[k] for k in unknown)
+        yield Message("warning", "attitude-unknown", text, frames=frames)
 
 
 def _courses(position_m: Floats, sigma_m: Floats, close: Bools) -> tuple[Floats, Bools]:

@@ -36,6 +36,8 @@ from uavgram.model.options import MountOptions, TelemetryOptions
 # through a flight is `position_bias_sigma_m` and `heading_bias_sigma_deg`, shared unknowns.
 POSITION_FLOOR_M = 0.5
 TILT_FLOOR_DEG, YAW_FLOOR_DEG = 1.0, 2.0
+WITHOUT = "use another one, or leave `log` out to measure by known lengths alone"
+
 _LONG_HOLD_S = 1.0
 
 Home = tuple[float, float, float]
@@ -72,7 +74,7 @@ def find_home(
         return _stated_home(boot.home, first_boot_s)
     positions = boot.positions
     if positions is None:
-        raise UavgramError("the log has no positions: there is no home to put the origin at")
+        raise UavgramError(f"the log has no positions, so there is no home: {WITHOUT}")
     above = positions.height_home_m[0]
     height = positions.height_m[0] - (above if np.isfinite(above) else 0.0)
     how = (
@@ -81,8 +83,8 @@ def find_home(
         else "at its altitude, as the log has no height above home"
     )
     text = (
-        f"the log states no home: the first position of {positions.source} was taken, {how} "
-        f"({height:.2f} m); set world.origin for another"
+        f"The log states no home: the first position of {positions.source} was taken, {how} "
+        f"({height:.2f} m). Set world.origin for another."
     )
     home = (float(positions.latitude_deg[0]), float(positions.longitude_deg[0]), float(height))
     return home, positions.datum, (Message("warning", "home-missing", text),)
@@ -101,7 +103,7 @@ def _stated_home(
     messages: tuple[Message, ...] = ()
     if home.time_boot_s[k] > first_boot_s:
         late = home.time_boot_s[k] - first_boot_s
-        text = f"the log states home only {late:.1f} s after the first exposure: it was used"
+        text = f"The log states home only {late:.1f} s after the first photo: that was used."
         messages = (Message("info", "home-late", text),)
     return place, home.datum, messages
 
@@ -133,12 +135,9 @@ def build_track(
     """
     positions, attitudes = boot.positions, boot.attitudes
     if positions is None or len(positions.time_boot_s) < 2:
-        raise UavgramError("the log has fewer than two positions: a pose cannot be interpolated")
+        raise UavgramError(f"the log has fewer than two positions: {WITHOUT}")
     if attitudes is None or len(attitudes.time_boot_s) < 2:
-        raise UavgramError(
-            "the log has no attitude of the vehicle (ATT, ATTITUDE): a pose cannot be seeded; "
-            "leave `log` out to measure by known lengths alone"
-        )
+        raise UavgramError(f"the log has no attitude of the vehicle (ATT, ATTITUDE): {WITHOUT}")
     center_m = enu_from_geodetic(
         positions.latitude_deg, positions.longitude_deg, positions.height_m, origin
     )
@@ -176,8 +175,8 @@ def _sources(boot: Boot, gimbal: GimbalSamples | None, options: TelemetryOptions
     else:
         sigmas = f"{boot.sigmas.source}, with floors"
     text = (
-        f"positions are from {position}, attitudes from {attitude}, the camera's direction from "
-        f"{camera}, sigmas from {sigmas}"
+        f"Positions are from {position}, attitudes from {attitude}, the camera's direction from "
+        f"{camera}, sigmas from {sigmas}."
     )
     return Message("info", "pose-source", text)
 
@@ -191,7 +190,10 @@ def _gimbal_track(
     vehicle_time = attitudes.time_boot_s
     inside = (gimbal.time_boot_s >= vehicle_time[0]) & (gimbal.time_boot_s <= vehicle_time[-1])
     if inside.sum() < 2:
-        text = f"{gimbal.source} never overlaps {attitudes.source}: the mount's angles were used"
+        text = (
+            f"The log's gimbal angles were not used: {gimbal.source} never overlaps "
+            f"{attitudes.source}. The camera looks as `mount` says: look whether that is right."
+        )
         return np.zeros(0), np.zeros((0, 4)), (Message("warning", "gimbal-unused", text),)
     time = gimbal.time_boot_s[inside]
     yaw = gimbal.yaw_rad[inside]
@@ -211,8 +213,9 @@ def _held_to(
     messages: tuple[Message, ...] = ()
     if max(before, after) > _LONG_HOLD_S:
         text = (
+            "The log's gimbal angles do not cover the whole flight: "
             f"{source} begins {before:.1f} s after and ends {after:.1f} s before the vehicle's "
-            "attitude: its first and last values were held there"
+            "attitude. Its first and last values were held there: look whether the gimbal moved."
         )
         messages = (Message("warning", "gimbal-held", text),)
     if before > 0:

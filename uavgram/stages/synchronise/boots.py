@@ -54,6 +54,12 @@ class ClockedBoot:
         return _FEEDBACK_LAG_SIGMA_S if feedback else _COMMAND_LAG_SIGMA_S
 
 
+NO_POSITIONS = (
+    "the log has no positions, so it cannot place photos: use another one, or leave `log` out to "
+    "measure by known lengths alone"
+)
+
+
 def usable_boots(log: FlightLog) -> list[ClockedBoot]:
     """Boots with positions and UTC."""
     found: list[ClockedBoot] = []
@@ -68,7 +74,7 @@ def usable_boots(log: FlightLog) -> list[ClockedBoot]:
             continue
         found.append(ClockedBoot(boot, clock, messages))
     if not found:
-        raise UavgramError(refusal or "no boot of the log has positions")
+        raise UavgramError(refusal or NO_POSITIONS)
     return found
 
 

@@ -179,23 +179,30 @@ def pairing_messages(pairing: Pairing) -> Iterator[Message]:
     doubtful = [k for k, s in enumerate(pairing.status) if s in ("crowded", "hidden")]
     if alone:
         text = (
-            f"{len(alone)} photos have no camera event of their own, their file times were used "
-            f"where they have any: {_named(pairing, alone)}"
+            f"{len(alone)} photos have no camera event of their own in the log: "
+            f"{_named(pairing, alone)}. Their file times were used, where they have any: look "
+            "whether photos or log are of another flight."
         )
-        yield Message("warning", "photo-without-event", text)
+        yield Message("warning", "photo-without-event", text, frames=_frames(pairing, alone))
     if doubtful:
         text = (
             f"{len(doubtful)} photos may belong to another camera event than the one they fell "
-            f"on, their file times were used: {_named(pairing, doubtful)}"
+            f"on: {_named(pairing, doubtful)}. Their file times were used. `uavgram check` shows "
+            "each photo with its event."
         )
-        yield Message("warning", "photo-event-uncertain", text)
+        frames = _frames(pairing, doubtful)
+        yield Message("warning", "photo-event-uncertain", text, frames=frames)
     if len(pairing.unused_event):
         where = [
             f"{pairing.unused_reason.count(place)} {place}"
             for place in dict.fromkeys(pairing.unused_reason)
         ]
-        text = f"{len(pairing.unused_event)} camera events have no photo: {', '.join(where)}"
+        text = f"{len(pairing.unused_event)} camera events have no photo: {', '.join(where)}."
         yield Message("info", "event-without-photo", text)
+
+
+def _frames(pairing: Pairing, rows: list[int]) -> tuple[str, ...]:
+    return tuple(pairing.frame_id[k] for k in rows)
 
 
 def _named(pairing: Pairing, rows: list[int]) -> str:

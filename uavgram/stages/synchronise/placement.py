@@ -12,6 +12,7 @@ from uavgram.stages.synchronise.boots import ClockedBoot, is_inside
 from uavgram.stages.synchronise.event_times import Timing
 
 LONGEST_GAP_S = 1.0  # to the nearest logged position
+LOOK = "Look whether it is of this flight, and at time.offset_s."
 
 
 def placed_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames:
@@ -78,9 +79,9 @@ def unmatched_messages(frames: Frames) -> tuple[Message, ...]:
         Message(
             "warning",
             "frame-unmatched",
-            f"{frame}: {reason}",
+            f"The photo {frame!r} has no place in the log: {reason}. {LOOK}",
             frames=(frame,),
-            several=Several("{count} photos have no place in the log", repr(frame), reason),
+            several=Several("{count} photos have no place in the log", repr(frame), reason, LOOK),
         )
         for frame, reason in zip(frames.frame_id, frames.reason, strict=True)
         if reason

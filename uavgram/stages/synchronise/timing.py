@@ -49,7 +49,7 @@ def by_order(
         )
     chosen = fitting[0]
     time = chosen.event_utc_s()
-    text = f"the {count} photos were paired with the log's {count} camera events in order"
+    text = f"The {count} photos were paired with the log's {count} camera events in order."
     return chosen, Timing(
         time,
         np.full(count, EVENT_JITTER_S),
@@ -113,14 +113,15 @@ def _snapped(
     alignment = align(photos.file_time_s[timed], resolution, chosen.event_utc_s(), bounds)
     if not alignment.unique:
         text = (
-            f"file times are in steps of {resolution:g} s and could not be aligned with the "
-            "camera events without ambiguity: they were used as they are"
+            f"The photos' times are rough: they are in steps of {resolution:g} s, and fit the "
+            "log's camera events in several ways. They were used as they are. Take all photos of "
+            "the flight, or state time.offset_s better."
         )
         return replace(plain, messages=(Message("warning", "time-coarse", text),))
     taken = int(alignment.certain.sum())
     text = (
-        f"file times are in steps of {resolution:g} s: {taken} photos took the time "
-        f"of their camera event (camera clock minus UTC {alignment.offset_s:+.3f} s)"
+        f"The photos' times are in steps of {resolution:g} s: {taken} photos took the time "
+        f"of their camera event (camera clock minus UTC {alignment.offset_s:+.3f} s)."
     )
     message = Message("info", "time-aligned", text)
     return event_timing(photos, chosen, alignment, options, (message,))
@@ -195,9 +196,9 @@ def _found(alignment: Alignment, photos: int) -> str:
     paired = alignment.event_index >= 0
     scatter = float(np.sqrt(np.mean(alignment.residual_s[paired] ** 2)))
     return (
-        f"camera clock minus UTC is {clock.offset_s:+.4f} +- {clock.offset_sigma_s:.4f} s{drift} "
+        f"Camera clock minus UTC is {clock.offset_s:+.4f} +- {clock.offset_sigma_s:.4f} s{drift} "
         f"by {int(paired.sum())} of {photos} photos on a camera event each, {scatter:.3f} s rms "
-        f"apart (next best: {_rival(alignment)})"
+        f"apart (next best: {_rival(alignment)})."
     )
 
 

@@ -67,7 +67,7 @@ def _boot_lines(summary: BootSummary) -> list[str]:
     lines.append(_row("sigmas", _sigmas_text(boot.sigmas)))
     lines.append(_row("events", _events_text(boot.events)))
     lines.append(_row("home", _home_text(boot.home)))
-    lines.extend(_row(message.level, message.text) for message in summary.messages)
+    lines.extend(_row(m.level, f"{m.text} [{m.code}]") for m in summary.messages)
     return lines
 
 

@@ -137,6 +137,7 @@ def test_messages_come_the_worst_first_and_their_tab_counts_them(result: Result)
 
     assert page.index("**error**") < page.index("**warning**") < page.index("**info**")
     assert "did you mean 'three'?" in page
+    assert all(f"`{message.code}`" in page for message in result.messages)
     assert messages_title(result) == "Messages: 1 error, 1 warning"
     assert messages_title(survey.build(clean=True)) == "Messages"
     assert messages_page(replace(result, messages=())).endswith("None.")

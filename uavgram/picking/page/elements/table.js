@@ -92,8 +92,8 @@ export const titled = (title, ...parts) => node("div", { class: "part" }, node("
 export const remove = (what, act) => node("button", { class: "small", name: "remove", "aria-label": `Remove ${what}`, title: `Remove ${what}`, onclick: act }, "\u00d7");
 
 // `more`: what stands beneath a message, such as a button that does what it asks for.
-/** @template {Pick<Remark, "level" | "text">} M @param {M[]} messages @param {(message: M) => Node | null} more */
-export const list = (messages, more = () => null) => node("ul", { class: "messages" }, ...messages.map((message) => node("li", { class: message.level }, message.text, more(message))));
+/** @template {Pick<Remark, "level" | "text"> & Partial<Remark>} M @param {M[]} messages @param {(message: M) => Node | null} more */
+export const list = (messages, more = () => null) => node("ul", { class: "messages" }, ...messages.map((message) => node("li", { class: message.level }, message.text, message.code ? node("small", { class: "code" }, ` ${message.code}`) : null, more(message))));
 
 // Numbers into the cells of a part that stays: making it anew at each move of a drag takes too long.
 /** @param {HTMLElement} part @param {(string | Element)[][]} contents */

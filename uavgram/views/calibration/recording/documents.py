@@ -44,7 +44,7 @@ def summary_page(account: CalibrationAccount) -> str:
         _parameters(account.result),
     ]
     if messages:
-        rows = [(f"**{one.level}**", plain(one.text)) for one in messages]
+        rows = [(f"**{one.level}**", f"{plain(one.text)} `{one.code}`") for one in messages]
         parts += ["## Messages", table(("", ""), rows)]
     if account.left_out:
         rows = [(plain(file), plain(why)) for file, why in account.left_out]

@@ -1,0 +1,249 @@
+"""docs/messages.md has a section for each code of a message, and no other.
+
+The codes are read from the source: of every `Message(...)` in the package, what stands as its code.
+Literals, constants, loops over literals and parameters of a helper are followed; what is put
+together in another way stands in `MADE`, with the place that it is made of.
+"""
+
+import ast
+import importlib
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import get_args, get_type_hints
+
+import pytest
+
+from uavgram.estimation.survey.adjustment import Removal
+from uavgram.model.flight.second_opinions import FaultKind
+from uavgram.stages.judge.suspects import CODES
+from uavgram.stages.messages import CAUSES, CONSEQUENCES
+
+KINDS_REMOVED = get_args(get_type_hints(Removal)["kind"])
+
+MADE = {
+    "stages/judge/suspects.py: CODES.get(kind, 'prior-strained')": {
+        *CODES.values(),
+        "prior-strained",
+    },
+    "stages/refine/remarks.py: f'{removal.kind}-removed'": {f"{k}-removed" for k in KINDS_REMOVED},
+    "stages/seed/fault_messages.py: f'log-{code}'": {f"log-{kind}" for kind in get_args(FaultKind)},
+}
+"""Codes that no rule below finds: where, and all that it can be."""
+
+COMING = {
+    "labels-swapped-everywhere",
+    "label-elsewhere",
+    "line-wrong-unit",
+    "line-wrong-digit",
+    "line-other-ends",
+    "lines-exchanged",
+    "lengths-factor",
+    "lengths-offset",
+    "lengths-wrong-unit",
+    "other-camera",
+    "photo-mirrored",
+    "photo-turned",
+    "photo-elsewhere",
+    "clock-off",
+    "gimbal-off",
+    "nothing-checks",
+    "misfit",
+}
+"""Explained before the program says them: none of these is in the source."""
+
+CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)+|misfit")
+SECTION = re.compile(
+    r"^### (\S+)\n\n\*(Error|Warning|Note)( or (warning|note))?\.\* ", re.MULTILINE
+)
+LEVELS = {"Error": "error", "Warning": "warning", "Note": "info", "warning": "warning"}
+LEVELS |= {"note": "info"}
+
+
+@dataclass(frozen=True)
+class Source:
+    """A module of the package.
+
+    Attributes
+    ----------
+    path
+        Below the package.
+    text
+        What it holds.
+    """
+
+    path: str
+    text: str
+
+    @property
+    def module(self) -> str:
+        return f"uavgram.{self.path.removesuffix('.py').replace('/', '.')}"
+
+    def says(self) -> bool:
+        """Whether it knows messages of the run; the picking page's protocol has others."""
+        return "from uavgram.model.message import" in self.text
+
+    def around(self, node: ast.expr) -> list[ast.FunctionDef]:
+        """Functions that hold a node, the innermost first."""
+        found = [
+            one
+            for one in nodes_of(self)
+            if isinstance(one, ast.FunctionDef)
+            and one.lineno <= node.lineno <= (one.end_lineno or 0)
+        ]
+        return sorted(found, key=lambda one: -one.lineno)
+
+
+@cache
+def nodes_of(source: Source) -> list[ast.AST]:
+    kept = ast.Call | ast.FunctionDef
+    return [node for node in ast.walk(ast.parse(source.text)) if isinstance(node, kept)]
+
+
+@cache
+def sources(package: Path) -> tuple[Source, ...]:
+    return tuple(
+        Source(path.relative_to(package).as_posix(), path.read_text(encoding="utf-8"))
+        for path in sorted(package.rglob("*.py"))
+    )
+
+
+def name_of(call: ast.Call) -> str:
+    """What is called: ``f(...)`` or ``a.f(...)``."""
+    if isinstance(call.func, ast.Attribute):
+        return call.func.attr
+    return call.func.id if isinstance(call.func, ast.Name) else ""
+
+
+def argument(call: ast.Call, name: str, place: int) -> ast.expr | None:
+    """An argument of a call by its name, or at its place."""
+    named = [word.value for word in call.keywords if word.arg == name]
+    return named[0] if named else (call.args[place] if place < len(call.args) else None)
+
+
+def calls_of(source: Source, function: str) -> Iterator[ast.Call]:
+    if f"{function}(" in source.text:
+        for node in nodes_of(source):
+            if isinstance(node, ast.Call) and name_of(node) == function:
+                yield node
+
+
+def values_of(code: ast.expr, source: Source, all_sources: tuple[Source, ...]) -> set[str]:
+    """All that an expression can be; empty where no rule tells."""
+    if isinstance(code, ast.Constant):
+        return {code.value} if isinstance(code.value, str) else set()
+    if not isinstance(code, ast.Name):
+        return set()
+    for function in source.around(code):
+        if looped := in_loop(function, code.id):
+            return looped
+        names = [each.arg for each in function.args.args if each.arg != "self"]
+        if code.id in names:
+            place = names.index(code.id)
+            users = [source] if function.name.startswith("_") else all_sources
+            given = [
+                (user, argument(call, code.id, place))
+                for user in users
+                for call in calls_of(user, function.name)
+            ]
+            found = [values_of(one, user, all_sources) if one else set() for user, one in given]
+            return set().union(*found) if all(found) else set()
+    constant = getattr(importlib.import_module(source.module), code.id, None)
+    return {constant} if isinstance(constant, str) else set()
+
+
+def in_loop(function: ast.FunctionDef, name: str) -> set[str]:
+    """Values of a variable of a loop over a table of literals."""
+    for loop in (one for one in ast.walk(function) if isinstance(one, ast.For)):
+        if isinstance(loop.target, ast.Tuple) and isinstance(loop.iter, ast.Tuple):
+            names = [one.id if isinstance(one, ast.Name) else "" for one in loop.target.elts]
+            if name in names:
+                rows = ast.literal_eval(loop.iter)
+                return {row[names.index(name)] for row in rows}
+    return set()
+
+
+def messages_of(package: Path) -> Iterator[tuple[str, set[str], str]]:
+    """Where (``file: expression``), codes and level (or empty) of each `Message(...)`."""
+    everything = sources(package)
+    for source in everything:
+        if not source.says():
+            continue
+        changed = [call for call in calls_of(source, "replace") if argument(call, "code", 99)]
+        for call in (*calls_of(source, "Message"), *changed):
+            code, level = argument(call, "code", 1), argument(call, "level", 0)
+            if code is not None:
+                stated = level.value if isinstance(level, ast.Constant) else ""
+                where = f"{source.path}: {ast.unparse(code)}"
+                found = values_of(code, source, everything)
+                yield where, found, stated if isinstance(stated, str) else ""
+
+
+@pytest.fixture
+def page(repository: Path) -> str:
+    return (repository / "docs" / "messages.md").read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def said(repository: Path) -> list[tuple[str, set[str], str]]:
+    return list(messages_of(repository / "uavgram"))
+
+
+def all_codes(said: list[tuple[str, set[str], str]]) -> set[str]:
+    return set().union(*(codes or MADE.get(where, set()) for where, codes, _ in said))
+
+
+def test_every_code_in_the_source_is_found(said: list[tuple[str, set[str], str]]) -> None:
+    unresolved = {where for where, codes, _ in said if not codes}
+
+    assert unresolved == MADE.keys()  # else add where, and what it can be
+    codes = all_codes(said)
+    assert len(codes) > 140
+    assert [code for code in codes if not CODE.fullmatch(code)] == []
+
+
+def test_the_page_explains_every_code_and_no_other(
+    page: str, said: list[tuple[str, set[str], str]]
+) -> None:
+    sections = re.findall(r"^### (.+)$", page, flags=re.MULTILINE)
+    codes = all_codes(said)
+
+    assert COMING - codes == COMING  # what is said now is no longer coming: take it out there
+    assert (codes | COMING) - set(sections) == set()
+    assert set(sections) - (codes | COMING) == set()
+    assert len(sections) == len(set(sections))
+
+
+def test_each_section_begins_with_its_level(
+    page: str, said: list[tuple[str, set[str], str]]
+) -> None:
+    stated = {
+        match[1]: {LEVELS[word] for word in (match[2], match[4]) if word}
+        for match in SECTION.finditer(page)
+    }
+    assert stated.keys() == all_codes(said) | COMING
+    of_code: dict[str, set[str]] = {}
+    for where, codes, level in said:
+        for code in codes or MADE[where]:
+            of_code.setdefault(code, set()).add(level)
+    for code, levels in of_code.items():
+        if "" not in levels:  # a level that depends on something
+            assert stated[code] == levels, code
+
+
+def test_the_index_leads_to_every_subject(page: str) -> None:
+    subjects = re.findall(r"^## (.+)$", page, flags=re.MULTILINE)
+    anchors = [re.sub(r"[^\w\- ]", "", one.lower()).replace(" ", "-") for one in subjects]
+
+    assert re.findall(r"^- \[.+\]\(#(.+)\)", page, flags=re.MULTILINE) == anchors
+
+
+def test_the_order_of_messages_names_codes_that_exist(
+    said: list[tuple[str, set[str], str]],
+) -> None:
+    ranked = [code for codes in (*CAUSES, *CONSEQUENCES) for code in codes]
+
+    assert set(ranked) - all_codes(said) - COMING == set()
+    assert len(ranked) == len(set(ranked))
