@@ -55,16 +55,17 @@ def short_logs(folder: Path, until_s: float = 160.0) -> dict[str, bytes]:
     }
 
 
-def text_log(data: bytes) -> bytes:
-    """A binary DataFlash log in its text form."""
+def text_log(data: bytes, until_s: float = np.inf) -> bytes:
+    """A binary DataFlash log, up to a boot time, in its text form."""
     with tempfile.NamedTemporaryFile(suffix=".BIN") as file:
         file.write(data)
         file.flush()
         reader = DFReader.DFReader_binary(file.name)
         lines = []
         while (message := reader.recv_match()) is not None:
-            values = (getattr(message, field) for field in message.get_fieldnames())
-            lines.append(", ".join([message.get_type(), *(str(v) for v in values)]))
+            if getattr(message, "TimeUS", 0) < until_s * 1e6:
+                values = (getattr(message, field) for field in message.get_fieldnames())
+                lines.append(", ".join([message.get_type(), *(str(v) for v in values)]))
         reader.close()
     return "\n".join(lines).encode("latin-1")
 
@@ -321,9 +322,10 @@ def _tlog_stamps(data: bytes, rng: Rng) -> bytes:
     return b"".join(rows)
 
 
-_BYTES: tuple[Callable[[bytes, Rng], bytes], ...] = (_flipped, _overwritten, _cut, _spliced)
+BYTES: tuple[Callable[[bytes, Rng], bytes], ...] = (_flipped, _overwritten, _cut, _spliced)
 KINDS: dict[str, tuple[Callable[[bytes, Rng], bytes], ...]] = {
-    ".BIN": (*_BYTES, _flipped, _binary_shuffled, _binary_values, _binary_values, _binary_format),
-    ".log": (*_BYTES, _text_shuffled, _text_values, _text_values, _text_values, _text_format),
-    ".tlog": (*_BYTES, _flipped, _tlog_shuffled, _tlog_values, _tlog_values, _tlog_stamps),
+    ".BIN": (*BYTES, _flipped, _binary_shuffled, _binary_values, _binary_values, _binary_format),
+    ".log": (*BYTES, _text_shuffled, _text_values, _text_values, _text_values, _text_format),
+    ".tlog": (*BYTES, _flipped, _tlog_shuffled, _tlog_values, _tlog_values, _tlog_stamps),
+    ".ulg": BYTES,
 }

@@ -12,7 +12,7 @@ from log_mutants import short_logs
 from uavgram.io.logs.dataflash.binary import index_binary
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.logs.quality.neighbours import off_neighbours
-from uavgram.io.logs.quality.rows import is_spike, plausible_rows, restarts
+from uavgram.io.logs.quality.rows import is_place, is_spike, plausible_rows, restarts
 from uavgram.model.flight.log import FlightLog
 
 ReadText = Callable[[str], FlightLog]
@@ -221,6 +221,13 @@ def test_the_gimbals_messages_under_a_damaged_name_are_told(
     log = read_text(good_text.replace("MNT,", "MNU,"))
     assert log.boots[0].gimbal is None
     assert any(note.startswith("MNU messages look like the gimbal's (MNT)") for note in log.notes)
+
+
+def test_damaged_bytes_that_are_almost_zero_are_no_place() -> None:
+    """Of two rows no neighbours tell which one is damaged."""
+    latitude = np.array([47.4, -6e-278, 0.0, 0.0, 1e-6])
+    longitude = np.array([8.5, -3e-37, 0.0, 8.5, 0.0])
+    assert is_place(latitude, longitude).tolist() == [True, False, False, True, True]
 
 
 def test_times_that_utc_cannot_tell_apart_are_one_instant() -> None:

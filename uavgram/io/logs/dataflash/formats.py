@@ -57,7 +57,7 @@ _ORDERS: dict[str, tuple[tuple[str, ...], ...]] = {
 TEXT_CHARACTERS = "nNZa"  # neither numbers nor scaled
 
 
-@lru_cache(maxsize=1024)  # a log states some 200 formats, each asked for several times
+@lru_cache(maxsize=1024)
 def _record_type(fields: tuple[str, ...], characters: str) -> np.dtype[Any] | None:
     if len(fields) != len(characters) or len(set(fields)) != len(fields) or not all(fields):
         return None
@@ -102,8 +102,9 @@ class Format:
         dtype = self.dtype()
         if dtype is None:
             return {}
-        windows = np.lib.stride_tricks.sliding_window_view(data, self.length)
-        records = windows[starts][:, 3:].copy().view(dtype)[:, 0]
+        # a record could begin at every byte behind a header
+        room = len(data) - self.length + 1
+        records = np.ndarray((room,), dtype, data, offset=3, strides=(1,))[starts]
         return {
             field: _scaled(records[field], _NUMPY_TYPES[c][1])
             for field, c in zip(self.fields, self.characters, strict=True)
@@ -132,7 +133,12 @@ def odd_names(fmt: Format) -> tuple[str, ...]:
 
 def format_at(data: bytes, start: int) -> Format | None:
     """The format message that begins here; None where it is cut or makes no sense."""
-    body = data[start + 3 : start + FMT_LENGTH]
+    return _format_of(data[start + 3 : start + FMT_LENGTH])
+
+
+@lru_cache(maxsize=1024)  # a log states some 200 formats, each read by the index and for its tables
+def _format_of(body: bytes) -> Format | None:
+    """The format that a message without its header states, as above."""
     if len(body) < FMT_LENGTH - 3:
         return None
     name, characters, fields = (

@@ -15,6 +15,7 @@ _DENSE_ROWS, _LONE_ROWS, _LONE_GAP_S = 20, 3, 1800.0
 # Faster than any aircraft that takes photos of the ground, gusts and steps of the estimator added.
 _FASTEST_M_S, _FASTEST_CLIMB_M_S, _STEP_M = 200.0, 50.0, 30.0
 _METERS_PER_DEG = 111e3
+_NO_DEG = 0.5e-7  # less is zero in the last digit that autopilots store
 # Logs count microseconds; UTC as a double resolves a quarter of one.
 _SAME_INSTANT_S = 0.5e-6
 RESTART_S = 1.0  # a clock that steps back by more has been restarted (or the byte is damaged)
@@ -36,8 +37,8 @@ def is_spike(time_s: Floats) -> Bools:
     """
     finite = np.isfinite(time_s)
     spike = ~finite
-    if finite.sum() >= 3:
-        time = time_s[finite]
+    time = time_s[finite]
+    if len(time) >= 3 and (time[1:] < time[:-1]).any():
         spike[finite] = np.abs(time - median_filter(time, size=7, mode="nearest")) > RESTART_S
     return spike
 
@@ -132,7 +133,7 @@ def restarts(time_s: Floats) -> Ints:
 def is_place(latitude_deg: NDArray[np.floating], longitude_deg: NDArray[np.floating]) -> Bools:
     """(N,) whether latitude and longitude are a place on earth; 0, 0 means that there is no fix."""
     finite = np.isfinite(latitude_deg) & np.isfinite(longitude_deg)
-    some = (latitude_deg != 0) | (longitude_deg != 0)
+    some = (np.abs(latitude_deg) > _NO_DEG) | (np.abs(longitude_deg) > _NO_DEG)
     return np.asarray(finite & some & (np.abs(latitude_deg) <= 90) & (np.abs(longitude_deg) <= 180))
 
 

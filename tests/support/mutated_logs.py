@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TypedDict
 
 import numpy as np
+from log_mutants import BYTES, mutant
 from numpy.typing import ArrayLike
 
 from uavgram.errors import UavgramError
@@ -44,46 +45,18 @@ class Tally(TypedDict):
 SLOWEST_S = 5.0
 
 
-def flipped(data: bytes, rng: np.random.Generator) -> bytes:
-    """Some bits turned over."""
-    damaged = np.frombuffer(data, dtype=np.uint8).copy()
-    at = rng.integers(0, len(damaged), int(10 ** rng.uniform(0, 2.5)))
-    damaged[at] ^= (1 << rng.integers(0, 8, len(at))).astype(np.uint8)
-    return damaged.tobytes()
+def mutated(suffix: str, data: bytes, seed: int) -> bytes:
+    """Damage of a kind that the form of log can have, and up to two more of its bytes, by the seed.
 
-
-def cut(data: bytes, rng: np.random.Generator) -> bytes:
-    """A piece left out, or the end."""
-    a, b = sorted(rng.integers(0, len(data), 2).tolist())
-    return data[:a] if rng.random() < 0.4 else data[:a] + data[b:]
-
-
-def spliced(data: bytes, rng: np.random.Generator) -> bytes:
-    """A piece put somewhere else once more."""
-    a, b = sorted(rng.integers(0, len(data), 2).tolist())
-    at = int(rng.integers(0, len(data)))
-    return data[:at] + data[a : min(b, a + len(data) // 3)] + data[at:]
-
-
-def zeroed(data: bytes, rng: np.random.Generator) -> bytes:
-    """A piece filled with zeros, or with one other byte."""
-    a = int(rng.integers(0, len(data)))
-    b = min(len(data), a + int(10 ** rng.uniform(0, 4)))
-    filling = 0 if rng.random() < 0.7 else int(rng.integers(1, 256))
-    return data[:a] + bytes([filling]) * (b - a) + data[b:]
-
-
-MUTATIONS = (flipped, cut, spliced, zeroed)
-
-
-def mutated(data: bytes, seed: int) -> bytes:
-    """One to three of the mutations, by the seed."""
+    The first is often of values, rows or formats that are read: what a checksum does not cover.
+    """
     rng = np.random.default_rng(seed)
-    for _ in range(int(rng.integers(1, 4))):
-        data = MUTATIONS[int(rng.integers(0, len(MUTATIONS)))](data, rng)
-        if len(data) < 2:
+    damaged = mutant(suffix, data, seed)[1]
+    for _ in range(int(rng.integers(0, 3))):
+        if len(damaged) < 2:
             break
-    return data
+        damaged = BYTES[int(rng.integers(0, len(BYTES)))](damaged, rng)
+    return damaged
 
 
 def check(summary: LogSummary) -> list[str]:
@@ -147,7 +120,7 @@ def examine(source: str, suffix: str, first_seed: int, count: int) -> Tally:
         summarise_log(read_flight_log(path, positions_needed=False))
         base = peak_bytes()
         for seed in range(first_seed, first_seed + count):
-            path.write_bytes(mutated(data, seed))
+            path.write_bytes(mutated(suffix, data, seed))
             start = time.perf_counter()
             try:
                 summary = summarise_log(read_flight_log(path, positions_needed=False))
