@@ -51,6 +51,8 @@ COMING = {
     "gimbal-off",
     "nothing-checks",
     "misfit",
+    "shutter-found",
+    "ground-slopes",
 }
 """Explained before the program says them: none of these is in the source."""
 
