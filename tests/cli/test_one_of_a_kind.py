@@ -31,7 +31,7 @@ def test_many_frames_and_many_measurements_are_one_message_each(project: Project
     result = uavgram.run(project.path, output=None)
 
     (left_out,) = [m for m in result.messages if m.code == "frame-left-out"]
-    assert left_out.text.startswith(f"{len(poor)} frames were left out, with all of their picks: ")
+    assert left_out.text.startswith(f"{len(poor)} photos were left out, with all of their picks: ")
     assert left_out.frames == tuple(poor)
     (doubtful,) = [m for m in result.messages if m.code == "first-order-doubtful"]
     number = len(doubtful.measurements)

@@ -55,7 +55,7 @@ TRUE_OF = {
             "vehicle_attitude, 6461,",
             "ties its boot clock to no UTC",
         ),
-        *("lost data 4 times", "never stated where the vehicle is"),
+        *("lost data 4 times", "never stated where the vehicle is", "[position-missing]"),
     ),
     "logs/sample_appended_multiple.ulg": (
         *("PX4 v1.6.0", "data was appended", "vehicle_attitude, 306,", "6852 messages of 19 types"),

@@ -183,22 +183,19 @@ def test_no_page_names_a_place_on_one_machine(page: str) -> None:
     assert re.findall(r"(?<![\w.])/(?:work|home|tmp|root)\b", page) == []
 
 
-def public_functions(path: Path) -> Iterator[ast.FunctionDef]:
-    """Functions and methods of a file that others may call."""
-    for owner in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(owner, ast.Module) or (
-            isinstance(owner, ast.ClassDef) and not owner.name.startswith("_")
-        ):
-            yield from (
-                one
-                for one in owner.body
-                if isinstance(one, ast.FunctionDef) and not one.name.startswith("_")
-            )
+def public_functions(owner: ast.Module | ast.ClassDef) -> Iterator[ast.FunctionDef]:
+    """Functions and methods of a module or class that others may call."""
+    for one in owner.body:
+        if isinstance(one, ast.FunctionDef) and not one.name.startswith("_"):
+            yield one
+        if isinstance(one, ast.ClassDef) and not one.name.startswith("_"):
+            yield from public_functions(one)
 
 
 def test_public_functions_with_three_arguments_describe_them(repository: Path) -> None:
     files = sorted((repository / "uavgram").rglob("*.py"))
-    found = [(path, function) for path in files for function in public_functions(path)]
+    parsed = ((path, ast.parse(path.read_text(encoding="utf-8"))) for path in files)
+    found = [(path, function) for path, tree in parsed for function in public_functions(tree)]
     assert len(found) > 500
     bare = [
         f"{path.relative_to(repository)}:{function.lineno} {function.name}"
