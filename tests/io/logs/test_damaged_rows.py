@@ -12,7 +12,13 @@ from log_mutants import short_logs
 from uavgram.io.logs.dataflash.binary import index_binary
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.logs.quality.neighbours import off_neighbours
-from uavgram.io.logs.quality.rows import is_place, is_spike, plausible_rows, restarts
+from uavgram.io.logs.quality.rows import (
+    is_place,
+    is_spike,
+    near_its_track,
+    plausible_rows,
+    restarts,
+)
 from uavgram.model.flight.log import FlightLog
 
 ReadText = Callable[[str], FlightLog]
@@ -183,6 +189,14 @@ def test_a_step_that_stays_and_a_turn_are_no_damage() -> None:
     assert off_neighbours(time, turn).max() < 0.011  # the acceleration of a step of 0.1 s
     turn[20] += 3
     assert np.flatnonzero(off_neighbours(time, turn) > 1).tolist() == [20]
+
+
+def test_of_two_positions_that_no_aircraft_joins_neither_is_taken() -> None:
+    time_s, height_m = np.array([1.0, 1.2]), np.array([50.0, 50.0])
+    joined = near_its_track(time_s, np.array([47.4, 47.40001]), np.array([8.5, 8.5]), height_m)
+    apart = near_its_track(time_s, np.array([47.4, 42.8]), np.array([8.5, 8.5]), height_m)
+    assert joined.all()
+    assert not apart.any()
 
 
 def test_a_time_that_is_no_number_is_a_spike_and_no_restart() -> None:

@@ -16,8 +16,8 @@ import ulog_writer
 from log_mutants import records, text_log
 
 AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
-# Damage of values, rows and formats finds three times as much as damage of bytes alone, which is
-# all that ULog files get.
+# Of 200 mutants each, damage of values, rows and formats showed planted faults of the checks of
+# rows in 4 to 12, damage of bytes alone (all that ULog files get) in 0 to 4.
 COUNT = {".BIN": 2000, ".log": 2000, ".tlog": 2000, ".ulg": 5000}
 ARENAS = 64 << 20  # the interpreter's and numpy's own; the logs are a few hundred kB at most
 

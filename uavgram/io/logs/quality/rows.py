@@ -165,7 +165,7 @@ def near_its_track(
     fits = is_place(latitude_deg, longitude_deg) & is_height(height_m) & np.isfinite(time_s)
     rows = np.flatnonzero(fits)
     rows = rows[~is_spike(time_s[rows])]
-    if len(rows) < 3:
+    if len(rows) < 2:
         return fits
     time, middle = time_s[rows], float(np.median(latitude_deg[rows]))
     longitude = longitude_deg[rows]
@@ -177,6 +177,10 @@ def near_its_track(
     off_n = _off_its_median(latitude_deg[rows]) * _METERS_PER_DEG
     off_e = _off_its_median(east) * _METERS_PER_DEG * np.cos(np.radians(middle))
     off_u = _off_its_median(height_m[rows])
+    if len(rows) == 2:  # no median tells which of them it is: neither is known
+        off_n = np.full(2, np.abs(np.diff(latitude_deg[rows])) * _METERS_PER_DEG)
+        off_e = np.full(2, np.abs(np.diff(east)) * _METERS_PER_DEG * np.cos(np.radians(middle)))
+        off_u = np.full(2, np.abs(np.diff(height_m[rows])))
     near = (off_n < allowed) & (off_e < allowed)
     near &= off_u < _STEP_M + _FASTEST_CLIMB_M_S * reach
     fits[rows[~near]] = False
