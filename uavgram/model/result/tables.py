@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, freeze
+from uavgram.model.result.verdict import MeasurementStatus
 
 FrameStatus = Literal["refined", "seeded", "unmatched", "rejected"]
 LineStatus = Literal["used", "suspect", "removed", "checked", "unseen"]
@@ -264,6 +265,9 @@ class MeasurementResults:
         (M,) by how much it shifts if the tapes read 1 % more; NaN likewise, and without lengths.
     parameters
         (M,) as measure.csv has them, such as ``mu=0.7;mu_sigma=0.05``; left out, there are none.
+    status
+        (M,) how far each can be trusted; left out, and in results of earlier versions, nothing
+        checked them.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -279,12 +283,15 @@ class MeasurementResults:
     shift_relief_10cm: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
     shift_tape_1pct: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
     parameters: Annotated[tuple[str, ...], "n"] = ()
+    status: Annotated[tuple[MeasurementStatus, ...], "n"] = ()
 
     def __post_init__(self) -> None:
         if not len(self.sigma_stated):
             object.__setattr__(self, "sigma_stated", self.sigma)
         if not self.parameters:
             object.__setattr__(self, "parameters", ("",) * len(self.name))
+        if not self.status:
+            object.__setattr__(self, "status", ("not-checked",) * len(self.name))
         if not self.alternative_values:
             object.__setattr__(self, "alternative_values", ((),) * len(self.name))
         for name in ("shift_relief_10cm", "shift_tape_1pct"):

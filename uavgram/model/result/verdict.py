@@ -42,3 +42,16 @@ class Verdict:
 
     level: VerdictLevel
     reasons: tuple[Reason, ...] = ()
+
+
+NOT_JUDGED = Verdict(
+    level="amber",
+    reasons=(
+        Reason(
+            cause="not-judged",
+            text="Nothing says whether this result can be trusted. It is of an earlier version: "
+            "run the project again.",
+        ),
+    ),
+)
+"""Of a result of a version that passed no verdict."""
