@@ -14,6 +14,11 @@ from uavgram.model.message import Message
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document.state import Pick, State
+from uavgram.picking.protocol.encode_verdict import (
+    length_whys,
+    measurement_standings,
+    verdict_json,
+)
 from uavgram.picking.protocol.geodetic import places_on_earth
 from uavgram.pipeline.pick.live import Adjusted, Linearised
 from uavgram.pipeline.pick.other_photos import KnownPlaces
@@ -83,6 +88,7 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
     return {
         "mode": "adjusted",
         "seconds": number(adjusted.seconds, 3),
+        "verdict": verdict_json(result),
         "points": _points(adjusted),
         "earth_deg": places_on_earth(adjusted, result.points.label, result.points.position_world_m),
         "picks": _picks(adjusted, index),
@@ -230,26 +236,28 @@ def _ellipse(covariance_px2: Floats) -> Json:
 
 
 def _lines(adjusted: Adjusted) -> Json:
-    lines = adjusted.result.lines
+    lines, whys = adjusted.result.lines, length_whys(adjusted.result)
     return {
         name: {
             "adjusted_m": number(lines.adjusted_m[i]),
             "sigma_m": number(lines.adjusted_sigma_m[i]),
             "w": number(lines.w[i], 3),
             "status": lines.status[i],
+            "why": whys[i],
         }
         for i, name in enumerate(lines.name)
     }
 
 
 def _measurements(adjusted: Adjusted) -> Json:
-    found = adjusted.result.measurements
+    found, standings = adjusted.result.measurements, measurement_standings(adjusted.result)
     return {
         name: {
             "value": number(found.value[i]),
             "sigma": number(found.sigma[i]),
             "unit": found.unit[i],
             "alternatives": numbers(found.alternative_values[i]),
+            **standings[i],
         }
         for i, name in enumerate(found.name)
     }
