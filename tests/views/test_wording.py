@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import synthetic_survey as survey
 
+from uavgram.estimation.measuring.propagation import UNITS
 from uavgram.io.tables.measure import POINT_COUNTS
 from uavgram.model.survey.observations import MeasurementKind
-from uavgram.stages.measure import UNITS
 from uavgram.views.wording import (
     KIND_WORDS,
     UNIT_WORDS,

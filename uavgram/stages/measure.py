@@ -13,16 +13,6 @@ from uavgram.model.message import Message, Several
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.survey.observations import MeasurementRequest
 
-UNITS = {
-    "area": "m2",
-    "angle": "deg",
-    "skid_speed": "m/s",
-    "speed": "m/s",
-    "slope": "deg",
-    "volume": "m3",
-}
-"""Of kinds that are no lengths [m]."""
-
 
 def measure(
     adjustment: Adjustment, requests: tuple[MeasurementRequest, ...], frames: Frames
@@ -71,7 +61,7 @@ def measurement_results(
         points=tuple(row.request.points for row in measured.rows),
         value=value,
         sigma=sigma,
-        unit=tuple(UNITS.get(row.request.kind, "m") for row in measured.rows),
+        unit=measured.unit,
         interval_95=np.column_stack([value - reach, value + reach]),
         correlation=correlation,
         shift_relief_10cm=np.zeros(0) if shifted is None else shifted.relief,

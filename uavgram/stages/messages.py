@@ -28,6 +28,8 @@ CAUSES = (
     ),
     ("check-suspect", "lengths-contradict", "odd-height"),
     ("ground-not-plane", "picks-less-exact"),
+    ("misfit",),
+    ("nothing-checks",),
 )
 """Codes of what explains other messages, what explains most of them first."""
 

@@ -25,6 +25,16 @@ from uavgram.model.survey.observations import MeasurementRequest
 CANCELLED = 1e-12
 """Share of its parts below which a derivative is their rounding."""
 
+UNITS = {
+    "area": "m2",
+    "angle": "deg",
+    "skid_speed": "m/s",
+    "speed": "m/s",
+    "slope": "deg",
+    "volume": "m3",
+}
+"""Of kinds that are no lengths [m]."""
+
 
 @dataclass(frozen=True, eq=False)
 class MeasuredValues:
@@ -54,6 +64,11 @@ class MeasuredValues:
     def name(self) -> tuple[str, ...]:
         """(M,) names of the values."""
         return tuple(row.name for row in self.rows)
+
+    @property
+    def unit(self) -> tuple[str, ...]:
+        """(M,) units of the values."""
+        return tuple(UNITS.get(row.request.kind, "m") for row in self.rows)
 
     @property
     def value(self) -> Floats:

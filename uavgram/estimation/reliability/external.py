@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
-from uavgram.estimation.reliability.test_statistics import Observed
+from uavgram.estimation.reliability.redundancy import level_of_each, noncentrality
+from uavgram.estimation.reliability.test_statistics import READINGS, Observed
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.model.arrays import Floats, Ints
 
@@ -57,11 +58,16 @@ class Weakest(NamedTuple):
         Of the measurement, by the observation's minimal detectable bias.
     unchecked
         Observations that move it and that nothing checks.
+    reading, reading_change
+        What people read whose largest error that need not show moves it most, and by how much; one
+        that nothing checks is taken to be off by what one of redundancy `UNCHECKED` could be.
     """
 
     member: Member | None
     change: float
     unchecked: tuple[Member, ...]
+    reading: Member | None = None
+    reading_change: float = 0.0
 
 
 def external_reliability(
@@ -90,8 +96,16 @@ def external_reliability(
             change, unchecked = _changes(group, rows, measured, significance)
             parts.append(_worst_of(change / sigma, change))
             _weakest_of(kind, rows.start, change, unchecked / sigma, best, weakest)
+            if kind in READINGS:
+                unseen = change + largest_unseen(group, significance) * unchecked
+                _weakest_reading(kind, rows.start, unseen, weakest)
         worst[kind] = Worst(*(np.concatenate(column) for column in zip(*parts, strict=True)))
     return worst, tuple(weakest)
+
+
+def largest_unseen(group: Observed, significance: float) -> float:
+    """Error of an observation of redundancy `UNCHECKED` that hardly stays unseen, in its sigmas."""
+    return noncentrality(level_of_each(significance, group.tests)) / float(np.sqrt(UNCHECKED))
 
 
 def _portions(group: Observed, count: int) -> list[slice]:
@@ -149,3 +163,15 @@ def _weakest_of(
     for row, i in np.argwhere(largest > FELT):
         member = Member(kind, first + int(row), int(np.abs(unchecked[row, :, i]).argmax()))
         weakest[i] = weakest[i]._replace(unchecked=(*weakest[i].unchecked, member))
+
+
+def _weakest_reading(kind: str, first: int, unseen: Floats, weakest: list[Weakest]) -> None:
+    n, a, m = unseen.shape
+    if not n:
+        return
+    at = np.abs(unseen).reshape(n * a, m).argmax(axis=0)
+    value = unseen.reshape(n * a, m)[at, np.arange(m)]
+    for i in range(m):
+        if abs(value[i]) > abs(weakest[i].reading_change):
+            member = Member(kind, first + int(at[i]) // a, int(at[i]) % a)
+            weakest[i] = weakest[i]._replace(reading=member, reading_change=float(value[i]))

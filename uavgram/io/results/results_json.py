@@ -30,6 +30,7 @@ from uavgram.model.result.reliability import ChecksOverall, RemovalRecord
 from uavgram.model.result.result import Result, SolutionSummary
 from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
 from uavgram.model.result.tables import MonteCarloResults
+from uavgram.model.result.verdict import NOT_JUDGED, Verdict
 from uavgram.model.survey.world import Geodetic, World
 
 SCHEMA = 1
@@ -49,6 +50,7 @@ def dump_results(result: Result) -> str:
     content = {
         "schema": SCHEMA,
         "name": result.name,
+        "verdict": encode(result.verdict),
         "provenance": encode(result.provenance)
         | {
             "inputs": dump_inputs(result.provenance.inputs),
@@ -142,6 +144,7 @@ def _result(content: Record) -> Result:
         solution=from_record(SolutionSummary, content["solution"]),
         noise=_load_noise(content.get("noise")),
         messages=tuple(_load_message(record) for record in content["messages"]),
+        verdict=from_record(Verdict, content.get("verdict") or encode(NOT_JUDGED)),
     )
 
 

@@ -159,6 +159,7 @@ _LATER: Record = {
     "shift_relief_10cm": None,
     "shift_tape_1pct": None,
     "parameters": "",
+    "status": "not-checked",
 }
 """What earlier files do not have."""
 

@@ -44,6 +44,7 @@ from uavgram.stages.assemble import Assembled, Observations, assemble
 from uavgram.stages.camera.assume import ASSUMED_CAMERA, UNKNOWN_CAMERA
 from uavgram.stages.camera.learn import what_was_learnt
 from uavgram.stages.duplicates import Duplicates
+from uavgram.stages.judge import pass_verdict
 from uavgram.stages.measure import measure, measurement_results
 from uavgram.stages.messages import in_order
 from uavgram.stages.monte_carlo import compare, sample
@@ -119,6 +120,23 @@ def compute(
     sampled, sampled_messages = _sampled(inputs, posed.frames, adjustment, measured.table, sampling)
     judged = judge_survey(inputs, assembled, refined, values, posed.frames, check)
     shared = summarise_shared(adjustment, posed.frames.clock_offset_s)
+    messages = in_order(
+        *inputs.messages,
+        *duplicates.messages,
+        *posed.messages,
+        *known_messages,
+        *check_messages,
+        *_unjudged(inputs, world),
+        *assembled.messages,
+        *heading_messages,
+        *refine_messages,
+        *scale_basis(adjustment),
+        *_learnt(inputs, shared),
+        *measured.messages,
+        *sampled_messages,
+        *judged.messages,
+    )
+    verdict, status = pass_verdict(messages, judged.fit, judged.examined, measured.table)
     result = Result(
         name=inputs.project.name,
         provenance=_provenance(inputs, sampling),
@@ -132,7 +150,7 @@ def compute(
         lines=judged.lines,
         known=judged.known,
         picks=judged.picks,
-        measurements=measured.table,
+        measurements=replace(measured.table, status=status),
         profiles=profiles(adjustment, inputs.requests),
         second_order=measured.curvature,
         monte_carlo=sampled,
@@ -143,22 +161,8 @@ def compute(
         checks_overall=judged.checks_overall,
         solution=summarise_solution(refined, judged.groups, measured.others),
         noise=refined.noise,
-        messages=in_order(
-            *inputs.messages,
-            *duplicates.messages,
-            *posed.messages,
-            *known_messages,
-            *check_messages,
-            *_unjudged(inputs, world),
-            *assembled.messages,
-            *heading_messages,
-            *refine_messages,
-            *scale_basis(adjustment),
-            *_learnt(inputs, shared),
-            *measured.messages,
-            *sampled_messages,
-            *judged.messages,
-        ),
+        messages=messages,
+        verdict=verdict,
     )
     return Computed(result, refined)
 

@@ -16,6 +16,11 @@ from uavgram.model.survey.observations import KnownWorldPoints
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.stages.assemble import Assembled
 from uavgram.stages.judge import (
+    Fit,
+    TestedSurvey,
+    core_probability,
+    fit_of,
+    judge_fit,
     judge_groups,
     judge_known,
     judge_lines,
@@ -25,6 +30,7 @@ from uavgram.stages.judge import (
     judge_priors,
     judge_removals,
     judge_suspects,
+    judge_unchecked,
     judge_weakest,
     run_tests,
     swapped_labels,
@@ -33,8 +39,10 @@ from uavgram.stages.judge import (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Judgement:
-    """The parts of a result that say how well everything fits."""
+    """The parts of a result that say how well everything fits, and what the verdict rests on."""
 
+    examined: TestedSurvey
+    fit: Fit
     picks: PickResults
     lines: LineResults
     known: KnownResults
@@ -81,7 +89,10 @@ def judge_survey(
     groups, group_messages = judge_groups(
         refined.adjustment, significance, explained=refined.accused_alone
     )
+    core = core_probability(refined)
     return Judgement(
+        examined=examined,
+        fit=fit_of(core, line_results, known, point_checks, overall),
         picks=picks,
         lines=line_results,
         known=known,
@@ -103,5 +114,7 @@ def judge_survey(
             *unseen_messages,
             *overall_messages,
             *group_messages,
+            *judge_fit(core),
+            *judge_unchecked(examined),
         ),
     )

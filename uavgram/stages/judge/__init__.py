@@ -2,6 +2,10 @@
 
 from uavgram.stages.judge.checks import judge_overall as judge_overall
 from uavgram.stages.judge.checks import judge_points as judge_points
+from uavgram.stages.judge.fit import Fit as Fit
+from uavgram.stages.judge.fit import core_probability as core_probability
+from uavgram.stages.judge.fit import fit_of as fit_of
+from uavgram.stages.judge.fit import judge_fit as judge_fit
 from uavgram.stages.judge.groups import judge_groups as judge_groups
 from uavgram.stages.judge.known import judge_known as judge_known
 from uavgram.stages.judge.lines import judge_lines as judge_lines
@@ -13,3 +17,5 @@ from uavgram.stages.judge.suspects import judge_suspects as judge_suspects
 from uavgram.stages.judge.suspects import swapped_labels as swapped_labels
 from uavgram.stages.judge.tested_survey import TestedSurvey as TestedSurvey
 from uavgram.stages.judge.tested_survey import run_tests as run_tests
+from uavgram.stages.judge.unchecked import judge_unchecked as judge_unchecked
+from uavgram.stages.judge.verdict import pass_verdict as pass_verdict

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.reliability.core import redundancy_of
 from uavgram.estimation.reliability.variance_components import (
     Component,
     Estimated,
@@ -27,7 +28,7 @@ from uavgram.geometry.ground.relief import spread_knots
 from uavgram.model.arrays import Floats
 from uavgram.model.result.noise import AreaNoise, Noise, PickNoise, SurfaceShape
 from uavgram.model.survey.survey import Relief, Survey
-from uavgram.stages.refine.blunders.outstanding import Outstanding, outstanding, redundancy_of
+from uavgram.stages.refine.blunders.outstanding import Outstanding, outstanding
 from uavgram.stages.refine.continued import carried, continued, lines_used
 
 STATED_WEIGHT = 20.0

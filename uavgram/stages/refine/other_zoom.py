@@ -11,13 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.reliability.core import redundancy_of
 from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.blunders.outstanding import outstanding, redundancy_of
+from uavgram.stages.refine.blunders.outstanding import outstanding
 
 CONTRADICTED = 5.0
 """Size of the test statistic of the zoom, from which on no chance explains it."""

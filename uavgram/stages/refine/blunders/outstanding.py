@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
+from uavgram.estimation.reliability.core import core_squares
 from uavgram.estimation.reliability.data_snooping import RIVAL
 from uavgram.estimation.reliability.redundancy import level_of_each, upper_tail
 from uavgram.estimation.reliability.test_statistics import falls_without
@@ -32,10 +33,6 @@ CLEAR = 0.001
 
 LEAST_REDUNDANCY = 0.05
 """Redundancy number from which on the size of an error can be told."""
-
-CORE = ("pixels", "lengths", "known", "control", "calibration", "roughness", "heights", "relief")
-"""Groups that say whether the model of picks and ground holds: priors of the telemetry are meant to
-be generous."""
 
 
 _Fall = tuple[float, str, int]
@@ -78,17 +75,14 @@ class CoreFit(NamedTuple):
 
 def core_fit(adjustment: Adjustment) -> CoreFit:
     """Sum of squares of the groups that say whether the model holds (see `CORE`)."""
-    blocks = adjustment.minimum.blocks
-    core = [name for name in blocks if name in CORE or name.startswith("plane")]
-    squares = sum(float(np.sum(blocks[name].residual ** 2)) for name in core)
-    degrees = sum(redundancy_of(adjustment, name) for name in core)
+    squares, degrees = core_squares(adjustment)
     return CoreFit(squares, degrees, upper_tail(squares, degrees))
 
 
 def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
     """Rows of few observations that stand out of all noise; and whether everything else fits."""
     blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
-    squares, degrees, _ = core_fit(adjustment)
+    squares, degrees = core_squares(adjustment)
     falls: list[_Fall] = []
     for name in ("pixels", "lengths", "known"):
         if name in blocks:
@@ -123,12 +117,6 @@ def _of_group(
     near = (rival > fall[:, None] - RIVAL) & (point == point[rows][:, None])
     errors = np.sqrt(np.maximum(fall / redundancy, 1.0))
     return Outstanding(rows, errors, near.sum(axis=1) == 1)
-
-
-def redundancy_of(adjustment: Adjustment, name: str) -> float:
-    """Share of the degrees of freedom that a group of observations has."""
-    block = adjustment.minimum.blocks[name]
-    return block.residual.size - float(adjustment.covariance.leverage(block).sum())
 
 
 def with_little_weight(problem: SurveyProblem, few: dict[str, Outstanding]) -> Survey:

@@ -1,0 +1,117 @@
+"""Whether picks, lengths, ground and camera fit together, whatever else a survey has.
+
+Priors of the telemetry are meant to be generous: they are left out, as they would dilute it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from scipy.special import ndtr
+
+from uavgram.estimation.reliability.core import core_squares
+from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.survey.adjustment import Refined
+from uavgram.model.message import Message
+from uavgram.model.result.known import KnownResults
+from uavgram.model.result.reliability import ChecksOverall
+from uavgram.model.result.tables import LineResults, PointChecks
+
+RARE = 0.001
+"""Probability by chance below which something does not fit."""
+
+CONTRADICTED = 1e-5
+"""Probability by chance below which the observations contradict each other: of 500 surveys in which
+all is in order, not one in 200 such sets should have one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """How well everything fits, as probabilities by chance of misfits as large.
+
+    Attributes
+    ----------
+    core
+        Of picks, lengths, ground and camera.
+    checks
+        The smallest of each withheld thing by itself and of all together; 1 without any.
+    check_labels
+        Labels of the withheld things that are contradicted.
+    """
+
+    core: float
+    checks: float = 1.0
+    check_labels: frozenset[str] = frozenset()
+
+
+def fit_of(
+    core: float,
+    lines: LineResults,
+    known: KnownResults,
+    points: PointChecks,
+    overall: ChecksOverall | None,
+) -> Fit:
+    """How well the core fits, and what was withheld.
+
+    Parameters
+    ----------
+    core
+        Probability of a misfit of the core as large.
+    lines, known, points
+        Of which the withheld ones are judged.
+    overall
+        Withheld lengths and points together; None where there are none.
+    """
+    checks = [
+        (2.0 * float(ndtr(-abs(w))), ends)
+        for w, status, *ends in zip(lines.w, lines.status, lines.start, lines.end, strict=True)
+        if status == "checked"
+    ]
+    checks += [
+        (2.0 * float(ndtr(-abs(w))), list(labels))
+        for w, status, labels in zip(known.w, known.status, known.points, strict=True)
+        if status == "checked"
+    ]
+    checks += [
+        (upper_tail(float(size) ** 2, 3), [label])
+        for size, label in zip(points.mahalanobis, points.label, strict=True)
+    ]
+    together = [] if overall is None else [overall.probability]
+    contradicted = [labels for probability, labels in checks if probability < CONTRADICTED]
+    return Fit(
+        core=core,
+        checks=min([1.0, *together, *(probability for probability, _ in checks)]),
+        check_labels=frozenset(label for labels in contradicted for label in labels),
+    )
+
+
+def core_probability(refined: Refined) -> float:
+    """Probability of a core that fits as badly by chance.
+
+    Of the result: to an observation that stands out, and is located, it gives little weight, and
+    what was left out takes no part. The degrees of freedom of a part of the observations are spread
+    over more directions, so that the chi-square is on the safe side (no variance is larger).
+    """
+    return upper_tail(*core_squares(refined.adjustment))
+
+
+def judge_fit(probability: float) -> tuple[Message, ...]:
+    """Say so where the core does not fit.
+
+    Parameters
+    ----------
+    probability
+        Of a misfit as large by chance.
+    """
+    if probability >= RARE:
+        return ()
+    contradicted = probability < CONTRADICTED
+    what = "contradict each other" if contradicted else "do not fit together as they should"
+    verb = "use" if contradicted else "rely on"
+    text = (
+        f"Picks, lengths and ground {what}, and no single cause explains it all. Do not {verb} the "
+        "numbers before it is cleared up: look at what the other messages name, at the labels, "
+        "the unit of the lengths, the camera file and whether the ground is plane (probability by "
+        f"chance {probability:.1g})."
+    )
+    return (Message("warning", "misfit", text),)

@@ -1,0 +1,91 @@
+"""How far each measurement can be trusted: contradicted, touched by a fault, or not checked."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import numpy as np
+
+from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
+from uavgram.estimation.reliability.test_statistics import Observed, observed
+from uavgram.estimation.survey.suspicion import Member
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.result.tables import MeasurementResults
+from uavgram.model.result.verdict import MeasurementStatus
+from uavgram.stages.judge.tested_survey import TestedSurvey
+from uavgram.stages.judge.unchecked import is_unchecked
+
+MOVED = 1.0
+"""Sigmas of a measurement by which an error that was found may move it, before it is in doubt."""
+
+TOGETHER = ("pixels", "control")
+"""Groups of which a wrong observation is wrong in all of its axes."""
+
+
+def is_moved(examined: TestedSurvey) -> Bools:
+    """(M,) which measurements what does not fit, or may not, would move if it were wrong.
+
+    By as much as it takes part in the result, which gives little weight to what stands out.
+    """
+    measured, refined = examined.measured, examined.refined
+    sigma = np.where(measured.sigma > 0, measured.sigma, np.inf)
+    moved = np.zeros(len(sigma), dtype=np.bool_)
+    members = [
+        member for one in examined.suspicions for member in (one.accused, *one.group, *one.rivals)
+    ]
+    if not members or not len(sigma):
+        return moved
+    groups = examined.groups if refined.full_weight is None else observed(refined.adjustment)
+    for member in members:
+        change = _change_without(groups[member.kind], member, measured.solved)
+        moved |= np.abs(change) > MOVED * sigma
+    return moved
+
+
+def _change_without(group: Observed, member: Member, solved: Floats) -> Floats:
+    """(M,) by which the values change if the error that is found in an observation is taken out.
+
+    The likeliest error of an axis is w / sqrt(r) of its sigmas (Baarda 1968).
+    """
+    row = member.row
+    axes = slice(None) if member.kind in TOGETHER else slice(member.axis, member.axis + 1)
+    redundancy = group.redundancy[row, axes]
+    root = np.sqrt(np.where(redundancy > NO_REDUNDANCY, redundancy, np.inf))
+    response = np.einsum("rk,km->rm", group.block.jacobian[row], solved[group.block.columns[row]])
+    by_unit = np.einsum("ra,rm->am", group.direction[row][:, axes], response)
+    return np.asarray((group.w[row, axes] / root) @ by_unit)
+
+
+def statuses(
+    table: MeasurementResults,
+    examined: TestedSurvey,
+    *,
+    is_contradicted: bool,
+    contradicted: Collection[str],
+    in_doubt: Collection[str],
+) -> tuple[MeasurementStatus, ...]:
+    """Status of each measurement.
+
+    Parameters
+    ----------
+    table
+        The M measurements.
+    examined
+        The survey under test.
+    is_contradicted
+        Whether the whole result is, so that no measurement is in order.
+    contradicted, in_doubt
+        Labels whose measurements are contradicted by something, or rest on what does not fit.
+    """
+    unchecked, moved = is_unchecked(examined), is_moved(examined)
+    found: list[MeasurementStatus] = []
+    for i, points in enumerate(table.points):
+        if not np.isfinite(table.value[i]):
+            found.append("not-checked")
+        elif is_contradicted or any(label in contradicted for label in points):
+            found.append("contradicted")
+        elif moved[i] or table.is_ambiguous[i] or any(label in in_doubt for label in points):
+            found.append("doubtful")
+        else:
+            found.append("not-checked" if unchecked[i] else "ok")
+    return tuple(found)

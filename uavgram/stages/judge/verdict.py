@@ -1,0 +1,100 @@
+"""The one verdict on a result: red, amber or green, and why; it follows the messages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from uavgram.model.message import Message
+from uavgram.model.result.tables import MeasurementResults
+from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
+from uavgram.stages.judge.fit import CONTRADICTED, Fit
+from uavgram.stages.judge.statuses import statuses
+from uavgram.stages.judge.tested_survey import TestedSurvey
+
+BENDING = frozenset(
+    {
+        *("not-converged", "many-suspects", "too-many-blunders", "lengths-contradict"),
+        *("odd-height", "mount-turned", "labels-swapped-everywhere"),
+        *("lengths-factor", "lengths-offset", "lengths-wrong-unit"),
+    }
+)
+"""Codes of what contradicts, or bends, everything: nothing is to be used."""
+
+TAKING_PART = frozenset(
+    {
+        *("pick-suspect", "line-suspect", "known-suspect", "control-suspect", "prior-strained"),
+        *("telemetry-strained", "check-suspect", "blunder-not-located", "blunder-kept"),
+        *("labels-swapped", "label-elsewhere", "line-wrong-unit", "line-wrong-digit"),
+        *("line-other-ends", "lines-exchanged", "other-camera", "photo-mirrored", "photo-turned"),
+        *("photo-elsewhere",),
+    }
+)
+"""Codes of what does not fit and still takes part: what is measured at its labels is in doubt."""
+
+NOT_FITTING = frozenset(
+    {
+        *("line-left-out", "known-left-out", "control-left-out", "pick-left-out"),
+        *("frame-left-out", "line-removed", "known-removed", "pick-removed"),
+        *("line-duplicate", "known-duplicate", "group-misfit", "checks-misfit", "misfit"),
+        *("camera-contradicted", "ground-not-plane", "point-off-ground", "other-zoom"),
+        *("picks-less-exact", "readout-left-out", "clock-off", "gimbal-off", "clock-jumps"),
+        *("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
+        *("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
+    }
+)
+"""Codes of what does not fit, and was dealt with or is no single observation."""
+
+UNCHECKED = frozenset(
+    {"nothing-checks", "ambiguous-pose", "three-lengths", "three-known", "measurement-null"}
+)
+"""Codes of what nothing decides or checks."""
+
+
+def pass_verdict(
+    messages: Sequence[Message], fit: Fit, examined: TestedSurvey, table: MeasurementResults
+) -> tuple[Verdict, tuple[MeasurementStatus, ...]]:
+    """The verdict, and the status of each measurement.
+
+    Parameters
+    ----------
+    messages
+        All of the run, in the order in which people read them.
+    fit
+        How well everything fits, as numbers.
+    examined
+        The survey under test.
+    table
+        What was measured.
+    """
+    bent = fit.core < CONTRADICTED or any(m.code in BENDING for m in messages)
+    status = statuses(
+        table,
+        examined,
+        is_contradicted=bent,
+        contradicted=fit.check_labels,
+        in_doubt={label for m in messages if m.code in TAKING_PART for label in m.labels},
+    )
+    told = BENDING | TAKING_PART | NOT_FITTING | UNCHECKED
+    reasons = tuple(_reason(m) for m in messages if m.code in told)
+    level: VerdictLevel = "amber" if reasons or any(one != "ok" for one in status) else "green"
+    if bent or fit.checks < CONTRADICTED:
+        level = "red"
+        status = tuple("doubtful" if one == "ok" else one for one in status)
+    return Verdict(level=level, reasons=reasons), status
+
+
+def _reason(message: Message) -> Reason:
+    return Reason(
+        cause=message.code,
+        text=first_sentences(message.text),
+        frames=message.frames,
+        labels=message.labels,
+        lengths=message.lengths,
+        measurements=message.measurements,
+    )
+
+
+def first_sentences(text: str, count: int = 2) -> str:
+    """As much of a message as says what is wrong, and what to do."""
+    parts = text.split(". ")
+    return text if len(parts) <= count else ". ".join(parts[:count]) + "."
