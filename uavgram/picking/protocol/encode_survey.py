@@ -17,6 +17,7 @@ from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.encode_verdict import (
     length_whys,
     measurement_standings,
+    named_picks,
     verdict_json,
 )
 from uavgram.picking.protocol.geodetic import places_on_earth
@@ -157,6 +158,7 @@ def _points(adjusted: Adjusted) -> Json:
 
 def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
     picks, survey = adjusted.result.picks, adjusted.adjustment.survey
+    named = named_picks(adjusted.result.verdict)
     spread = {
         (survey.frame_id[f], survey.label[k]): _ellipse(covariance)
         for f, k, covariance in zip(
@@ -169,7 +171,7 @@ def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
             "label": label,
             "residual_px": numbers(picks.residual_px[i], _PIXEL_DIGITS),
             "w": number(picks.w[i], 3),
-            "status": picks.status[i],
+            "status": "suspect" if (image, label) in named else picks.status[i],
             "spread": spread.get((image, label)),
         }
         for i, (image, label) in enumerate(zip(picks.image, picks.label, strict=True))

@@ -6,11 +6,12 @@ All words are made here and in `views`, so that the page judges nothing itself.
 from __future__ import annotations
 
 import math
+from itertools import product
 from typing import Any
 
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import Reason, Verdict
+from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict
 from uavgram.views.survey.reliability import weakest_links
 from uavgram.views.wording import UNIT_WORDS, number, size_text
 
@@ -62,10 +63,17 @@ def _at_length(reason: Reason, messages: tuple[Message, ...]) -> Message:
     return Message("warning", reason.cause, reason.text, labels=reason.labels)
 
 
+def named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:
+    """Photo and label of the picks that reasons name."""
+    return frozenset(
+        pick for reason in verdict.reasons for pick in product(reason.frames, reason.labels)
+    )
+
+
 def measurement_standings(result: Result) -> list[Json]:
     """How far each measurement can be trusted: a word where it is not in order, and why."""
     rows = result.measurements
-    unseen = {link["name"]: _unseen(link) for link in weakest_links(result)}
+    unseen = {link["name"]: link for link in weakest_links(result)}
     standings = []
     for name, points, value, status in zip(
         rows.name, rows.points, rows.value.tolist(), rows.status, strict=True
@@ -74,15 +82,18 @@ def measurement_standings(result: Result) -> list[Json]:
             standings.append({"status": "ok", "words": "", "why": ""})
             continue
         reason = "" if status == "ok" else _reason(result.verdict, name, points)
-        why = "\n".join(filter(None, (reason, unseen.get(name, ""))))
+        error = _unseen(unseen[name], status) if name in unseen else ""
+        why = "\n".join(filter(None, (reason, error)))
         standings.append({"status": status, "words": STATUS_WORDS[status], "why": why})
     return standings
 
 
-def _unseen(link: dict[str, str]) -> str:
-    """What an error that no test finds would do to a measurement, and what nothing checks."""
+def _unseen(link: dict[str, str], status: MeasurementStatus) -> str:
+    """The error that no test finds and that moves a measurement most; what it rests on unchecked."""
     weakest = f"{link['weakest'][:1].upper()}{link['weakest'][1:]}."
-    return f"{weakest} Nothing checks {link['unchecked']}." if link["unchecked"] else weakest
+    if status != "not-checked" or not link["unchecked"]:
+        return weakest
+    return f"{weakest} Nothing checks {link['unchecked']}."
 
 
 def _reason(verdict: Verdict, name: str, points: tuple[str, ...]) -> str:
