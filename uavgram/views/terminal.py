@@ -10,6 +10,7 @@ from uavgram.model.flight.geotag import GeoTags
 from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
+from uavgram.views.survey.verdict import LEVEL_WORDS, STATUS_WORDS, scale_sentence
 from uavgram.views.wording import (
     LEVEL_RANK,
     NOT_UNIQUE,
@@ -21,10 +22,19 @@ from uavgram.views.wording import (
     worst_first,
 )
 
-HEADER = ("measurement", "kind", "points", "value ± 1 sigma", "95 % interval", "sigma/value")
+HEADER = (
+    "measurement",
+    "kind",
+    "points",
+    "value ± 1 sigma",
+    "95 % interval",
+    "sigma/value",
+    "status",
+)
 RIGHT_ALIGNED = (3, 4, 5)
-DETAILS = {("info", "camera-learnt"), ("info", "camera-not-learnt")}
-"""Messages of every run that few need: results.json and the report have them."""
+DETAILS = {("info", "camera-learnt"), ("info", "camera-not-learnt"), ("info", "scale-basis")}
+"""Messages of every run that few need, or that stand elsewhere on the screen: results.json and the
+report have them."""
 
 OTHERS = "fits as well"
 
@@ -51,8 +61,15 @@ def measurement_table(result: Result, most: int = 0) -> str:
     for i in worst_first(rows)[: most or None]:
         row = measurement_text(rows, int(i))
         shown = (row.name, row.kind, " ".join(row.points), row.value, row.interval, row.relative)
-        cells.append((*shown, *((row.others,) if unsure else ())))
+        status = STATUS_WORDS[rows.status[i]]
+        cells.append((*shown, status, *((row.others,) if unsure else ())))
     return aligned(cells) + (f"\n{NOT_UNIQUE}" if unsure else "")
+
+
+def light_line(result: Result) -> str:
+    """The verdict's colour, and what the scale rests on, which no misfit shows: below the table."""
+    level = LEVEL_WORDS[result.verdict.level]
+    return " ".join(filter(None, [f"Verdict: {level}.", scale_sentence(result)]))
 
 
 def unshown_rows(result: Result, most: int, folder: Path) -> list[str]:

@@ -53,14 +53,16 @@ def run(
     from uavgram.pipeline.measure.compute import Sampling
     from uavgram.pipeline.measure.run import FROM_PROJECT
     from uavgram.pipeline.measure.run import run as run_project
-    from uavgram.views.terminal import measurement_table, message_lines, unshown_rows
+    from uavgram.views.survey.verdict import verdict_sentence
+    from uavgram.views.terminal import light_line, measurement_table, message_lines, unshown_rows
 
     log_to_stderr(verbose=verbose)
     sampling = None if monte_carlo is None else Sampling(monte_carlo, seed)
     result = run_project(project, FROM_PROJECT if output is None else output, progress(), sampling)
     folder = Path(load_project(project).output) if output is None else output
-    say(measurement_table(result, rows), *unshown_rows(result, rows, folder), "")
-    say(*message_lines(result.messages, verbose=verbose))
+    say(measurement_table(result, rows), *unshown_rows(result, rows, folder))
+    say("", light_line(result), "", *message_lines(result.messages, verbose=verbose))
+    say("", verdict_sentence(result))  # last, so that nobody has to scroll back for it
     if view:
         show(folder / "recording.rrd", web=False)
     return DONE

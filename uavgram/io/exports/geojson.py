@@ -166,6 +166,7 @@ def _measurements(
         lower_95=measurements.interval_95[:, 0],
         upper_95=measurements.interval_95[:, 1],
         alternative_values=measurements.alternative_values,
+        status=measurements.status,
     )
 
 

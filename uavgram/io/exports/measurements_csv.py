@@ -26,6 +26,7 @@ HEADER = (
     "shift_relief_10cm",
     "shift_tape_1pct",
     "sigma_stated",
+    "status",
 )
 
 
@@ -50,7 +51,8 @@ def dump_measurements_csv(result: Result) -> str:
     Where other solutions, which explain the observations as well, put a value outside its
     interval, their values stand under ``alternatives``: then neither value nor interval is sure.
     In the last columns are the shifts by 10 cm of relief at the points, and by 1 % of tape.
-    ``sigma_stated`` is what the sigma would be, were all errors as large as stated.
+    ``sigma_stated`` is what the sigma would be, were all errors as large as stated. ``status`` says
+    how far the value can be trusted: ok, not-checked, doubtful or contradicted.
     """
     rows = result.measurements
     cells = []
@@ -67,7 +69,7 @@ def dump_measurements_csv(result: Result) -> str:
         )
         stated = rounded(rows.sigma_stated[i], float(sigma))
         known = (name, rows.kind[i], points, value, own, unit, low, high, alternatives)
-        cells.append((*known, *shifts, stated))
+        cells.append((*known, *shifts, stated, rows.status[i]))
     return csv_text(HEADER, cells)
 
 

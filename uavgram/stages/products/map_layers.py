@@ -271,6 +271,7 @@ def _measured(name: str, kind: str, result: Result) -> Layer:
             "alternatives": tuple(
                 ";".join(f"{value:.4f}" for value in measured.alternative_values[i]) for i in rows
             ),
+            "status": tuple(measured.status[i] for i in rows),
         },
     )
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Literal
+
 import numpy as np
 
 from uavgram.model.camera.calibration import Calibration
@@ -9,7 +12,6 @@ from uavgram.model.camera.calibration_account import CalibrationAccount, LensEff
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.views.calibration.drawing import pixels_text
 from uavgram.views.survey.drawing import largest_known
-from uavgram.views.survey.verdict import Verdict
 from uavgram.views.wording import LEVEL_RANK
 
 GOOD_FOCAL = 0.005
@@ -24,6 +26,28 @@ _UNDETERMINED = (
 )
 
 Fact = tuple[str, str]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """One sentence and its reasons.
+
+    Attributes
+    ----------
+    level
+        ``good``, or ``look`` (something deserves a second look).
+    sentence
+        For the top of the page.
+    reasons
+        What to look at, worst first; empty where all is good.
+    counts
+        How much of what was given was used, in one sentence.
+    """
+
+    level: Literal["good", "look"]
+    sentence: str
+    reasons: tuple[str, ...]
+    counts: str
 
 
 def judge_calibration(account: CalibrationAccount) -> Verdict:

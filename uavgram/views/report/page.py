@@ -37,7 +37,7 @@ from uavgram.views.survey.reliability import (
     weakest_links,
 )
 from uavgram.views.survey.top_view import INK, top_view
-from uavgram.views.survey.verdict import THREE_SIGMA, judge
+from uavgram.views.survey.verdict import STATUS_WORDS, THREE_SIGMA, verdict_words
 from uavgram.views.wording import (
     FRAME_STATUS_WORDS,
     GROUP_WORDS,
@@ -93,7 +93,8 @@ def render_report(result: Result) -> str:
             group_words=GROUP_WORDS,
             line_words=LINE_STATUS_WORDS,
             frame_words=FRAME_STATUS_WORDS,
-            verdict=judge(result),
+            verdict=verdict_words(result),
+            status_words=STATUS_WORDS,
             facts=key_facts(result),
             measured=computed_first(result.measurements),
             not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",

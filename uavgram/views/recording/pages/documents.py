@@ -20,7 +20,7 @@ from uavgram.views.recording.pages.tables import (
 from uavgram.views.recording.photo.frame_picks import FramePicks
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.survey.verdict import judge
+from uavgram.views.survey.verdict import verdict_words
 
 SUMMARY = "documents/summary"
 FRAME_SHEET = "documents/frame"
@@ -56,7 +56,7 @@ def log_documents(
         Residuals and corrections of every frame.
     """
     for path, text in (
-        (SUMMARY, summary(result, judge(result), scene)),
+        (SUMMARY, summary(result, verdict_words(result), scene)),
         (MEASURED, measured_page(result)),
         (LENGTHS, lengths_page(result)),
         (CHECKS, checks_page(result)),

@@ -23,7 +23,7 @@ from uavgram.views.survey.reliability import (
     second_order_rows,
     weakest_links,
 )
-from uavgram.views.survey.verdict import THREE_SIGMA, Verdict
+from uavgram.views.survey.verdict import THREE_SIGMA, VerdictWords
 from uavgram.views.wording import (
     LEVEL_RANK,
     LINE_STATUS_WORDS,
@@ -52,7 +52,7 @@ def _page(name: str, result: Result, **shown: object) -> str:
     return re.sub(r"\n{3,}", "\n\n", text).strip("\n")
 
 
-def summary(result: Result, verdict: Verdict, scene: Scene) -> str:
+def summary(result: Result, verdict: VerdictWords, scene: Scene) -> str:
     """Is it good, what is wrong, and what was measured: the page that is read first.
 
     Parameters
