@@ -11,46 +11,41 @@ from typing import Any
 
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict
+from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.views.survey.reliability import weakest_links
+from uavgram.views.survey.verdict import STATUS_WORDS, headline
 from uavgram.views.wording import UNIT_WORDS, number, size_text
 
 Json = dict[str, Any]
-
-STATUS_WORDS = {
-    "ok": "",
-    "not-checked": "not checked",
-    "doubtful": "doubtful",
-    "contradicted": "contradicted",
-}
-
-
-def headline(verdict: Verdict) -> str:
-    """Stub."""
-    if verdict.level == "green":
-        return "Green: everything fits"
-    if verdict.level == "red":
-        return "Red: the observations contradict each other: do not use"
-    return "Amber: something does not fit"
 
 
 def verdict_json(result: Result) -> Json:
     """Light and reasons.
 
-    ``first`` is the likeliest reason in a sentence or two. ``why`` are all reasons, then whatever
-    else was warned of, as messages with their statistics.
+    ``first`` is the likeliest reason in a sentence or two. ``why`` are all reasons with their
+    statistics, where that says more, then whatever else was warned of.
     """
     verdict = result.verdict
+    first = Message("warning", "", "")
+    if verdict.reasons:
+        reason = verdict.reasons[0]
+        first = Message("warning", reason.cause, reason.text, labels=reason.labels)
     told = [_at_length(reason, result.messages) for reason in verdict.reasons]
     warned = [message for message in result.messages if message.level != "info"]
     return {
         "level": verdict.level,
-        "words": headline(verdict),
-        "first": verdict.reasons[0].text if verdict.reasons else "",
-        "why": [
-            {"level": m.level, "code": m.code, "text": m.text, "labels": list(m.labels)}
-            for m in dict.fromkeys((*told, *warned))
-        ],
+        "words": headline(result),
+        "first": _remark(first),
+        "why": [_remark(m) for m in dict.fromkeys((*told, *warned)) if m.text != first.text],
+    }
+
+
+def _remark(message: Message) -> Json:
+    return {
+        "level": message.level,
+        "code": message.code,
+        "text": message.text,
+        "labels": list(message.labels),
     }
 
 
@@ -73,7 +68,7 @@ def named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:
 def measurement_standings(result: Result) -> list[Json]:
     """How far each measurement can be trusted: a word where it is not in order, and why."""
     rows = result.measurements
-    unseen = {link["name"]: link for link in weakest_links(result)}
+    unseen = {link["name"]: _sentence(link["weakest"]) for link in weakest_links(result)}
     standings = []
     for name, points, value, status in zip(
         rows.name, rows.points, rows.value.tolist(), rows.status, strict=True
@@ -82,18 +77,15 @@ def measurement_standings(result: Result) -> list[Json]:
             standings.append({"status": "ok", "words": "", "why": ""})
             continue
         reason = "" if status == "ok" else _reason(result.verdict, name, points)
-        error = _unseen(unseen[name], status) if name in unseen else ""
+        error = unseen.get(name, "")
         why = "\n".join(filter(None, (reason, error)))
-        standings.append({"status": status, "words": STATUS_WORDS[status], "why": why})
+        words = "" if status == "ok" else STATUS_WORDS[status]
+        standings.append({"status": status, "words": words, "why": why})
     return standings
 
 
-def _unseen(link: dict[str, str], status: MeasurementStatus) -> str:
-    """The error that no test finds and that moves a measurement most; what it rests on unchecked."""
-    weakest = f"{link['weakest'][:1].upper()}{link['weakest'][1:]}."
-    if status != "not-checked" or not link["unchecked"]:
-        return weakest
-    return f"{weakest} Nothing checks {link['unchecked']}."
+def _sentence(words: str) -> str:
+    return f"{words[:1].upper()}{words[1:]}."
 
 
 def _reason(verdict: Verdict, name: str, points: tuple[str, ...]) -> str:
@@ -105,7 +97,7 @@ def _reason(verdict: Verdict, name: str, points: tuple[str, ...]) -> str:
 
 
 def length_whys(result: Result) -> list[str]:
-    """Of each known length: the first reason that names it, and the smallest error that would show."""
+    """Of each known length the first reason that names it, and the smallest error that shows."""
     lines, evidence, unit_of = result.lines, result.evidence, _units(result)
     whys = []
     for i, name in enumerate(lines.name):

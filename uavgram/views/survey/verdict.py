@@ -17,6 +17,13 @@ LEVEL_WORDS: dict[VerdictLevel, str] = {
     "amber": "amber",
     "red": "red, do not use these numbers",
 }
+UNDECIDED = frozenset(
+    {"ambiguous-pose", "three-lengths", "three-known", "measurement-null", "not-judged"}
+)
+"""Causes of which none is a misfit."""
+
+MOST_NAMES = 2
+
 ALL_IS_WELL = "Everything fits, and something checks every measurement."
 
 STATUS_WORDS: dict[MeasurementStatus, str] = {
@@ -72,6 +79,28 @@ def verdict_sentence(result: Result) -> str:
     if (more := len(verdict.reasons) - 1) > 0:
         why.append(f"(And {_count(more, 'other reason')}.)")
     return " ".join([f"Verdict: {LEVEL_WORDS[verdict.level]}.", *why])
+
+
+def headline(result: Result) -> str:
+    """``Amber: nothing checks 'whole' and 'south'``: what stands beside the light."""
+    level, reasons = result.verdict.level, result.verdict.reasons
+    if level == "green":
+        return "Green: everything fits"
+    if level == "red":
+        return "Red: the observations contradict each other: do not use"
+    if not reasons or reasons[0].cause == "nothing-checks":
+        return f"Amber: nothing checks {_unchecked(result)}"
+    if reasons[0].cause in UNDECIDED:
+        return "Amber: look at this first"
+    return "Amber: something does not fit"
+
+
+def _unchecked(result: Result) -> str:
+    rows = result.measurements
+    named = zip(rows.name, rows.status, strict=True)
+    names = [repr(name) for name, status in named if status == "not-checked"]
+    shown = names[:MOST_NAMES] + [f"{len(names) - MOST_NAMES} more"][: len(names) > MOST_NAMES]
+    return f"{', '.join(shown[:-1])} and {shown[-1]}" if len(shown) > 1 else "".join(shown)
 
 
 def scale_sentence(result: Result) -> str:

@@ -40,8 +40,8 @@ export type Calibration = { t: "calibration" } & (
 // The adjustment.
 
 export interface Fit { image: number; label: string; residual_px: Maybe[]; w: Maybe; status: string; spread: Spread | null }
-// The one verdict: likeliest reason, and all reasons and warnings at length. Level and words are the server's.
-export interface Verdict { level: "green" | "amber" | "red"; words: string; first: string; why: Remark[] }
+// The one verdict: likeliest reason (without text where all is well), what more is to be said. All of it is the server's.
+export interface Verdict { level: "green" | "amber" | "red"; words: string; first: Remark; why: Remark[] }
 export interface Measured { value: Maybe; sigma: Maybe; unit: string; alternatives: Maybe[]; status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string; why: string }
 export type Places = Record<string, [number, number] | undefined>; // latitude and longitude by label
 export interface AdjustedPoint { sigma_m: Maybe[]; height_m?: Maybe; height_sigma_m?: Maybe } // over the ground, where it is off it

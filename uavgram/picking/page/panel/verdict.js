@@ -16,15 +16,18 @@ export function showVerdict(box, tools) {
   box.dataset.level = level;
   if (byId("light").textContent !== words) byId("light").textContent = words;
   const high = offGround();
-  /** @param {Remark | undefined} message */
-  const button = (message) => (message?.code === OFF_GROUND && high.length ? freeButton(high, tools) : null);
-  fillIfNew(byId("first"), JSON.stringify([first, why[0]?.code, high]), () => (first ? [node("span", {}, first), button(why[0]) ?? ""] : []));
-  byId("why").hidden = !why.length || (why.length === 1 && why[0].text === first);
-  fillIfNew(byId("reasons"), JSON.stringify([why, high]), () => [list(why, (message) => (message === why[0] && first ? null : button(message)))]);
+  /** @param {Remark} message */
+  const button = ({ code }) => (code === OFF_GROUND && high.length ? freeButton(high, tools) : null);
+  fillIfNew(byId("first"), JSON.stringify([first, high]), () => (first.text ? [node("span", {}, first.text), button(first) ?? ""] : []));
+  byId("why").hidden = !why.length;
+  byId("why-title").textContent = first.text ? "Why" : `Warnings (${why.length})`;
+  fillIfNew(byId("reasons"), JSON.stringify([why, high]), () => [list(why, button)]);
 }
 
 // Before there are numbers: what was warned of.
-const unjudged = () => ({ level: "none", words: "", first: "", why: remarks().filter(({ level }) => level !== "info") });
+/** @type {Remark} */
+const NOTHING = { level: "warning", code: "", text: "" };
+const unjudged = () => ({ level: "none", words: "", first: NOTHING, why: remarks().filter(({ level }) => level !== "info") });
 
 /** @param {string[]} high @param {Tools} tools */
 const freeButton = (high, tools) => node("button", { class: "below", name: "free", title: "Takes it that they stand off the ground, at heights that their photos tell", onclick: () => tools.heights.free(high) },
