@@ -26,7 +26,7 @@ from uavgram.views.style import (
     BAD,
     HEIGHT_COLOURS,
     LINE_COLOURS,
-    MEASURED,
+    MEASURED_COLOURS,
     OBSERVED,
     REFINED,
     SEED,
@@ -136,7 +136,8 @@ def _residuals(
 class _Shape:
     """A thing to draw in every frame that sees it: samples of one polyline in the world.
 
-    `ends` are the labels that must all be picked in a frame; known lengths are always drawn.
+    `ends` are the labels that must all be picked in a frame; known lengths are always drawn. What
+    is contradicted is dashed.
     """
 
     entity: str
@@ -144,6 +145,7 @@ class _Shape:
     text: str
     samples_m: Floats
     ends: frozenset[str] = frozenset()
+    is_dashed: bool = False
 
 
 def _shapes(result: Result) -> list[_Shape]:
@@ -157,11 +159,24 @@ def _shapes(result: Result) -> list[_Shape]:
         shapes.append(_Shape(entity, LINE_COLOURS[status], text, sampled(known[row])))
     for row in map(int, worst_first(result.measurements)):
         text, ends = measured_text(result, row), frozenset(result.measurements.points[row])
+        standing = result.measurements.status[row]
         shapes += [
-            _Shape("measured", MEASURED, text, sampled(strip), ends)
+            _Shape(
+                f"measured/{standing}",
+                MEASURED_COLOURS[standing],
+                text,
+                sampled(strip),
+                ends,
+                is_dashed=standing == "contradicted",
+            )
             for strip in measured.get(row, [])
         ]
     return shapes
+
+
+def _dashed(pixel: Floats) -> Floats:
+    """(m, 2) the samples of a polyline, every fourth one NaN."""
+    return np.where(np.arange(len(pixel))[:, None] % 4 == 3, np.nan, pixel)
 
 
 def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) -> list[list[Word]]:
@@ -185,7 +200,9 @@ def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) ->
         for shape, seen in zip(shown, np.split(pixel, cuts), strict=True):
             pieces = visible_runs(seen)
             if pieces:
-                runs[shape.entity][frame] += pieces
+                runs[shape.entity][frame] += (
+                    visible_runs(_dashed(seen)) if shape.is_dashed else pieces
+                )
                 longest = max(pieces, key=len)
                 words[frame].append((longest[len(longest) // 2], shape.text))
     for shape in {shape.entity: shape for shape in shapes}.values():

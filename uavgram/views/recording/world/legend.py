@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import textwrap
+
 import numpy as np
 import rerun as rr
 from PIL import Image, ImageDraw, ImageFont
@@ -16,7 +18,9 @@ from uavgram.views.style import (
     BELOW,
     FRAME_COLOURS,
     HEIGHT_COLOURS,
+    LEVEL_COLOURS,
     MEASURED,
+    QUIET,
     REFERENCE,
     REFINED,
     SEED,
@@ -25,6 +29,7 @@ from uavgram.views.style import (
     scale_colours,
 )
 from uavgram.views.survey.frame_states import frame_states
+from uavgram.views.survey.verdict import STATUS_WORDS, headline
 from uavgram.views.wording import size_text
 
 LEGEND = "legend"
@@ -35,6 +40,7 @@ TEXT: Rgb = (225, 228, 232)
 FONT_PX = 30
 ROWS_PX = (10, 60)
 GAP_PX = 40
+MOST_LETTERS = 32
 HEIGHT_WORDS = {
     "free": "height found",
     "stated": "height stated",
@@ -61,7 +67,7 @@ def log_legend(recorder: Recorder, result: Result, scene: Scene, ground_gain: fl
 
 
 def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image.Image:
-    """Swatches of the lines that occur, the colour scale of the ellipses, and remarks.
+    """The verdict, swatches of the lines that occur, the ellipses' colour scale, and remarks.
 
     Parameters
     ----------
@@ -75,7 +81,8 @@ def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image
     image = Image.new("RGB", (2 * WIDTH_PX, HEIGHT_PX), BACKGROUND)
     pen = ImageDraw.Draw(image)
     font = ImageFont.load_default(FONT_PX)
-    rows = [20.0, 20.0]
+    begin = _verdict(pen, font, result)
+    rows = [begin, begin]
     for row, text, colour in _entries(result, scene):
         y = ROWS_PX[row] + FONT_PX / 2 + 3
         x = rows[row]
@@ -95,6 +102,19 @@ def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image
         pen.text((ends[k % 2], ROWS_PX[k % 2]), text, fill=TEXT, font=font)
         ends[k % 2] += int(pen.textlength(text, font=font)) + GAP_PX
     return image.crop((0, 0, max(WIDTH_PX, max(ends) - GAP_PX // 2), HEIGHT_PX))
+
+
+def _verdict(
+    pen: ImageDraw.ImageDraw, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, result: Result
+) -> float:
+    """Draw the verdict's colour and its words, in two rows; where they end."""
+    level, _, words = headline(result).partition(": ")
+    rows = [level.upper(), textwrap.shorten(words, MOST_LETTERS, placeholder=" ...")]
+    end = 40.0 + max(pen.textlength(text, font=font) for text in rows)
+    pen.rectangle((0, 0, end, HEIGHT_PX), fill=LEVEL_COLOURS[result.verdict.level])
+    for y, text in zip(ROWS_PX, rows, strict=True):
+        pen.text((20, y), text, fill=(255, 255, 255), font=font)
+    return end + 20.0
 
 
 def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
@@ -119,8 +139,13 @@ def _cameras_and_lines(result: Result) -> list[tuple[int, str, Rgb]]:
         entries.append((0, "known length, suspect", BAD))
     if "checked" in status:
         entries.append((1, "known length, withheld", WITHHELD))
-    if np.isfinite(result.measurements.value).any():
+    measured = result.measurements
+    found = {s for s, v in zip(measured.status, measured.value, strict=True) if np.isfinite(v)}
+    if found & {"ok", "not-checked"}:
         entries.append((1, "measured", MEASURED))
+    doubts = [STATUS_WORDS[s] for s in ("doubtful", "contradicted") if s in found]
+    if doubts:
+        entries.append((0, f"measured, {' or '.join(doubts)}", QUIET))
     return entries
 
 
