@@ -17,13 +17,13 @@ from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.encode_verdict import (
     length_whys,
     measurement_standings,
-    named_picks,
     verdict_json,
 )
 from uavgram.picking.protocol.geodetic import places_on_earth
 from uavgram.pipeline.pick.live import Adjusted, Linearised
 from uavgram.pipeline.pick.other_photos import KnownPlaces
 from uavgram.stages.messages import in_order
+from uavgram.views.survey.verdict import named_picks
 
 Json = dict[str, Any]
 

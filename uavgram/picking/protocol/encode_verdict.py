@@ -6,7 +6,6 @@ All words are made here and in `views`, so that the page judges nothing itself.
 from __future__ import annotations
 
 import math
-from itertools import product
 from typing import Any
 
 from uavgram.model.message import Message
@@ -56,13 +55,6 @@ def _at_length(reason: Reason, messages: tuple[Message, ...]) -> Message:
         if message.code == reason.cause and message.text.startswith(opening):
             return message
     return Message("warning", reason.cause, reason.text, labels=reason.labels)
-
-
-def named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:
-    """Photo and label of the picks that reasons name."""
-    return frozenset(
-        pick for reason in verdict.reasons for pick in product(reason.frames, reason.labels)
-    )
 
 
 def measurement_standings(result: Result) -> list[Json]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import MeasurementStatus, Reason, VerdictLevel
+from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
 
 # The usual limit of the trade for a check.
 THREE_SIGMA = 3.0
@@ -101,6 +102,13 @@ def _unchecked(result: Result) -> str:
     names = [repr(name) for name, status in named if status == "not-checked"]
     shown = names[:MOST_NAMES] + [f"{len(names) - MOST_NAMES} more"][: len(names) > MOST_NAMES]
     return f"{', '.join(shown[:-1])} and {shown[-1]}" if len(shown) > 1 else "".join(shown)
+
+
+def named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:
+    """Photo and label of the picks that reasons name."""
+    return frozenset(
+        pick for reason in verdict.reasons for pick in product(reason.frames, reason.labels)
+    )
 
 
 def scale_sentence(result: Result) -> str:

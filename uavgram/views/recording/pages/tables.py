@@ -35,8 +35,9 @@ from uavgram.views.wording import (
     worst_fit_first,
 )
 
-LEVEL_MARKS = {"green": "✔", "amber": "⚠", "red": "✖"}
-"""What stands before the headline: a page of text has no colours."""
+LEVEL_MARKS = {"green": "✔", "amber": "⚠", "red": "⚠"}
+"""What stands before the headline. The viewer's font has few signs, and it ends at one that it has
+not."""
 
 
 def _page(name: str, result: Result, **shown: object) -> str:

@@ -35,6 +35,7 @@ from uavgram.views.style import (
 from uavgram.views.survey.drawing import in_photo, project_from, sampled, uncovered, visible_runs
 from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.survey.off_ground import OffGround
+from uavgram.views.survey.verdict import named_picks
 from uavgram.views.wording import FRAME_STATE_WORDS, number, worst_first
 
 # Pixel and text of a label.
@@ -108,8 +109,9 @@ def _residuals(
     recorder: Recorder, result: Result, scene: Scene, picks: FramePicks, photo: str
 ) -> None:
     pixel = result.picks.pixel_px
-    status = np.array(result.picks.status, dtype=str)
-    bad = np.isin(status, ("suspect", "removed"))
+    named, picked = named_picks(result.verdict), result.picks
+    bad = np.isin(np.array(picked.status, dtype=str), ("suspect", "removed"))
+    bad |= np.array([p in named for p in zip(picked.image, picked.label, strict=True)], dtype=bool)
     fitted = np.isfinite(result.picks.residual_px[:, 0])
     tip = pixel + scene.residual_factor * np.nan_to_num(result.picks.residual_px)
     arrows = np.stack([pixel, tip], axis=1)

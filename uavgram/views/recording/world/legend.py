@@ -29,7 +29,7 @@ from uavgram.views.style import (
     scale_colours,
 )
 from uavgram.views.survey.frame_states import frame_states
-from uavgram.views.survey.verdict import STATUS_WORDS, headline
+from uavgram.views.survey.verdict import LEVEL_WORDS, STATUS_WORDS, headline
 from uavgram.views.wording import size_text
 
 LEGEND = "legend"
@@ -108,8 +108,9 @@ def _verdict(
     pen: ImageDraw.ImageDraw, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, result: Result
 ) -> float:
     """Draw the verdict's colour and its words, in two rows; where they end."""
-    level, _, words = headline(result).partition(": ")
-    rows = [level.upper(), textwrap.shorten(words, MOST_LETTERS, placeholder=" ...")]
+    words = headline(result).partition(": ")[2]
+    level = LEVEL_WORDS[result.verdict.level].upper()
+    rows = [level, textwrap.shorten(words, MOST_LETTERS, placeholder=" ...")]
     end = 40.0 + max(pen.textlength(text, font=font) for text in rows)
     pen.rectangle((0, 0, end, HEIGHT_PX), fill=LEVEL_COLOURS[result.verdict.level])
     for y, text in zip(ROWS_PX, rows, strict=True):
