@@ -25,11 +25,15 @@ def test_run_prints_the_measurements_worst_first_and_then_the_messages(
     assert ESCAPE not in done.stdout
     table, said = done.stdout.split("\n\n", 1)
     shares = [
-        row.split()[-2] for row in table.splitlines() if row.endswith("%") and "m/s" not in row
+        row.split("%")[0].split()[-1]
+        for row in table.splitlines()[2:]
+        if "%" in row and "m/s" not in row
     ]
     assert len(shares) >= 7
     assert shares == sorted(shares, key=float, reverse=True)
+    assert said.startswith("Verdict: ")
     assert "info: camera clock minus UTC is +2.60" in said
+    assert said.splitlines()[-1].startswith("Verdict: ")
 
 
 def test_verbose_says_the_steps_on_stderr(project: Project, command: Command) -> None:

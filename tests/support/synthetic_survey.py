@@ -35,6 +35,7 @@ from uavgram.model.result.tables import (
     PointResults,
     PoseTable,
 )
+from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.model.survey.observations import MeasurementKind
 from uavgram.model.survey.world import Geodetic, World
 
@@ -60,6 +61,17 @@ LINES: tuple[Line, ...] = (
     ("R4 wall", "P24", "P28", "checked", 0.017),
     ("R5 gate", "P02", "P14", "used", 0.002),
     ("R6 fence", "P03", "Q99", "unseen", np.nan),
+)
+SUSPECT = Verdict(
+    level="amber",
+    reasons=(
+        Reason(
+            cause="line-suspect",
+            text="Line 'R3 hedge' disagrees by 0.21 m (w = 13.5): read the tape again.",
+            lengths=("R3 hedge",),
+        ),
+        Reason(cause="measurement-null", text="'to the tree' cannot be measured."),
+    ),
 )
 MEASURES: tuple[Measure, ...] = (
     ("skid left", "distance", ("P01", "P10"), "m"),
@@ -256,7 +268,7 @@ def _lines(labels: list[str], spots: Floats, wanted: tuple[Line, ...]) -> LineRe
 
 
 def _measurements(
-    labels: list[str], spots: Floats, wanted: tuple[Measure, ...]
+    labels: list[str], spots: Floats, wanted: tuple[Measure, ...], *, clean: bool
 ) -> MeasurementResults:
     at = dict(zip(labels, spots, strict=True))
     value = np.full(len(wanted), np.nan)
@@ -286,6 +298,9 @@ def _measurements(
         unit=tuple(w[3] for w in wanted),
         interval_95=value[:, None] + 1.959964 * sigma[:, None] * [-1, 1],
         correlation=correlation,
+        status=tuple(
+            "not-checked" if np.isnan(one) else "ok" if clean else "doubtful" for one in value
+        ),
     )
 
 
@@ -456,7 +471,7 @@ def build(
             redundancy=np.where(np.isfinite(residual[:, 0]), 0.7, np.nan) if len(none) else none,
             status=tuple(status),
         ),
-        measurements=_measurements(labels, points["position"], measures),
+        measurements=_measurements(labels, points["position"], measures, clean=clean),
         point_checks=PointChecks(
             label=("P21", "P29")[: 2 if point_count >= 30 and telemetry else 0],
             error_m=np.array([[0.012, -0.020, 0.03], [0.05, 0.004, -0.01]])[
@@ -501,6 +516,7 @@ def build(
                 ),
             ),
         ),
+        verdict=Verdict(level="green") if clean else SUSPECT,
         messages=(Message("info", "origin-home", "The origin is home."),)
         if clean
         else (
@@ -509,11 +525,7 @@ def build(
                 "origin-home",
                 "The origin is home: 48.1372, 11.5755, 519.2 m above mean sea level.",
             ),
-            Message(
-                "warning",
-                "line-suspect",
-                "Line 'R3 hedge' disagrees by 0.21 m (w = 13.5): read the tape again.",
-            ),
+            Message("warning", "line-suspect", SUSPECT.reasons[0].text),
             Message(
                 "error",
                 "label-unseen",

@@ -31,7 +31,7 @@ HEADER = (
     "sigma/value",
     "status",
 )
-RIGHT_ALIGNED = (3, 4, 5)
+RIGHT_ALIGNED = (3, 4, 5, 6)
 DETAILS = {("info", "camera-learnt"), ("info", "camera-not-learnt"), ("info", "scale-basis")}
 """Messages of every run that few need, or that stand elsewhere on the screen: results.json and the
 report have them."""

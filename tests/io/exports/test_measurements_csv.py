@@ -20,7 +20,7 @@ def test_the_table_holds_the_measurements_with_empty_cells_for_what_is_not_known
 
     assert ",".join(rows[0]) == (
         "name,kind,points,value,sigma,unit,lower_95,upper_95,alternatives,"
-        "shift_relief_10cm,shift_tape_1pct,sigma_stated"
+        "shift_relief_10cm,shift_tape_1pct,sigma_stated,status"
     )
     assert rows[1] == [
         "m, long",
@@ -34,8 +34,9 @@ def test_the_table_holds_the_measurements_with_empty_cells_for_what_is_not_known
         "",
         "",
         "0.05000",
+        "not-checked",
     ]
-    assert rows[5] == ["q", "skid_speed", "P;Z", "", "", "m/s", "", "", "", "", "", ""]
+    assert rows[5] == ["q", "skid_speed", "P;Z", "", "", "m/s", *[""] * 6, "not-checked"]
     assert len(rows) == 7
 
 

@@ -9,7 +9,7 @@ from hostile_surveys import make_survey
 
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.views.survey.verdict import judge
+from uavgram.views.survey.verdict import verdict_sentence
 
 
 @pytest.mark.parametrize("seed", [0, 1])
@@ -21,7 +21,7 @@ def test_a_gps_jump_is_said_first_and_no_clock_is_blamed(tmp_path: Path, seed: i
     assert 3 <= len(warnings[0].frames) <= 6
     assert not any("clock drift" in m.text for m in result.messages)
     assert not any(m.code in ("telemetry-strained", "group-misfit") for m in warnings)
-    assert "position jumps by 10.0 m" in judge(result).sentence
+    assert "position jumps by 10.0 m" in verdict_sentence(result)
     rows = result.measurements
     for name, value, sigma in zip(rows.name, rows.value, rows.sigma, strict=True):
         assert abs(value - survey.truth[name]) < 4.5 * sigma

@@ -364,8 +364,8 @@ def test_the_photo_is_shown_whole(result: Result) -> None:
 def test_the_summary_opens_with_what_is_wrong(contents: Contents) -> None:
     text = contents.static["/documents/summary"]["TextDocument:text"][0]
 
-    assert text.startswith("# ⚠ Look at this first\n\n- Known length 'R3 hedge' disagrees")
-    assert "Not computed: to the tree (see the messages)" in text
+    assert text.startswith("# ⚠ Verdict: amber. Line 'R3 hedge' disagrees")
+    assert "'to the tree' cannot be measured" in text
     assert "2 more are on the page *Measured*" in text
 
 

@@ -31,7 +31,7 @@ from uavgram.views.recording.photo.photo import PHOTOS_PER_CHUNK
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.world.legend import BACKGROUND, HEIGHT_PX, WIDTH_PX, draw_legend
 from uavgram.views.survey.drawing import round_length
-from uavgram.views.survey.verdict import judge
+from uavgram.views.survey.verdict import verdict_words
 
 PHOTO = "/survey/current_camera/photo"
 
@@ -242,9 +242,9 @@ def test_the_summary_says_whose_plane_the_ground_lies_on() -> None:
     several, scene = replace(result, areas=areas), measure_scene(result)
 
     assert "plane of the area 'default': what lies on 'verge'" in summary(
-        several, judge(several), scene
+        several, verdict_words(several), scene
     )
-    assert "plane of the area" not in summary(result, judge(result), scene)
+    assert "plane of the area" not in summary(result, verdict_words(result), scene)
 
 
 @pytest.mark.parametrize("variant", [{}, {"clean": True}, {"telemetry": False}], ids=str)

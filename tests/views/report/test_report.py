@@ -219,7 +219,7 @@ def test_where_first_order_is_not_enough_the_way_out_is_said() -> None:
     assert "use the sampled intervals" in render_report(doubtful)
     alone = render_report(replace(doubtful, monte_carlo=None))
     assert "run again with --monte-carlo and use its intervals" in alone
-    flagged = [row for row in Page(alone).rows if len(row) == 8 and "not enough" in row[1]]
+    flagged = [row for row in Page(alone).rows if len(row) == 9 and "not enough" in row[1]]
     assert [row[0] for row in flagged] == [result.measurements.name[2]]
 
 

@@ -21,6 +21,7 @@ from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.views.report import render_report
+from uavgram.views.survey.verdict import STATUS_WORDS
 
 NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?")
 
@@ -93,6 +94,7 @@ def test_measurements(both: Outputs) -> None:
     for i, one in enumerate(both.file["measurements"]):
         cells = rows[one["name"]]
         assert cells[2] == " – ".join(one["points"])
+        assert cells[6] == STATUS_WORDS[one["status"]]
         if one["value"] is None:
             assert cells[3] == "not computed"
             continue
@@ -100,7 +102,7 @@ def test_measurements(both: Outputs) -> None:
         if cells[5] != "–":
             agree(cells[5:6], 100 * one["sigma"] / abs(one["value"]))
         if sampled:
-            agree(cells[6:8], sampled["sigma"][i], *sampled["interval_95"][i])
+            agree(cells[7:9], sampled["sigma"][i], *sampled["interval_95"][i])
 
 
 def test_error_budget(both: Outputs) -> None:

@@ -1,79 +1,82 @@
-"""The first sentence."""
+"""The verdict in words, and that no table can be read without it."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
-import numpy as np
 import pytest
 import synthetic_survey as survey
 
-from uavgram.views.survey.verdict import judge
+from uavgram.io.exports.measurements_csv import dump_measurements_csv
+from uavgram.model.message import Message
+from uavgram.model.result.result import Result
+from uavgram.model.result.verdict import NOT_JUDGED, Reason, Verdict
+from uavgram.views.report.page import render_report
+from uavgram.views.survey.verdict import STATUS_WORDS, verdict_sentence, verdict_words
+from uavgram.views.terminal import light_line, measurement_table
+
+SCALE = "The scale rests on your lengths (± 1 %); nothing else bears on it."
 
 
-def test_a_survey_without_a_flaw_is_good() -> None:
-    verdict = judge(survey.build(clean=True))
+def test_a_survey_without_a_flaw_is_green_in_one_sentence() -> None:
+    words = verdict_words(survey.build(clean=True))
 
-    assert verdict.level == "good"
-    assert verdict.reasons == ()
-    assert verdict.counts.startswith("20 of 20 frames refined, 4 of 5 known lengths used")
-
-
-def test_a_suspect_length_is_named_first_with_its_error() -> None:
-    verdict = judge(survey.build())
-
-    assert verdict.level == "look"
-    assert "'R3 hedge' disagrees with the rest by 0.210 m" in verdict.reasons[0]
-    assert verdict.reasons[0] in verdict.sentence
+    assert words.sentence == (
+        "Verdict: green. Everything fits, and something checks every measurement."
+    )
+    assert words.reasons == ()
+    assert words.counts.startswith("20 of 20 frames refined, 4 of 5 known lengths used")
 
 
-def test_every_flaw_of_the_survey_is_among_the_reasons() -> None:
-    reasons = " ".join(judge(survey.build()).reasons)
-
-    for flaw in (
-        "1 pick suspect",
-        "DSC_0011.jpg",
-        "DSC_0005.jpg",
-        "to the tree",
-        "R6 fence",
-        "1.62",
-    ):
-        assert flaw in reasons
+def test_the_first_reason_is_told_and_how_many_more_there_are() -> None:
+    assert verdict_sentence(survey.build()) == (
+        "Verdict: amber. Line 'R3 hedge' disagrees by 0.21 m (w = 13.5): read the tape again. "
+        "(And 1 other reason.)"
+    )
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"converged": False}, "did not converge"),
-        ({"degrees_of_freedom": 0}, "Nothing is redundant"),
-        ({"chi2_probability": 1e-5}, "disagree more than their sigmas"),
-    ],
-)
-def test_a_doubtful_adjustment_is_not_good(change: dict[str, Any], words: str) -> None:
-    result = survey.build(clean=True)
-    doubtful = replace(result, solution=replace(result.solution, **change))
+def test_red_says_not_to_use_the_numbers_whatever_the_reason() -> None:
+    reason = Reason(cause="misfit", text="Picks and lengths contradict each other.")
+    red = replace(survey.build(), verdict=Verdict(level="red", reasons=(reason,)))
 
-    assert words in judge(doubtful).sentence
+    assert verdict_sentence(red).startswith("Verdict: red, do not use these numbers. Picks and")
+    assert 'class="verdict red"' in render_report(red)
 
 
-def test_a_check_outside_three_sigma_is_not_good() -> None:
-    result = survey.build(clean=True)
-    error = result.point_checks.error_m.copy()
-    error[1, 2] = 0.1  # of 0.03
-    checks = replace(result.point_checks, error_m=error)
+def test_a_result_that_nobody_judged_is_not_green() -> None:
+    unjudged = replace(survey.build(clean=True), verdict=NOT_JUDGED)
 
-    assert "three sigma: P29" in judge(replace(result, point_checks=checks)).sentence
+    assert verdict_sentence(unjudged).startswith("Verdict: amber. Nothing says whether")
 
 
-def test_a_withheld_length_outside_three_sigma_is_not_good() -> None:
-    result = survey.build(clean=True)
-    checks = replace(result.line_checks, z=np.full(len(result.line_checks.z), -3.2))
+@pytest.fixture(scope="module")
+def mixed() -> Result:
+    """A row of each status, and a scale that nothing bears out."""
+    result = survey.build()
+    words = tuple(STATUS_WORDS)
+    status = tuple(words[i % len(words)] for i in range(len(result.measurements.name)))
+    measurements = replace(result.measurements, status=status)
+    messages = (*result.messages, Message("info", "scale-basis", SCALE))
+    return replace(result, measurements=measurements, messages=messages)
 
-    assert "three sigma: R4 wall" in judge(replace(result, line_checks=checks)).sentence
+
+def test_every_row_of_every_table_has_its_status(mixed: Result) -> None:
+    rows = mixed.measurements
+    table = measurement_table(mixed).splitlines()[2:]
+    cells = [line.split(",") for line in dump_measurements_csv(mixed).splitlines()[1:]]
+    page = render_report(mixed)
+
+    for name, status in zip(rows.name, rows.status, strict=True):
+        (line,) = [one for one in table if one.startswith(f"{name}  ")]
+        assert line.endswith(STATUS_WORDS[status])
+        assert [row[-1] for row in cells if row[0] == name] == [status]
+        assert (
+            f">{STATUS_WORDS[status]}</td>" in page.split(f"<td>{name}</td>")[1].split("</tr>")[0]
+        )
 
 
-def test_other_solutions_of_the_lengths_are_told() -> None:
-    verdict = judge(survey.build(telemetry=False, clean=True))
+def test_the_scale_stands_beside_the_light(mixed: Result) -> None:
+    green = replace(mixed, verdict=Verdict(level="green"))
 
-    assert "1 other camera position" in verdict.sentence
+    assert light_line(green) == f"Verdict: green. {SCALE}"
+    assert SCALE in render_report(green).split("</header>")[0]

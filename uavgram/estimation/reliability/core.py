@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
+from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 
 CORE = ("pixels", "lengths", "known", "control", "calibration", "roughness", "heights", "relief")
@@ -17,9 +20,28 @@ def redundancy_of(adjustment: Adjustment, name: str) -> float:
     return block.residual.size - float(adjustment.covariance.leverage(block).sum())
 
 
-def core_squares(adjustment: Adjustment) -> tuple[float, float]:
-    """Weighted sum of squares of the core of a survey, and its share of the degrees of freedom."""
+class CoreFit(NamedTuple):
+    """How picks, lengths, ground and camera fit together, telemetry left aside.
+
+    Attributes
+    ----------
+    squares, degrees
+        Weighted sum of squares, and redundancy, of these groups.
+    probability
+        Of so large a sum by chance. Degrees of freedom of a part of the observations are spread
+        over more directions, none of larger variance: a chi-square with as many is on the safe
+        side.
+    """
+
+    squares: float
+    degrees: float
+    probability: float
+
+
+def core_fit(adjustment: Adjustment) -> CoreFit:
+    """Sum of squares of the groups that say whether the model holds (see `CORE`)."""
     blocks = adjustment.minimum.blocks
     core = [name for name in blocks if name in CORE or name.startswith("plane")]
     squares = sum(float(np.sum(blocks[name].residual ** 2)) for name in core)
-    return squares, sum(redundancy_of(adjustment, name) for name in core)
+    degrees = sum(redundancy_of(adjustment, name) for name in core)
+    return CoreFit(squares, degrees, upper_tail(squares, degrees))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from scipy.special import ndtr
 
-from uavgram.estimation.reliability.core import core_squares
+from uavgram.estimation.reliability.core import core_fit
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.message import Message
@@ -89,10 +89,9 @@ def core_probability(refined: Refined) -> float:
     """Probability of a core that fits as badly by chance.
 
     Of the result: to an observation that stands out, and is located, it gives little weight, and
-    what was left out takes no part. The degrees of freedom of a part of the observations are spread
-    over more directions, so that the chi-square is on the safe side (no variance is larger).
+    what was left out takes no part.
     """
-    return upper_tail(*core_squares(refined.adjustment))
+    return core_fit(refined.adjustment).probability
 
 
 def judge_fit(probability: float) -> tuple[Message, ...]:

@@ -32,7 +32,7 @@ from uavgram.views.recording.pages.tables import (
 )
 from uavgram.views.recording.photo.frame_picks import project_picks
 from uavgram.views.recording.scene import measure_scene
-from uavgram.views.survey.verdict import judge
+from uavgram.views.survey.verdict import verdict_words
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +147,7 @@ def test_the_summary_is_short_however_much_was_measured() -> None:
         (f"D{i}", "distance", ("P00", "P05"), "m") for i in range(300)
     )
     result = survey.build(measures=names)
-    page = summary(result, judge(result), measure_scene(result))
+    page = summary(result, verdict_words(result), measure_scene(result))
 
     assert "292 more are on the page *Measured*" in page
     assert len(page) < 4000

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.reliability.core import core_squares
+from uavgram.estimation.reliability.core import core_fit
 from uavgram.estimation.reliability.data_snooping import RIVAL
 from uavgram.estimation.reliability.redundancy import level_of_each, upper_tail
 from uavgram.estimation.reliability.test_statistics import falls_without
@@ -57,32 +57,10 @@ class Outstanding(NamedTuple):
     located: Bools
 
 
-class CoreFit(NamedTuple):
-    """How picks, lengths, ground and camera fit together, telemetry left aside.
-
-    Attributes
-    ----------
-    squares, degrees
-        Weighted sum of squares, and redundancy, of these groups.
-    probability
-        Of so large a sum by chance.
-    """
-
-    squares: float
-    degrees: float
-    probability: float
-
-
-def core_fit(adjustment: Adjustment) -> CoreFit:
-    """Sum of squares of the groups that say whether the model holds (see `CORE`)."""
-    squares, degrees = core_squares(adjustment)
-    return CoreFit(squares, degrees, upper_tail(squares, degrees))
-
-
 def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
     """Rows of few observations that stand out of all noise; and whether everything else fits."""
     blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
-    squares, degrees = core_squares(adjustment)
+    squares, degrees, _ = core_fit(adjustment)
     falls: list[_Fall] = []
     for name in ("pixels", "lengths", "known"):
         if name in blocks:

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uavgram.estimation.reliability.core import core_fit
 from uavgram.estimation.reliability.hypotheses import Explained, explained, log_probability
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.survey.mend import Cause
 from uavgram.stages.refine.blunders.misfit import trial_adjustment
-from uavgram.stages.refine.blunders.outstanding import core_fit
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing, mended
 from uavgram.stages.refine.causes.labels import swapped_in_a_photo, wrong_picks
 from uavgram.stages.refine.causes.lengths import wrong_lengths
