@@ -162,9 +162,10 @@ def _shapes(result: Result) -> list[_Shape]:
     for row in map(int, worst_first(result.measurements)):
         text, ends = measured_text(result, row), frozenset(result.measurements.points[row])
         standing = result.measurements.status[row]
+        entity = f"measured/{standing}" if standing in ("doubtful", "contradicted") else "measured"
         shapes += [
             _Shape(
-                f"measured/{standing}",
+                entity,
                 MEASURED_COLOURS[standing],
                 text,
                 sampled(strip),

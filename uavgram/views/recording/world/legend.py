@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
-
 import numpy as np
 import rerun as rr
 from PIL import Image, ImageDraw, ImageFont
@@ -29,18 +27,18 @@ from uavgram.views.style import (
     scale_colours,
 )
 from uavgram.views.survey.frame_states import frame_states
-from uavgram.views.survey.verdict import LEVEL_WORDS, STATUS_WORDS, headline
+from uavgram.views.survey.verdict import STATUS_WORDS, headline
 from uavgram.views.wording import size_text
 
 LEGEND = "legend"
 # Twice the size it is shown at, for sharp letters; wider where more must be said.
-WIDTH_PX, HEIGHT_PX = 2400, 108
+WIDTH_PX, HEIGHT_PX = 2400, 160
 BACKGROUND: Rgb = (13, 16, 17)
 TEXT: Rgb = (225, 228, 232)
 FONT_PX = 30
-ROWS_PX = (10, 60)
+BAND_PX = 44
+ROWS_PX = (60, 110)
 GAP_PX = 40
-MOST_LETTERS = 32
 HEIGHT_WORDS = {
     "free": "height found",
     "stated": "height stated",
@@ -81,8 +79,7 @@ def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image
     image = Image.new("RGB", (2 * WIDTH_PX, HEIGHT_PX), BACKGROUND)
     pen = ImageDraw.Draw(image)
     font = ImageFont.load_default(FONT_PX)
-    begin = _verdict(pen, font, result)
-    rows = [begin, begin]
+    rows = [20.0, 20.0]
     for row, text, colour in _entries(result, scene):
         y = ROWS_PX[row] + FONT_PX / 2 + 3
         x = rows[row]
@@ -101,21 +98,20 @@ def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image
     for k, text in enumerate(remarks):
         pen.text((ends[k % 2], ROWS_PX[k % 2]), text, fill=TEXT, font=font)
         ends[k % 2] += int(pen.textlength(text, font=font)) + GAP_PX
-    return image.crop((0, 0, max(WIDTH_PX, max(ends) - GAP_PX // 2), HEIGHT_PX))
+    width = max(WIDTH_PX, max(ends) - GAP_PX // 2)
+    _band(pen, font, result, width)
+    return image.crop((0, 0, width, HEIGHT_PX))
 
 
-def _verdict(
-    pen: ImageDraw.ImageDraw, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, result: Result
-) -> float:
-    """Draw the verdict's colour and its words, in two rows; where they end."""
-    words = headline(result).partition(": ")[2]
-    level = LEVEL_WORDS[result.verdict.level].upper()
-    rows = [level, textwrap.shorten(words, MOST_LETTERS, placeholder=" ...")]
-    end = 40.0 + max(pen.textlength(text, font=font) for text in rows)
-    pen.rectangle((0, 0, end, HEIGHT_PX), fill=LEVEL_COLOURS[result.verdict.level])
-    for y, text in zip(ROWS_PX, rows, strict=True):
-        pen.text((20, y), text, fill=(255, 255, 255), font=font)
-    return end + 20.0
+def _band(
+    pen: ImageDraw.ImageDraw,
+    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
+    result: Result,
+    width: int,
+) -> None:
+    """Draw the verdict over everything else: its words on its colour."""
+    pen.rectangle((0, 0, width, BAND_PX), fill=LEVEL_COLOURS[result.verdict.level])
+    pen.text((20, 4), headline(result), fill=(0, 0, 0), font=font)
 
 
 def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
@@ -146,7 +142,7 @@ def _cameras_and_lines(result: Result) -> list[tuple[int, str, Rgb]]:
         entries.append((1, "measured", MEASURED))
     doubts = [STATUS_WORDS[s] for s in ("doubtful", "contradicted") if s in found]
     if doubts:
-        entries.append((0, f"measured, {' or '.join(doubts)}", QUIET))
+        entries.append((1, " or ".join(doubts), QUIET))
     return entries
 
 
