@@ -22,7 +22,7 @@ export function showOutputs(foot, exporting, exportAll) {
     node("div", { class: "row" },
       node("button", { name: "export", class: "main", disabled: exporting, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
         exporting ? "Writing\u2026" : "Write report and exports"),
-      node("span", { class: "dim", role: "status" }, exporting ? "" : `${age(outputs, old)}${level && `; ${level}`}`)),
+      node("span", { class: "dim", role: "status" }, exporting ? "" : `${age(outputs, old)}${level && `; verdict: ${level}`}`)),
     outputs.files.length || outputs.recording ? node("nav", { "aria-label": "Outputs" }, ...links(outputs)) : null));
   if (foot.firstChild !== made) foot.replaceChildren(made);
 }
