@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import product
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -89,17 +90,19 @@ def headline(result: Result) -> str:
         return "Green: everything fits"
     if level == "red":
         return "Red: the observations contradict each other: do not use"
-    if not reasons or reasons[0].cause == "nothing-checks":
-        return f"Amber: nothing checks {_unchecked(result)}"
-    if reasons[0].cause in UNDECIDED:
+    if reasons and reasons[0].cause in UNDECIDED:
         return "Amber: look at this first"
+    unchecked = _unchecked(result)
+    if unchecked and (not reasons or reasons[0].cause == "nothing-checks"):
+        return f"Amber: nothing checks {unchecked}"
     return "Amber: something does not fit"
 
 
 def _unchecked(result: Result) -> str:
+    """``'whole', 'south' and 3 more``; empty where there is none."""
     rows = result.measurements
-    named = zip(rows.name, rows.status, strict=True)
-    names = [repr(name) for name, status in named if status == "not-checked"]
+    named = zip(rows.name, rows.status, rows.value.tolist(), strict=True)
+    names = [repr(n) for n, status, value in named if status == "not-checked" and isfinite(value)]
     shown = names[:MOST_NAMES] + [f"{len(names) - MOST_NAMES} more"][: len(names) > MOST_NAMES]
     return f"{', '.join(shown[:-1])} and {shown[-1]}" if len(shown) > 1 else "".join(shown)
 
