@@ -18,7 +18,7 @@ export function showVerdict(box, tools) {
   const high = offGround();
   /** @param {Remark} message */
   const button = ({ code }) => (code === OFF_GROUND && high.length ? freeButton(high, tools) : null);
-  fillIfNew(byId("first"), JSON.stringify([first, high]), () => (first.text ? [node("span", {}, first.text), button(first) ?? ""] : []));
+  fillIfNew(byId("first"), JSON.stringify([first, high]), () => (first.text ? [node("span", { title: first.text }, first.text), button(first) ?? ""] : []));
   byId("why").hidden = !why.length;
   byId("why-title").textContent = first.text ? "Why" : `Warnings (${why.length})`;
   fillIfNew(byId("reasons"), JSON.stringify([why, high]), () => [list(why, button)]);
