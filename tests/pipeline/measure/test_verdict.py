@@ -60,10 +60,12 @@ def test_a_withheld_length_twenty_sigmas_off_is_red_and_no_row_is_in_order(small
 
 def test_of_lengths_that_all_contradict_each_other_nothing_is_to_be_used(small: Inputs) -> None:
     """No single one of them explains it."""
-    length = small.lines.length_m * np.resize([1.06, 0.94, 1.0], len(small.lines.name))
+    length = small.lines.length_m * np.resize([1.01, 0.99], len(small.lines.name))
     result = result_of(replace(small, lines=replace(small.lines, length_m=length)))
 
     assert result.verdict.level == "red"
+    assert {"line-suspect", "misfit"} <= {reason.cause for reason in result.verdict.reasons}
+    assert "group-misfit" not in {reason.cause for reason in result.verdict.reasons}
     assert set(result.measurements.status) == {"contradicted"}
 
 

@@ -89,6 +89,8 @@ def pass_verdict(
     )
     told = BENDING | TAKING_PART | NOT_FITTING | UNCHECKED
     told |= LEARNT if fit.stated < UNCLEAR else frozenset()
+    if any(m.code == "misfit" for m in messages):
+        told -= {"group-misfit"}  # the same, of parts of it
     reasons = tuple(_reason(m) for m in messages if m.code in told)
     level: VerdictLevel = "amber" if reasons or any(one != "ok" for one in status) else "green"
     if bent or fit.checks < CONTRADICTED:
