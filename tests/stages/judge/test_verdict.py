@@ -199,7 +199,7 @@ def test_a_point_in_one_photo_is_not_checked_however_small_its_sigma() -> None:
     (message,) = judge_unchecked(judged.examined)
     assert message.measurements == ("near",)
     assert message.text.startswith("Nothing checks 'near': no error in the pick of 'P0' in ")
-    assert "Pick 'P0' in another photo" in message.text
+    assert "pick 'P0' in another photo" in message.text
     assert judged.verdict(message)[1] == ("not-checked", "ok")
     weakest = judged.examined.weakest[0]
     assert abs(weakest.reading_change) > FAR * measured.sigma[0]

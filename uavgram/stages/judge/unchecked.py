@@ -91,7 +91,10 @@ def _size(examined: TestedSurvey, member: Member) -> tuple[float, str]:
 def _what_to_do(examined: TestedSurvey, member: Member | None) -> str:
     if member is not None and member.kind == "pixels":
         label = examined.names.pick(member.row)[1]
-        return f"Pick {label!r} in another photo, or tape a line that ends there."
+        return (
+            f"Look at that pick once more, and pick {label!r} in another photo too or tape a line "
+            "that ends there."
+        )
     advice = next_line(examined.adjustment)
     if advice is None:
         return "Tape another line, or give another thing that is known."
