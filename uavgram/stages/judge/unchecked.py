@@ -95,6 +95,8 @@ def _what_to_do(examined: TestedSurvey, member: Member | None) -> str:
             f"Look at that pick once more, and pick {label!r} in another photo too or tape a line "
             "that ends there."
         )
+    if member is not None and member.kind == "control":
+        return "Look at its coordinates once more, or give another control point."
     advice = next_line(examined.adjustment)
     if advice is None:
         return "Tape another line, or give another thing that is known."
