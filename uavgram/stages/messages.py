@@ -29,6 +29,7 @@ CAUSES = (
     ("check-suspect", "lengths-contradict", "odd-height"),
     ("ground-not-plane", "picks-less-exact"),
     ("misfit",),
+    ("ambiguous-pose", "three-lengths", "three-known"),
     ("nothing-checks",),
 )
 """Codes of what explains other messages, what explains most of them first."""
