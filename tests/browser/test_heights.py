@@ -15,6 +15,7 @@ from picking_server import Served, served
 from playwright.sync_api import Page, expect
 
 from uavgram.model.message import Message
+from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.pipeline.pick.live import Adjusted, Observed
 
 
@@ -92,12 +93,15 @@ def test_a_height_that_nobody_stated_is_told_and_freed_by_a_button(
 ) -> None:
     survey = server.picking.survey
     adjust = survey.adjust
-    told = Message("warning", "point-off-ground", "Two points fit off the ground.", labels=("R1",))
+    text = "Two points fit off the ground."
+    told = Message("warning", "point-off-ground", text, labels=("R1",))
+    why = Verdict(level="amber", reasons=(Reason(cause=told.code, text=text, labels=("R1",)),))
 
     def telling(observed: Observed) -> Adjusted:
         """What tells of heights is tested elsewhere."""
         found = adjust(observed)
-        result = replace(found.result, messages=(*found.result.messages, told))
+        messages = (*found.result.messages, told)
+        result = replace(found.result, messages=messages, verdict=why)
         return replace(found, computed=found.computed._replace(result=result))
 
     monkeypatch.setattr(survey, "adjust", telling)

@@ -21,6 +21,7 @@ from uavgram.model.result.tables import (
     PointResults,
     PoseTable,
 )
+from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.model.survey.world import Geodetic, World
 
 
@@ -85,6 +86,7 @@ def _measurements(rng: np.random.Generator) -> MeasurementResults:
             [[20.0, 20.25], [3, 4], [0, 0.2], [-8, -6], [np.nan, np.nan], [31, 35]]
         ),
         correlation=np.where(np.arange(6) == 4, np.nan, rng.normal(size=(6, 6))),
+        status=("ok", "not-checked", "doubtful", "contradicted", "not-checked", "ok"),
     )
 
 
@@ -93,6 +95,20 @@ def sample_result() -> Result:
     nan = np.nan
     return Result(
         name="crossing",
+        verdict=Verdict(
+            level="red",
+            reasons=(
+                Reason(cause="misfit", text="Picks and lengths contradict each other."),
+                Reason(
+                    cause="line-suspect",
+                    text="The length 'n' does not fit.",
+                    frames=("a.jpg",),
+                    labels=("P", "R"),
+                    lengths=("n",),
+                    measurements=("m",),
+                ),
+            ),
+        ),
         provenance=Provenance(
             program="uavgram",
             version="0.1.0",

@@ -42,6 +42,7 @@ CAUSES = (
     ("check-suspect", "lengths-contradict", "odd-height"),
     ("misfit",),
     ("ground-not-plane", "picks-less-exact"),
+    ("ambiguous-pose", "three-lengths", "three-known"),
     ("nothing-checks",),
 )
 """Codes of what explains other messages, what explains most of them first."""

@@ -6,6 +6,7 @@ import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
+from uavgram.model.result.verdict import MeasurementStatus, VerdictLevel
 
 Rgb = tuple[int, int, int]
 
@@ -32,6 +33,14 @@ LINE_COLOURS: dict[str, Rgb] = {
     "checked": WITHHELD,
     "unseen": QUIET,
 }
+MEASURED_COLOURS: dict[MeasurementStatus, Rgb] = {
+    "ok": MEASURED,
+    "not-checked": MEASURED,
+    "doubtful": QUIET,
+    "contradicted": QUIET,
+}
+"""What is contradicted is dashed too."""
+LEVEL_COLOURS: dict[VerdictLevel, Rgb] = {"green": GOOD, "amber": WARNING, "red": BAD}
 HEIGHT_COLOURS: dict[str, Rgb] = {"free": FREE, "stated": REFERENCE, "found": UNASKED}
 FRAME_COLOURS: dict[str, Rgb] = {
     "refined": GOOD,

@@ -34,7 +34,7 @@ def test_the_table_holds_the_measurements_with_empty_cells_for_what_is_not_known
         "",
         "",
         "0.05000",
-        "not-checked",
+        "ok",
     ]
     assert rows[5] == ["q", "skid_speed", "P;Z", "", "", "m/s", *[""] * 6, "not-checked"]
     assert len(rows) == 7

@@ -14,6 +14,7 @@ import pytest
 from uavgram.errors import InputError
 from uavgram.io.results.results_json import dump_results, load_results, write_results
 from uavgram.model.result.result import Result
+from uavgram.model.result.verdict import NOT_JUDGED
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -187,6 +188,22 @@ def test_a_file_of_a_version_that_told_no_departures_is_read(
     assert np.isnan(points.departure_sigma_m).all()
     assert not points.departs.any()
     assert set(points.height_source) == {""}
+
+
+def test_a_file_of_a_version_that_passed_no_verdict_is_not_green(
+    sample_result: Result, tmp_path: Path
+) -> None:
+    content = json.loads(dump_results(sample_result))
+    assert content["verdict"]["level"] == "red"
+    assert [row["status"] for row in content["measurements"]][:2] == ["ok", "not-checked"]
+    del content["verdict"]
+    for row in content["measurements"]:
+        del row["status"]
+    (tmp_path / "results.json").write_text(json.dumps(content))
+
+    earlier = load_results(tmp_path / "results.json")
+    assert earlier.verdict == NOT_JUDGED
+    assert set(earlier.measurements.status) == {"not-checked"}
 
 
 def test_only_points_off_the_ground_have_a_covariance_in_space_within_the_survey(

@@ -23,7 +23,7 @@ from uavgram.views.recording.curves.plots import frame_curves
 from uavgram.views.recording.curves.pose_curves import pose_curves
 from uavgram.views.recording.photo.frame_picks import project_picks
 from uavgram.views.recording.scene import measure_scene
-from uavgram.views.recording.world.legend import BACKGROUND, draw_legend
+from uavgram.views.recording.world.legend import BACKGROUND, BAND_PX, draw_legend
 from uavgram.views.style import FREE, REFERENCE, UNASKED
 from uavgram.views.survey.off_ground import height_label, height_of
 
@@ -292,7 +292,7 @@ def test_the_legend_has_their_colours_and_room_for_them(result: Result) -> None:
     assert has_colour(result)
     assert not has_colour(survey.build(frame_count=2))
     everything = np.asarray(draw_legend(uneven(result), measure_scene(uneven(result)), 2.5))
-    assert (everything[:, -8:] == BACKGROUND).all()
+    assert (everything[BAND_PX + 1 :, -8:] == BACKGROUND).all()
 
 
 def test_labels_say_which_heights_were_stated(result: Result) -> None:

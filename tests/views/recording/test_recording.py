@@ -20,6 +20,7 @@ import synthetic_survey as survey
 from recording_contents import Contents
 from rerun.chunk import RrdReader
 from scipy.stats import norm
+from standings import with_status
 
 from uavgram.errors import OutputError
 from uavgram.imaging.photos.preview import Preview, decode_preview
@@ -134,7 +135,7 @@ def test_the_major_axis_of_a_flat_ellipsoid_lies_along_its_azimuth(
 def test_measured_lengths_are_labelled_with_value_and_sigma(contents: Contents) -> None:
     labels = contents.static["/survey/labels"]["Points3D:labels"]
 
-    assert "LEAST CERTAIN LENGTH (by 0.19 %): road width 6.310 m ± 0.012" in labels
+    assert "LEAST CERTAIN LENGTH (by 0.19 %): road width 6.310 m ± 0.012 (doubtful)" in labels
     assert "P24: largest 95 % ellipse, 4.7 cm × 2.8 cm" in labels
     assert "SUSPECT R3 hedge: 11.21 m taped, 11.42 m found" in labels
     assert len(labels) <= 14
@@ -301,10 +302,11 @@ def views(container: rrb.Container) -> Iterator[rrb.View]:
 
 @pytest.fixture(scope="module")
 def crowded() -> Result:
-    """Many measurements: every third pair of points."""
+    """Many measurements, nothing of them in doubt: every third pair of points."""
     labels = [f"P{i:02d}" for i in range(30)]
     pairs = list(combinations(labels, 2))[::3]
-    return survey.build(measures=tuple((f"D{i}", "distance", p, "m") for i, p in enumerate(pairs)))
+    wanted = tuple((f"D{i}", "distance", p, "m") for i, p in enumerate(pairs))
+    return with_status(survey.build(measures=wanted), "ok")
 
 
 def test_many_measurements_are_thin_lines_of_which_the_least_certain_are_labelled(
@@ -364,7 +366,7 @@ def test_the_photo_is_shown_whole(result: Result) -> None:
 def test_the_summary_opens_with_what_is_wrong(contents: Contents) -> None:
     text = contents.static["/documents/summary"]["TextDocument:text"][0]
 
-    assert text.startswith("# ⚠ Verdict: amber. Line 'R3 hedge' disagrees")
+    assert text.startswith("# ⚠ Amber: something does not fit\n\n1. Line 'R3 hedge' disagrees")
     assert "'to the tree' cannot be measured" in text
     assert "2 more are on the page *Measured*" in text
 

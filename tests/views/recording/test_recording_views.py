@@ -29,7 +29,13 @@ from uavgram.views.recording.pages.tables import summary
 from uavgram.views.recording.photo.frame_picks import project_picks
 from uavgram.views.recording.photo.photo import PHOTOS_PER_CHUNK
 from uavgram.views.recording.scene import measure_scene
-from uavgram.views.recording.world.legend import BACKGROUND, HEIGHT_PX, WIDTH_PX, draw_legend
+from uavgram.views.recording.world.legend import (
+    BACKGROUND,
+    BAND_PX,
+    HEIGHT_PX,
+    WIDTH_PX,
+    draw_legend,
+)
 from uavgram.views.survey.drawing import round_length
 from uavgram.views.survey.verdict import verdict_words
 
@@ -253,8 +259,8 @@ def test_the_legend_is_not_cut_off(variant: survey.Variant) -> None:
     image = np.asarray(draw_legend(result, measure_scene(result), 2.5))
 
     assert image.shape == (HEIGHT_PX, WIDTH_PX, 3)
-    assert (image[:, -8:] == BACKGROUND).all()
-    assert (image != BACKGROUND).any()
+    assert (image[BAND_PX + 1 :, -8:] == BACKGROUND).all()
+    assert (image[BAND_PX + 1 :] != BACKGROUND).any()
 
 
 def test_the_legend_says_that_the_ground_is_brightened(result: Result) -> None:

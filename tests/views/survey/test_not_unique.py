@@ -79,8 +79,8 @@ def test_the_recording_marks_it_in_its_table_and_on_its_label(sure: Result, mark
     assert OTHERS in row
     assert 'Values with "or" are not sure' in measured_page(marked)
     assert 'Values with "or"' not in measured_page(sure)
-    assert measured_text(marked, at).endswith(OTHERS)
-    assert [t for t in labels.text if t.startswith("NOT UNIQUE: ") and t.endswith(OTHERS)]
+    assert measured_text(marked, at).endswith(f"{OTHERS} (doubtful)")
+    assert [t for t in labels.text if t.startswith("NOT UNIQUE: ") and OTHERS in t]
 
 
 def test_the_drawing_of_the_report_doubts_it(sure: Result, marked: Result) -> None:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import pytest
 import synthetic_survey as survey
 
+from uavgram.io.exports.geojson import dump_geojson
 from uavgram.io.exports.measurements_csv import dump_measurements_csv
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import NOT_JUDGED, Reason, Verdict
+from uavgram.stages.products.map_layers import features_of
 from uavgram.views.report.page import render_report
 from uavgram.views.survey.verdict import STATUS_WORDS, verdict_sentence, verdict_words
 from uavgram.views.terminal import light_line, measurement_table
@@ -73,6 +76,17 @@ def test_every_row_of_every_table_has_its_status(mixed: Result) -> None:
         assert (
             f">{STATUS_WORDS[status]}</td>" in page.split(f"<td>{name}</td>")[1].split("</tr>")[0]
         )
+
+
+def test_maps_tell_the_status_too(mixed: Result) -> None:
+    rows = mixed.measurements
+    wanted = dict(zip(rows.name, rows.status, strict=True))
+    shapes = [one["properties"] for one in json.loads(dump_geojson(mixed))["features"]]
+    assert {one["name"]: one["status"] for one in shapes if "kind" in one} == wanted
+    layer = features_of(mixed, None).layer("measured_lines").attributes
+    assert {name: wanted[str(name)] for name in layer["name"]} == dict(
+        zip(layer["name"], layer["status"], strict=True)
+    )
 
 
 def test_the_scale_stands_beside_the_light(mixed: Result) -> None:

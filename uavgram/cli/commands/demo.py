@@ -32,14 +32,15 @@ def demo(
     from uavgram.config.scenario import load_scenario
     from uavgram.model.demo.scenario import DemoScenario
     from uavgram.pipeline.demo import demo as run_demo
-    from uavgram.views.terminal import message_lines, truth_table
+    from uavgram.views.terminal import light_line, message_lines, truth_table
 
     log_to_stderr(verbose=verbose)
     survey = DemoScenario() if scenario is None else load_scenario(scenario)
     survey = survey if seed is None else survey.with_seed(seed)
     result, truth, project = run_demo(output, survey, progress())
     recording = project.parent / "out" / "recording.rrd"
-    say(truth_table(result, truth), "", *message_lines(result.messages, verbose=verbose))
+    say(truth_table(result, truth), "", light_line(result), "")
+    say(*message_lines(result.messages, verbose=verbose))
     say("", f"project:   {project}", f"results:   {recording.with_name('results.json')}")
     say(f"report:    {recording.with_name('report.html')}", f"look:      uavgram view {recording}")
     return DONE

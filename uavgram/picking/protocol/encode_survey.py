@@ -14,10 +14,16 @@ from uavgram.model.message import Message
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document.state import Pick, State
+from uavgram.picking.protocol.encode_verdict import (
+    length_whys,
+    measurement_standings,
+    verdict_json,
+)
 from uavgram.picking.protocol.geodetic import places_on_earth
 from uavgram.pipeline.pick.live import Adjusted, Linearised
 from uavgram.pipeline.pick.other_photos import KnownPlaces
 from uavgram.stages.messages import in_order
+from uavgram.views.survey.verdict import named_picks
 
 Json = dict[str, Any]
 
@@ -83,6 +89,7 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
     return {
         "mode": "adjusted",
         "seconds": number(adjusted.seconds, 3),
+        "verdict": verdict_json(result),
         "points": _points(adjusted),
         "earth_deg": places_on_earth(adjusted, result.points.label, result.points.position_world_m),
         "picks": _picks(adjusted, index),
@@ -151,6 +158,7 @@ def _points(adjusted: Adjusted) -> Json:
 
 def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
     picks, survey = adjusted.result.picks, adjusted.adjustment.survey
+    named = named_picks(adjusted.result.verdict)
     spread = {
         (survey.frame_id[f], survey.label[k]): _ellipse(covariance)
         for f, k, covariance in zip(
@@ -163,7 +171,7 @@ def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
             "label": label,
             "residual_px": numbers(picks.residual_px[i], _PIXEL_DIGITS),
             "w": number(picks.w[i], 3),
-            "status": picks.status[i],
+            "status": "suspect" if (image, label) in named else picks.status[i],
             "spread": spread.get((image, label)),
         }
         for i, (image, label) in enumerate(zip(picks.image, picks.label, strict=True))
@@ -230,26 +238,28 @@ def _ellipse(covariance_px2: Floats) -> Json:
 
 
 def _lines(adjusted: Adjusted) -> Json:
-    lines = adjusted.result.lines
+    lines, whys = adjusted.result.lines, length_whys(adjusted.result)
     return {
         name: {
             "adjusted_m": number(lines.adjusted_m[i]),
             "sigma_m": number(lines.adjusted_sigma_m[i]),
             "w": number(lines.w[i], 3),
             "status": lines.status[i],
+            "why": whys[i],
         }
         for i, name in enumerate(lines.name)
     }
 
 
 def _measurements(adjusted: Adjusted) -> Json:
-    found = adjusted.result.measurements
+    found, standings = adjusted.result.measurements, measurement_standings(adjusted.result)
     return {
         name: {
             "value": number(found.value[i]),
             "sigma": number(found.sigma[i]),
             "unit": found.unit[i],
             "alternatives": numbers(found.alternative_values[i]),
+            **standings[i],
         }
         for i, name in enumerate(found.name)
     }

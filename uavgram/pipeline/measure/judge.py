@@ -18,7 +18,6 @@ from uavgram.stages.assemble import Assembled
 from uavgram.stages.judge import (
     Fit,
     TestedSurvey,
-    core_probability,
     fit_of,
     judge_fit,
     judge_groups,
@@ -89,10 +88,10 @@ def judge_survey(
     groups, group_messages = judge_groups(
         refined.adjustment, significance, explained=refined.accused_alone
     )
-    core = core_probability(refined)
+    fit = fit_of(refined, line_results, known, point_checks, overall)
     return Judgement(
         examined=examined,
-        fit=fit_of(core, line_results, known, point_checks, overall),
+        fit=fit,
         picks=picks,
         lines=line_results,
         known=known,
@@ -114,7 +113,7 @@ def judge_survey(
             *unseen_messages,
             *overall_messages,
             *group_messages,
-            *judge_fit(core),
+            *judge_fit(fit, refined),
             *judge_unchecked(examined),
         ),
     )

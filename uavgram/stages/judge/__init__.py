@@ -3,7 +3,6 @@
 from uavgram.stages.judge.checks import judge_overall as judge_overall
 from uavgram.stages.judge.checks import judge_points as judge_points
 from uavgram.stages.judge.fit import Fit as Fit
-from uavgram.stages.judge.fit import core_probability as core_probability
 from uavgram.stages.judge.fit import fit_of as fit_of
 from uavgram.stages.judge.fit import judge_fit as judge_fit
 from uavgram.stages.judge.groups import judge_groups as judge_groups

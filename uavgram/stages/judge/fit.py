@@ -32,20 +32,23 @@ class Fit:
     Attributes
     ----------
     core
-        Of picks, lengths, ground and camera.
+        Of picks, lengths, ground and camera, with sigmas as the survey showed them.
+    stated
+        The same with sigmas and ground as they were stated.
     checks
         The smallest of each withheld thing by itself and of all together; 1 without any.
     check_labels
         Labels of the withheld things that are contradicted.
     """
 
-    core: float
+    core: float = 1.0
+    stated: float = 1.0
     checks: float = 1.0
     check_labels: frozenset[str] = frozenset()
 
 
 def fit_of(
-    core: float,
+    refined: Refined,
     lines: LineResults,
     known: KnownResults,
     points: PointChecks,
@@ -55,8 +58,9 @@ def fit_of(
 
     Parameters
     ----------
-    core
-        Probability of a misfit of the core as large.
+    refined
+        The adjusted survey. Its result gives little weight to an observation that stands out and
+        is located; what was left out takes no part.
     lines, known, points
         Of which the withheld ones are judged.
     overall
@@ -79,38 +83,24 @@ def fit_of(
     together = [] if overall is None else [overall.probability]
     contradicted = [labels for probability, labels in checks if probability < CONTRADICTED]
     return Fit(
-        core=core,
+        core=core_fit(refined.adjustment).probability,
+        stated=core_fit(refined.stated or refined.adjustment).probability,
         checks=min([1.0, *together, *(probability for probability, _ in checks)]),
         check_labels=frozenset(label for labels in contradicted for label in labels),
     )
 
 
-def core_probability(refined: Refined) -> float:
-    """Probability of a core that fits as badly by chance.
-
-    Of the result: to an observation that stands out, and is located, it gives little weight, and
-    what was left out takes no part.
-    """
-    return core_fit(refined.adjustment).probability
-
-
-def judge_fit(probability: float) -> tuple[Message, ...]:
-    """Say so where the core does not fit.
-
-    Parameters
-    ----------
-    probability
-        Of a misfit as large by chance.
-    """
-    if probability >= RARE:
+def judge_fit(fit: Fit, refined: Refined) -> tuple[Message, ...]:
+    """Say so where the core does not fit; of what did not come to rest this is known."""
+    if fit.core >= RARE or not refined.adjustment.minimum.converged:
         return ()
-    contradicted = probability < CONTRADICTED
+    contradicted = fit.core < CONTRADICTED
     what = "contradict each other" if contradicted else "do not fit together as they should"
     verb = "use" if contradicted else "rely on"
     text = (
         f"Picks, lengths and ground {what}, and no single cause explains it all. Do not {verb} the "
         "numbers before it is cleared up: look at what the other messages name, at the labels, "
         "the unit of the lengths, the camera file and whether the ground is plane (probability by "
-        f"chance {probability:.1g})."
+        f"chance {fit.core:.1g})."
     )
     return (Message("warning", "misfit", text),)

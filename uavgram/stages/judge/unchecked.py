@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.estimation.measuring.next_length import next_line
-from uavgram.estimation.reliability.external import UNCHECKED, Weakest, largest_unseen
+from uavgram.estimation.reliability.external import UNCHECKED, largest_unseen
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
@@ -40,19 +40,20 @@ def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
     rows = np.flatnonzero(is_unchecked(examined))
     weakest, sigma = examined.weakest, examined.measured.sigma
     rows = rows[np.argsort([-abs(weakest[i].reading_change) / sigma[i] for i in rows])]
-    for picked in (False, True):
-        own = [int(i) for i in rows if (_kind(weakest[i]) == "pixels") == picked]
-        if own:
-            names = tuple(examined.measured.name[i] for i in own)
-            text = (
-                f"Nothing checks {_listed(names)}: {_why(examined, own[0])}. "
-                f"{_what_to_do(examined, weakest[own[0]])}"
-            )
-            yield Message("warning", "nothing-checks", text, measurements=names)
+    alike: dict[bool, list[int]] = {}
+    for i in rows.tolist():
+        alike.setdefault(_is_pick(weakest[i].reading), []).append(i)
+    for own in alike.values():
+        names = tuple(examined.measured.name[i] for i in own)
+        text = (
+            f"Nothing checks {_listed(names)}: {_why(examined, own[0])}. "
+            f"{_what_to_do(examined, weakest[own[0]].reading)}"
+        )
+        yield Message("warning", "nothing-checks", text, measurements=names)
 
 
-def _kind(weakest: Weakest) -> str:
-    return "" if weakest.reading is None else weakest.reading.kind
+def _is_pick(member: Member | None) -> bool:
+    return member is not None and member.kind == "pixels"
 
 
 def _listed(names: tuple[str, ...]) -> str:
@@ -87,11 +88,15 @@ def _size(examined: TestedSurvey, member: Member) -> tuple[float, str]:
     return float(largest_unseen(group, examined.significance) * group.scale[at]) * factor, unit
 
 
-def _what_to_do(examined: TestedSurvey, weakest: Weakest) -> str:
-    member = weakest.reading
+def _what_to_do(examined: TestedSurvey, member: Member | None) -> str:
     if member is not None and member.kind == "pixels":
         label = examined.names.pick(member.row)[1]
-        return f"Pick {label!r} in another photo, or tape a line that ends there."
+        return (
+            f"Look at that pick once more, and pick {label!r} in another photo too or tape a line "
+            "that ends there."
+        )
+    if member is not None and member.kind == "control":
+        return "Look at its coordinates once more, or give another control point."
     advice = next_line(examined.adjustment)
     if advice is None:
         return "Tape another line, or give another thing that is known."

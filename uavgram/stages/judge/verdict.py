@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from uavgram.model.message import Message
 from uavgram.model.result.tables import MeasurementResults
@@ -36,13 +36,19 @@ NOT_FITTING = frozenset(
         *("line-left-out", "known-left-out", "control-left-out", "pick-left-out"),
         *("frame-left-out", "line-removed", "known-removed", "pick-removed"),
         *("line-duplicate", "known-duplicate", "group-misfit", "checks-misfit", "misfit"),
-        *("camera-contradicted", "ground-not-plane", "point-off-ground", "other-zoom"),
-        *("picks-less-exact", "readout-left-out", "clock-off", "gimbal-off", "clock-jumps"),
+        *("camera-contradicted", "point-off-ground", "other-zoom", "readout-left-out"),
+        *("clock-off", "gimbal-off", "clock-jumps"),
         *("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
         *("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
     }
 )
 """Codes of what does not fit, and was dealt with or is no single observation."""
+
+LEARNT = frozenset({"ground-not-plane", "picks-less-exact"})
+"""Codes of errors that are larger than stated, as the residuals show: where these do not show it
+clearly (`UNCLEAR`), that is learnt as a precaution, and no misfit."""
+
+UNCLEAR = 0.01
 
 UNCHECKED = frozenset(
     {"nothing-checks", "ambiguous-pose", "three-lengths", "three-known", "measurement-null"}
@@ -51,7 +57,11 @@ UNCHECKED = frozenset(
 
 
 def pass_verdict(
-    messages: Sequence[Message], fit: Fit, examined: TestedSurvey, table: MeasurementResults
+    messages: Sequence[Message],
+    fit: Fit,
+    examined: TestedSurvey,
+    table: MeasurementResults,
+    put_right: Collection[str] = (),
 ) -> tuple[Verdict, tuple[MeasurementStatus, ...]]:
     """The verdict, and the status of each measurement.
 
@@ -65,16 +75,22 @@ def pass_verdict(
         The survey under test.
     table
         What was measured.
+    put_right
+        Codes of causes that bend the result, or measurements of it, no longer: it was mended.
     """
-    bent = fit.core < CONTRADICTED or any(m.code in BENDING for m in messages)
+    still = [m for m in messages if m.code not in put_right]
+    bent = fit.core < CONTRADICTED or any(m.code in BENDING for m in still)
     status = statuses(
         table,
         examined,
         is_contradicted=bent,
         contradicted=fit.check_labels,
-        in_doubt={label for m in messages if m.code in TAKING_PART for label in m.labels},
+        in_doubt={label for m in still if m.code in TAKING_PART for label in m.labels},
     )
     told = BENDING | TAKING_PART | NOT_FITTING | UNCHECKED
+    told |= LEARNT if fit.stated < UNCLEAR else frozenset()
+    if any(m.code == "misfit" for m in messages):
+        told -= {"group-misfit"}  # the same, of parts of it
     reasons = tuple(_reason(m) for m in messages if m.code in told)
     level: VerdictLevel = "amber" if reasons or any(one != "ok" for one in status) else "green"
     if bent or fit.checks < CONTRADICTED:

@@ -82,7 +82,7 @@ def blueprint(result: Result, scene: Scene, curves: Curves, poses: PoseCurves) -
         _places(result, scene),
         rrb.Spatial2DView(origin=LEGEND, name="Legend", titlebar=False, background=BACKGROUND),
         *plots,
-        row_shares=[10, 0.95, 3.3][: 2 + len(plots)],
+        row_shares=[10, 1.4, 3.3][: 2 + len(plots)],
     )
     right = rrb.Vertical(
         rrb.Spatial2DView(

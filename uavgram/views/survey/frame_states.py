@@ -6,6 +6,7 @@ from collections import Counter
 from typing import Literal
 
 from uavgram.model.result.result import Result
+from uavgram.views.survey.verdict import named_picks
 from uavgram.views.wording import FRAME_STATE_WORDS
 
 FrameState = Literal["refined", "check", "seeded", "unmatched", "rejected"]
@@ -14,13 +15,15 @@ FrameState = Literal["refined", "check", "seeded", "unmatched", "rejected"]
 def frame_states(result: Result) -> tuple[FrameState, ...]:
     """(F,) status of each frame; ``check`` where a refined frame deserves a second look.
 
-    That is where one of its picks is suspect or was removed, or where the log has it elsewhere.
+    That is where one of its picks is suspect or was removed, where a reason of the verdict names it
+    with one, or where the log has it elsewhere.
     """
     odd = {
         image
         for image, status in zip(result.picks.image, result.picks.status, strict=True)
         if status in ("suspect", "removed")
     }
+    odd |= {image for image, _ in named_picks(result.verdict)}
     odd |= {name for m in result.messages if m.code == "telemetry-strained" for name in m.frames}
     return tuple(
         "check" if status == "refined" and name in odd else status

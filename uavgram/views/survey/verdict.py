@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import product
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import MeasurementStatus, Reason, VerdictLevel
+from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
 
 # The usual limit of the trade for a check.
 THREE_SIGMA = 3.0
@@ -17,6 +19,13 @@ LEVEL_WORDS: dict[VerdictLevel, str] = {
     "amber": "amber",
     "red": "red, do not use these numbers",
 }
+UNDECIDED = frozenset(
+    {"ambiguous-pose", "three-lengths", "three-known", "measurement-null", "not-judged"}
+)
+"""Causes of which none is a misfit."""
+
+MOST_NAMES = 2
+
 ALL_IS_WELL = "Everything fits, and something checks every measurement."
 
 STATUS_WORDS: dict[MeasurementStatus, str] = {
@@ -72,6 +81,37 @@ def verdict_sentence(result: Result) -> str:
     if (more := len(verdict.reasons) - 1) > 0:
         why.append(f"(And {_count(more, 'other reason')}.)")
     return " ".join([f"Verdict: {LEVEL_WORDS[verdict.level]}.", *why])
+
+
+def headline(result: Result) -> str:
+    """``Amber: nothing checks 'whole' and 'south'``: what stands beside the light."""
+    level, reasons = result.verdict.level, result.verdict.reasons
+    if level == "green":
+        return "Green: everything fits"
+    if level == "red":
+        return "Red: the observations contradict each other: do not use"
+    if reasons and reasons[0].cause in UNDECIDED:
+        return "Amber: look at this first"
+    unchecked = _unchecked(result)
+    if unchecked and (not reasons or reasons[0].cause == "nothing-checks"):
+        return f"Amber: nothing checks {unchecked}"
+    return "Amber: something does not fit"
+
+
+def _unchecked(result: Result) -> str:
+    """``'whole', 'south' and 3 more``; empty where there is none."""
+    rows = result.measurements
+    named = zip(rows.name, rows.status, rows.value.tolist(), strict=True)
+    names = [repr(n) for n, status, value in named if status == "not-checked" and isfinite(value)]
+    shown = names[:MOST_NAMES] + [f"{len(names) - MOST_NAMES} more"][: len(names) > MOST_NAMES]
+    return f"{', '.join(shown[:-1])} and {shown[-1]}" if len(shown) > 1 else "".join(shown)
+
+
+def named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:
+    """Photo and label of the picks that reasons name."""
+    return frozenset(
+        pick for reason in verdict.reasons for pick in product(reason.frames, reason.labels)
+    )
 
 
 def scale_sentence(result: Result) -> str:

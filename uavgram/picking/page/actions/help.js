@@ -23,6 +23,8 @@ const MARKS = [
 const WORDS = [
   ["\u00b1, \u03c3", "standard deviation: the true value lies within twice as much 19 times out of 20"],
   ["w", "how far something is off, in its own standard deviations; above about 3 look again"],
+  ["not checked", "nothing would show an error in it. Rest the pointer there: what an error would do"],
+  ["doubtful, contradicted", "something that it rests on does not fit, or contradicts it: do not use it before that is cleared up"],
   ["grey numbers", "are being computed anew"],
 ];
 

@@ -40,15 +40,17 @@ export type Calibration = { t: "calibration" } & (
 // The adjustment.
 
 export interface Fit { image: number; label: string; residual_px: Maybe[]; w: Maybe; status: string; spread: Spread | null }
-export interface Measured { value: Maybe; sigma: Maybe; unit: string; alternatives: Maybe[] }
+// The one verdict: likeliest reason (without text where all is well), what more is to be said. All of it is the server's.
+export interface Verdict { level: "green" | "amber" | "red"; words: string; first: Remark; why: Remark[] }
+export interface Measured { value: Maybe; sigma: Maybe; unit: string; alternatives: Maybe[]; status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string; why: string }
 export type Places = Record<string, [number, number] | undefined>; // latitude and longitude by label
 export interface AdjustedPoint { sigma_m: Maybe[]; height_m?: Maybe; height_sigma_m?: Maybe } // over the ground, where it is off it
 export interface Adjusted {
-  mode: "adjusted"; seconds: number;
+  mode: "adjusted"; seconds: number; verdict: Verdict;
   points: Record<string, AdjustedPoint | undefined>;
   earth_deg: Places;
   picks: Fit[]; predicted: Predicted[];
-  lines: Record<string, { adjusted_m: Maybe; sigma_m: Maybe; w: Maybe; status: string } | undefined>;
+  lines: Record<string, { adjusted_m: Maybe; sigma_m: Maybe; w: Maybe; status: string; why: string } | undefined>;
   measurements: Record<string, Measured | undefined>;
   checks: { label: string; error_m: Maybe[]; sigma_m: Maybe[] }[];
   frames: Record<number, { status: string; sigma_m: Maybe[]; moved_m: Maybe } | undefined>;

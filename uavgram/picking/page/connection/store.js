@@ -166,6 +166,7 @@ function layOver({ residuals_px, lengths_m, values, heights_m, earth_deg }) {
 /** @returns {Adjusted | null} */
 export const adjusted = () => (store.live?.mode === "adjusted" ? store.live : null);
 export const stale = () => store.liveFor < store.version;
+export const remarks = () => store.live?.messages ?? store.opening;
 /** @param {number} image @param {string} label */
 export const pickAt = (image, label) => store.picks.get(pickKey(image, label));
 /** @param {number} image @param {string} label */

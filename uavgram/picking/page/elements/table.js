@@ -99,13 +99,15 @@ export const list = (messages, more = () => null) => node("ul", { class: "messag
 /** @param {HTMLElement} part @param {(string | Element)[][]} contents */
 export function withValues(part, contents) {
   part.querySelectorAll("td.value").forEach((cell, k) => {
-    fillIfNew(cell, contents[k].map((one) => (one instanceof Element ? `${one.className} ${one.textContent}` : one)).join(""), () => contents[k]);
+    fillIfNew(cell, contents[k].map((one) => (one instanceof Element ? `${one.className} ${one.getAttribute("title") ?? ""} ${one.textContent}` : one)).join(""), () => contents[k]);
   });
   return part;
 }
 
+// `why`: what is to be known of it where the pointer rests.
 /** @param {number | null | undefined} w @param {string | undefined} status */
-export function wCell(w, status) {
+export function wCell(w, status, why = "") {
   if (w === null || w === undefined) return missing;
-  return isSuspect(status) ? node("span", { class: "bad", title: "suspect" }, `\u25c6 ${fixed(w, 1)}`) : fixed(w, 1);
+  if (isSuspect(status)) return node("span", { class: "bad", title: why || "suspect" }, `\u25c6 ${fixed(w, 1)}`);
+  return why ? node("span", { title: why }, fixed(w, 1)) : fixed(w, 1);
 }

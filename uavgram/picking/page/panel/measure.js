@@ -1,25 +1,25 @@
 // The tab of measurements: points, lengths, what is measured, and what the program has to say.
 
 import { TOOLS } from "../actions/keys.js";
-import { adjusted, labels, standsAt, store } from "../connection/store.js";
+import { adjusted, labels, remarks, standsAt, store } from "../connection/store.js";
 import { as, node } from "../elements/dom.js";
 import { alternativesText, degrees, fixed, gradeText, missing, valueText, withSigma } from "../elements/numbers.js";
 import { about, drop, fill, keep, list, remove, table, titled, wCell, withValues } from "../elements/table.js";
 import { entryPart, KINDS } from "./entry.js";
-import { OFF_GROUND, offGround, pointPart } from "./point.js";
+import { pointPart } from "./point.js";
 import { placeText } from "./speed.js";
 
 /** @import { SideView } from "./side_view.js" */
 /** @import { PageState } from "../actions/page_state.js" */
 /** @import { Tool } from "../actions/keys.js" */
 /** @import { Tools } from "../actions/tools.js" */
-/** @import { Adjusted, Fit, Line, Measured, Measurement, Remark } from "../connection/protocol.js" */
+/** @import { Adjusted, Fit, Line, Measured, Measurement } from "../connection/protocol.js" */
 /** @typedef {{ label: string, fit: Fit | undefined, sigmaMm: number | null, count: number, up: string }} PointFacts */
 
 /** @param {Element} section @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @param {SideView} side */
 export function showMeasure(section, state, image, tools, side) {
   fill(section, [
-    missingPart(), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), warningsPart(tools), measurementsPart(tools), lengthsPart(tools),
+    missingPart(), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), lengthsPart(tools),
     advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), remarksPart(),
   ]);
 }
@@ -100,7 +100,7 @@ function lengthsPart(tools) {
   const part = keep("lengths", store.lines, () => titled(`Lengths (${store.lines.length})`,
     table("Known lengths", ["name", "taped m", about("adjusted", "in metres, as all observations together have it"), about("\u03c3", SIGMA), about("w", W), ""], store.lines.map((line) => lengthRow(line, tools)))));
   const fits = store.lines.map((line) => now?.lines[line.name]);
-  return withValues(part, fits.flatMap((fit) => [[fixed(fit?.adjusted_m, 3)], [fixed(fit?.sigma_m, 3)], [wCell(fit?.w, fit?.status)]]));
+  return withValues(part, fits.flatMap((fit) => [[fixed(fit?.adjusted_m, 3)], [fixed(fit?.sigma_m, 3)], [wCell(fit?.w, fit?.status, fit?.why)]]));
 }
 
 /** @param {Line} line @param {Tools} tools */
@@ -130,15 +130,27 @@ function measurementsPart(tools) {
   if (!store.measurements.length) return null;
   const now = adjusted();
   const part = keep("measurements", store.measurements, () => titled(`Measurements (${store.measurements.length})`,
-    table("Measurements", ["name", "value \u00b1 \u03c3", ""], store.measurements.map((one) => measurementRow(one, tools)))));
-  return withValues(part, store.measurements.map((one) => valuesOf(one, now).flatMap((value, k) => (k ? [node("br"), value] : [value]))));
+    table("Measurements", ["name", "value \u00b1 \u03c3", "", ""], store.measurements.map((one) => measurementRow(one, tools)))));
+  return withValues(part, store.measurements.flatMap((one) => {
+    const standing = rowsOf(one).map((row) => now?.measurements[row]).find((found) => found?.words);
+    const values = valuesOf(one, now).flatMap((value, k) => (k ? [node("br"), value] : [value]));
+    return [[node("span", { class: `is-${standing?.status ?? "ok"}`, title: standing?.why ?? now?.measurements[one.name]?.why }, ...values)], standing ? [standingCell(standing)] : []];
+  }));
 }
+
+// A coordinate has two rows, with one standing.
+/** @param {Measurement} measurement */
+const rowsOf = ({ name, kind }) => (kind === "coordinate" ? [`${name} east`, `${name} north`] : [name]);
+
+/** @param {Measured} standing */
+const standingCell = ({ status, words, why }) => node("span", { class: `standing ${status}`, title: why }, words);
 
 // The lines of a measurement's value. A coordinate has several: east and north, and where that is on
 // the earth; of a survey that nothing ties to the earth only the first two.
 /** @param {Measurement} measurement @param {Adjusted | null} now @returns {(string | Element)[]} */
-function valuesOf({ name, kind, points }, now) {
-  const rows = kind === "coordinate" ? [`${name} east`, `${name} north`] : [name];
+function valuesOf(measurement, now) {
+  const { name, kind, points } = measurement;
+  const rows = rowsOf(measurement);
   const found = rows.flatMap((row) => now?.measurements[row] ?? []);
   if (!now || found.length < rows.length) return [missing];
   if (found[0].value === null) return [unmeasured(name)];
@@ -170,7 +182,7 @@ function measurementRow(one, tools) {
   return node("tr", { "data-row": `measure ${one.name}`, title: `${kind}: ${points}` },
     node("td", { class: "named" }, node("button", { class: "link", name: "change", "aria-label": `Change ${one.name}, ${kind} ${points}`, onclick: () => tools.changeMeasurement(one) }, one.name),
       node("span", { class: "dim" }, ` ${points}`)),
-    node("td", { class: "value", title: one.kind === "coordinate" ? ON_EARTH : null }), node("td", {}, remove(one.name, () => tools.send({ t: "remove-measurement", name: one.name }))));
+    node("td", { class: "value", title: one.kind === "coordinate" ? ON_EARTH : null }), node("td", { class: "value" }), node("td", {}, remove(one.name, () => tools.send({ t: "remove-measurement", name: one.name }))));
 }
 
 /** @param {Tools} tools */
@@ -185,27 +197,6 @@ function advicePart(tools) {
 
 /** @param {number} part */
 const percent = (part) => `${(100 * part).toPrecision(2)} %`;
-
-const remarks = () => store.live?.messages ?? store.opening;
-
-/** @param {Tools} tools */
-function warningsPart(tools) {
-  const all = remarks().filter((message) => message.level !== "info");
-  const high = offGround();
-  /** @param {Remark} message */
-  const button = ({ code }) => (code === OFF_GROUND && high.length ? freeButton(high, tools) : null);
-  return keep("warnings", [all, high], () => node("div", { role: "log", "aria-label": "Warnings" }, ...(all.length ? [node("h2", {}, `Warnings (${all.length})`), list(all.slice(0, MOST_WARNINGS), button),
-    furtherPart(all.slice(MOST_WARNINGS), button)] : [])));
-}
-
-/** @param {string[]} high @param {Tools} tools */
-const freeButton = (high, tools) => node("button", { class: "below", name: "free", title: "Takes it that they stand off the ground, at heights that their photos tell", onclick: () => tools.heights.free(high) },
-  high.length === 1 ? `Free the height of ${high[0]}` : `Free these ${high.length} heights`);
-
-const MOST_WARNINGS = 3; // the rest folds away: numbers come first
-
-/** @param {Remark[]} more @param {(message: Remark) => Node | null} button */
-const furtherPart = (more, button) => (more.length ? node("details", {}, node("summary", {}, `${more.length} more`), list(more, button)) : "");
 
 function remarksPart() {
   const all = remarks().filter((message) => message.level === "info");

@@ -1,6 +1,6 @@
 // What stands at the foot of the measurements: one click runs the project and writes everything.
 
-import { store } from "../connection/store.js";
+import { adjusted, store } from "../connection/store.js";
 import { fillIfNew, node } from "../elements/dom.js";
 import { keep } from "../elements/table.js";
 
@@ -17,11 +17,12 @@ export function showOutputs(foot, exporting, exportAll) {
   const { outputs, version } = store;
   if (!outputs) return;
   const old = outputs.files.length > 0 && outputs.version !== version;
-  const made = keep("outputs", [outputs, old, exporting], () => node("div", {},
+  const level = adjusted()?.verdict.level ?? "";
+  const made = keep("outputs", [outputs, old, exporting, level], () => node("div", {},
     node("div", { class: "row" },
       node("button", { name: "export", class: "main", disabled: exporting, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
         exporting ? "Writing\u2026" : "Write report and exports"),
-      node("span", { class: "dim", role: "status" }, exporting ? "" : age(outputs, old))),
+      node("span", { class: "dim", role: "status" }, exporting ? "" : `${age(outputs, old)}${level && `; verdict: ${level}`}`)),
     outputs.files.length || outputs.recording ? node("nav", { "aria-label": "Outputs" }, ...links(outputs)) : null));
   if (foot.firstChild !== made) foot.replaceChildren(made);
 }

@@ -5,6 +5,7 @@ import { showCamera } from "./camera.js";
 import { showFrames } from "./frames.js";
 import { showMeasure } from "./measure.js";
 import { showOutputs, showOutside } from "./outputs.js";
+import { showVerdict } from "./verdict.js";
 
 /** @import { PageState, Tab } from "../actions/page_state.js" */
 /** @import { ProjectActions } from "../actions/project_actions.js" */
@@ -32,6 +33,7 @@ export class Panel {
     if (tab === "measure") showMeasure(section, this.state, this.panes.active?.image, this.tools, this.side);
     else if (tab === "frames") showFrames(section, (image) => this.panes.active?.show(image));
     else showCamera(section, this.state.folders ?? [], this.project);
+    showVerdict(byId("verdict"), this.tools);
     this.showFoot();
   }
 

@@ -204,7 +204,8 @@ function lengthPath(image, line) {
 /** @param {number} image @param {Measurement} request */
 function measurementPath(image, { name, kind, points, parameters = {} }) {
   const now = adjusted()?.measurements[name];
-  return points.length < 2 ? null : pathOf(image, outline(kind, points, parameters), "measured", `${name} ${now ? valueText(now) : missing}`, kind === "area" || kind === "volume");
+  const words = now ? `${valueText(now)}${now.words && ` (${now.words})`}` : missing;
+  return points.length < 2 ? null : pathOf(image, outline(kind, points, parameters), `measured ${now?.status ?? "ok"}`, `${name} ${words}`, kind === "area" || kind === "volume");
 }
 
 // The points that are drawn: of a volume those around it, without its top and its plane.

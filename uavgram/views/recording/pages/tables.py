@@ -23,7 +23,7 @@ from uavgram.views.survey.reliability import (
     second_order_rows,
     weakest_links,
 )
-from uavgram.views.survey.verdict import THREE_SIGMA, VerdictWords
+from uavgram.views.survey.verdict import STATUS_WORDS, THREE_SIGMA, VerdictWords, headline
 from uavgram.views.wording import (
     LEVEL_RANK,
     LINE_STATUS_WORDS,
@@ -35,6 +35,10 @@ from uavgram.views.wording import (
     worst_fit_first,
 )
 
+LEVEL_MARKS = {"green": "✔", "amber": "⚠", "red": "⚠"}
+"""What stands before the headline. The viewer's font has few signs, and it ends at one that it has
+not."""
+
 
 def _page(name: str, result: Result, **shown: object) -> str:
     """One page from its template, with what several of them call."""
@@ -44,6 +48,7 @@ def _page(name: str, result: Result, **shown: object) -> str:
         effect_words=effect_words,
         measurement_text=measurement_text,
         line_words=LINE_STATUS_WORDS,
+        status_words=STATUS_WORDS,
         not_unique=NOT_UNIQUE,
         why_two_ellipses=WHY_TWO_ELLIPSES,
         measured=computed_first(result.measurements),
@@ -68,6 +73,8 @@ def summary(result: Result, verdict: VerdictWords, scene: Scene) -> str:
         "summary",
         result,
         verdict=verdict,
+        headline=headline(result),
+        mark=LEVEL_MARKS[verdict.level],
         scene=scene,
         facts=key_facts(result),
         has_outlines=has_outlines(result),

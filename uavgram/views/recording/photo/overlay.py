@@ -26,7 +26,7 @@ from uavgram.views.style import (
     BAD,
     HEIGHT_COLOURS,
     LINE_COLOURS,
-    MEASURED,
+    MEASURED_COLOURS,
     OBSERVED,
     REFINED,
     SEED,
@@ -35,6 +35,7 @@ from uavgram.views.style import (
 from uavgram.views.survey.drawing import in_photo, project_from, sampled, uncovered, visible_runs
 from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.survey.off_ground import OffGround
+from uavgram.views.survey.verdict import named_picks
 from uavgram.views.wording import FRAME_STATE_WORDS, number, worst_first
 
 # Pixel and text of a label.
@@ -108,8 +109,9 @@ def _residuals(
     recorder: Recorder, result: Result, scene: Scene, picks: FramePicks, photo: str
 ) -> None:
     pixel = result.picks.pixel_px
-    status = np.array(result.picks.status, dtype=str)
-    bad = np.isin(status, ("suspect", "removed"))
+    named, picked = named_picks(result.verdict), result.picks
+    bad = np.isin(np.array(picked.status, dtype=str), ("suspect", "removed"))
+    bad |= np.array([p in named for p in zip(picked.image, picked.label, strict=True)], dtype=bool)
     fitted = np.isfinite(result.picks.residual_px[:, 0])
     tip = pixel + scene.residual_factor * np.nan_to_num(result.picks.residual_px)
     arrows = np.stack([pixel, tip], axis=1)
@@ -136,7 +138,8 @@ def _residuals(
 class _Shape:
     """A thing to draw in every frame that sees it: samples of one polyline in the world.
 
-    `ends` are the labels that must all be picked in a frame; known lengths are always drawn.
+    `ends` are the labels that must all be picked in a frame; known lengths are always drawn. What
+    is contradicted is dashed.
     """
 
     entity: str
@@ -144,6 +147,7 @@ class _Shape:
     text: str
     samples_m: Floats
     ends: frozenset[str] = frozenset()
+    is_dashed: bool = False
 
 
 def _shapes(result: Result) -> list[_Shape]:
@@ -157,11 +161,25 @@ def _shapes(result: Result) -> list[_Shape]:
         shapes.append(_Shape(entity, LINE_COLOURS[status], text, sampled(known[row])))
     for row in map(int, worst_first(result.measurements)):
         text, ends = measured_text(result, row), frozenset(result.measurements.points[row])
+        standing = result.measurements.status[row]
+        entity = f"measured/{standing}" if standing in ("doubtful", "contradicted") else "measured"
         shapes += [
-            _Shape("measured", MEASURED, text, sampled(strip), ends)
+            _Shape(
+                entity,
+                MEASURED_COLOURS[standing],
+                text,
+                sampled(strip),
+                ends,
+                is_dashed=standing == "contradicted",
+            )
             for strip in measured.get(row, [])
         ]
     return shapes
+
+
+def _dashed(pixel: Floats) -> Floats:
+    """(m, 2) the samples of a polyline, every fourth one NaN."""
+    return np.where(np.arange(len(pixel))[:, None] % 4 == 3, np.nan, pixel)
 
 
 def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) -> list[list[Word]]:
@@ -185,7 +203,9 @@ def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) ->
         for shape, seen in zip(shown, np.split(pixel, cuts), strict=True):
             pieces = visible_runs(seen)
             if pieces:
-                runs[shape.entity][frame] += pieces
+                runs[shape.entity][frame] += (
+                    visible_runs(_dashed(seen)) if shape.is_dashed else pieces
+                )
                 longest = max(pieces, key=len)
                 words[frame].append((longest[len(longest) // 2], shape.text))
     for shape in {shape.entity: shape for shape in shapes}.values():

@@ -14,6 +14,7 @@ from uavgram.views.recording.scene import Scene
 from uavgram.views.survey.drawing import longest_middle, uncovered
 from uavgram.views.survey.key_facts import least_certain_length
 from uavgram.views.survey.off_ground import height_label
+from uavgram.views.survey.verdict import STATUS_WORDS
 from uavgram.views.wording import (
     UNIT_WORDS,
     alternatives_text,
@@ -67,12 +68,14 @@ def reference_text(result: Result, row: int) -> str:
 
 
 def measured_text(result: Result, row: int) -> str:
-    """``road width 6.31 m ± 0.02``; behind it ``or 7.25 m`` where that fits as well."""
+    """``road width 6.31 m ± 0.02 (contradicted)``; also ``or 7.25 m`` where that fits as well."""
     rows = result.measurements
     unit, sigma = rows.unit[row], float(rows.sigma[row])
     places = decimals_for(sigma, unit)
     value = f"{rows.value[row]:.{places}f} {UNIT_WORDS.get(unit, unit)} ± {sigma:.{places}f}"
-    return f"{rows.name[row]} {value} {alternatives_text(rows, row)}".rstrip()
+    status = "" if rows.status[row] == "ok" else f"({STATUS_WORDS[rows.status[row]]})"
+    words = (rows.name[row], value, alternatives_text(rows, row), status)
+    return " ".join(filter(None, words))
 
 
 def survey_labels(result: Result, scene: Scene) -> Labels:

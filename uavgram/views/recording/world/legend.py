@@ -16,7 +16,9 @@ from uavgram.views.style import (
     BELOW,
     FRAME_COLOURS,
     HEIGHT_COLOURS,
+    LEVEL_COLOURS,
     MEASURED,
+    QUIET,
     REFERENCE,
     REFINED,
     SEED,
@@ -25,15 +27,17 @@ from uavgram.views.style import (
     scale_colours,
 )
 from uavgram.views.survey.frame_states import frame_states
+from uavgram.views.survey.verdict import STATUS_WORDS, headline
 from uavgram.views.wording import size_text
 
 LEGEND = "legend"
 # Twice the size it is shown at, for sharp letters; wider where more must be said.
-WIDTH_PX, HEIGHT_PX = 2400, 108
+WIDTH_PX, HEIGHT_PX = 2400, 160
 BACKGROUND: Rgb = (13, 16, 17)
 TEXT: Rgb = (225, 228, 232)
 FONT_PX = 30
-ROWS_PX = (10, 60)
+BAND_PX = 44
+ROWS_PX = (60, 110)
 GAP_PX = 40
 HEIGHT_WORDS = {
     "free": "height found",
@@ -61,7 +65,7 @@ def log_legend(recorder: Recorder, result: Result, scene: Scene, ground_gain: fl
 
 
 def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image.Image:
-    """Swatches of the lines that occur, the colour scale of the ellipses, and remarks.
+    """The verdict, swatches of the lines that occur, the ellipses' colour scale, and remarks.
 
     Parameters
     ----------
@@ -94,7 +98,20 @@ def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image
     for k, text in enumerate(remarks):
         pen.text((ends[k % 2], ROWS_PX[k % 2]), text, fill=TEXT, font=font)
         ends[k % 2] += int(pen.textlength(text, font=font)) + GAP_PX
-    return image.crop((0, 0, max(WIDTH_PX, max(ends) - GAP_PX // 2), HEIGHT_PX))
+    width = max(WIDTH_PX, max(ends) - GAP_PX // 2)
+    _band(pen, font, result, width)
+    return image.crop((0, 0, width, HEIGHT_PX))
+
+
+def _band(
+    pen: ImageDraw.ImageDraw,
+    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
+    result: Result,
+    width: int,
+) -> None:
+    """Draw the verdict over everything else: its words on its colour."""
+    pen.rectangle((0, 0, width, BAND_PX), fill=LEVEL_COLOURS[result.verdict.level])
+    pen.text((20, 4), headline(result), fill=(0, 0, 0), font=font)
 
 
 def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
@@ -119,8 +136,13 @@ def _cameras_and_lines(result: Result) -> list[tuple[int, str, Rgb]]:
         entries.append((0, "known length, suspect", BAD))
     if "checked" in status:
         entries.append((1, "known length, withheld", WITHHELD))
-    if np.isfinite(result.measurements.value).any():
+    measured = result.measurements
+    found = {s for s, v in zip(measured.status, measured.value, strict=True) if np.isfinite(v)}
+    if found & {"ok", "not-checked"}:
         entries.append((1, "measured", MEASURED))
+    doubts = [STATUS_WORDS[s] for s in ("doubtful", "contradicted") if s in found]
+    if doubts:
+        entries.append((1, " or ".join(doubts), QUIET))
     return entries
 
 

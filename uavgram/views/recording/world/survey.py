@@ -21,12 +21,13 @@ from uavgram.views.style import (
     FRAME_COLOURS,
     LINE_COLOURS,
     MEASURED,
+    MEASURED_COLOURS,
     MEASURED_QUIET,
     REFINED,
     SEED,
     Rgb,
 )
-from uavgram.views.survey.drawing import frusta, track
+from uavgram.views.survey.drawing import frusta, sampled, track
 from uavgram.views.survey.frame_states import frame_states
 
 # Corners of the mesh that carries the mosaic, in pixels of the mosaic.
@@ -98,10 +99,21 @@ def _only(poses: PoseTable, rows: Bools) -> PoseTable:
 
 
 def _measured(recorder: Recorder, result: Result, labels: Labels) -> None:
-    """Labelled lines stand out; where there are many, the others are thin and quiet."""
-    strips = measured_strips(result)
+    """Labelled lines stand out; where there are many, the others are thin and quiet.
+
+    What does not fit, or is contradicted, has a colour and an entity of its own.
+    """
+    strips, status = measured_strips(result), result.measurements.status
     total = sum(len(some) for some in strips.values())
-    bold = [strip for row in labels.measured for strip in strips[row]]
+    for doubt in ("doubtful", "contradicted"):
+        own = [strip for row in strips if status[row] == doubt for strip in strips[row]]
+        if doubt == "contradicted":
+            own = [dash for strip in own for dash in _dashes(strip)]
+        if own:
+            colour, width = MEASURED_COLOURS[doubt], line_width(total)
+            recorder.static(f"survey/measured/{doubt}", polylines(own, colour, width))
+    strips = {row: s for row, s in strips.items() if status[row] in ("ok", "not-checked")}
+    bold = [strip for row in labels.measured for strip in strips.get(row, [])]
     quiet = [strip for row, some in strips.items() if row not in labels.measured for strip in some]
     if bold:
         recorder.static("survey/measured/least_certain", polylines(bold, MEASURED, 3.5))
@@ -123,9 +135,8 @@ def _reference_lines(recorder: Recorder, result: Result) -> None:
 
 
 def _dashes(strip: Floats, count: int = 15) -> list[Floats]:
-    """Every other piece of a segment: withheld lines did not hold anything together."""
-    at = strip[0] + np.linspace(0, 1, 2 * count)[:, None] * (strip[1] - strip[0])
-    return list(at.reshape(count, 2, 3))
+    """Every other piece of a polyline's segments: of what did not hold anything together."""
+    return list(sampled(strip, 2 * count).reshape(-1, 2, 3))
 
 
 def _ground(result: Result, texture: GroundTexture, scene: Scene) -> rr.Mesh3D:

@@ -1,0 +1,92 @@
+"""The light, the rows and the drawing say what the server judged, and nothing of their own."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from large_photos import write_large_project
+from opened_pages import PageOpener
+from picking_pages import place, wait_until_adjusted
+from picking_server import served
+from playwright.sync_api import Page, expect
+from standings import with_status
+
+from uavgram.model.message import Message
+from uavgram.model.result.result import Result
+from uavgram.model.result.verdict import Reason, Verdict
+from uavgram.pipeline.pick.live import Adjusted, Observed
+
+SWAPPED = Reason(
+    cause="labels-swapped",
+    text="P1 and P2 seem to be swapped in photo0.jpg: swap them there.",
+    frames=("photo0.jpg",),
+    labels=("P1", "P2"),
+)
+MANY = tuple(Message("warning", "frame-left-out", f"Photo {k} was left out.") for k in range(30))
+
+
+def contradicted(result: Result) -> Result:
+    red = Verdict(level="red", reasons=(SWAPPED,))
+    found = with_status(result, "contradicted", "doubtful", "not-checked", "ok")
+    return replace(found, verdict=red, messages=MANY)
+
+
+def in_order(result: Result) -> Result:
+    return replace(with_status(result, "ok"), verdict=Verdict(level="green"), messages=())
+
+
+def row(page: Page, name: str) -> str:
+    """Words of a measurement's row."""
+    return page.locator(f'[data-row="measure {name}"]').inner_text()
+
+
+def test_the_light_the_rows_and_the_drawing_follow_the_verdict(
+    tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with served(write_large_project(tmp_path, 1600, 1200, labels=25)) as server:
+        survey, adjust = server.picking.survey, server.picking.survey.adjust
+        judged = contradicted
+
+        def adjusted(observed: Observed) -> Adjusted:
+            """What passes the verdict is tested elsewhere."""
+            found = adjust(observed)
+            return replace(found, computed=found.computed._replace(result=judged(found.result)))
+
+        monkeypatch.setattr(survey, "adjust", adjusted)
+        page = open_page(server)
+        place(page, "New", 700.0, 500.0)
+        light, why = page.locator("#light"), page.locator("#why")
+        expect(light).to_have_text("Red: the observations contradict each other: do not use")
+        expect(page.locator("#verdict")).to_have_attribute("data-level", "red")
+        expect(page.locator("#first")).to_have_text(SWAPPED.text)
+        standing = {name: row(page, name) for name in ("D1", "D2", "D3", "D4")}
+        words = ("contradicted", "doubtful", "not checked", "")
+        assert all(one in said for one, said in zip(words, standing.values(), strict=True))
+        assert not any(one in standing["D4"] for one in words[:3])
+        value = page.locator('[data-row="measure D1"] .is-contradicted')
+        assert value.evaluate("one => getComputedStyle(one).textDecorationLine") == "line-through"
+        expect(page.locator("g.measured.contradicted text")).to_contain_text("(contradicted)")
+        expect(page.locator('.mark.suspect[data-label="P1"]')).to_have_count(1)
+        expect(page.locator('[data-row="measure D1"] .standing')).to_have_attribute(
+            "title", re.compile(re.escape(SWAPPED.text))
+        )
+        assert not page.get_by_text("Photo 3 was left out.").is_visible()
+        page.keyboard.press("Escape")  # the form of the new point stood over the numbers
+        for opened in (False, True):  # thirty warnings, and the numbers are in sight
+            if opened:
+                why.locator("summary").click()
+                expect(why.get_by_role("listitem")).to_have_count(len(MANY))
+            box = page.locator('[data-row="measure D3"]').bounding_box()
+            assert box is not None
+            assert box["y"] + box["height"] < 600
+
+        judged = in_order
+        page.keyboard.press("Control+z")
+        expect(light).to_have_text("Green: everything fits")
+        wait_until_adjusted(page)
+        expect(page.locator(".standing, .is-contradicted, #first > *")).to_have_count(0)
+        expect(why).to_be_hidden()
+        assert not open_page.errors
