@@ -13,10 +13,12 @@ UNITS = (
 )
 """How many of a unit a metre has: exact, the inch by definition of 1959."""
 
-SLIPS = (
+DECIMALS = (
     (10.0, "the decimal point one place off"),
     (0.1, "the decimal point one place off"),
     (0.01, "the decimal point two places off"),
+)
+CONVERSIONS = (
     (0.3048, "turned from feet into metres twice"),
     (0.0254, "turned from inches into metres twice"),
 )
@@ -43,7 +45,7 @@ def likely_mistake(ratio: float, relative_sigma: float) -> str:
     relative_sigma
         Of that ratio.
     """
-    known = [*((size, f"in {unit}") for size, unit in UNITS), *SLIPS]
+    known = [*((size, f"in {unit}") for size, unit in UNITS), *DECIMALS, *CONVERSIONS]
     off = np.abs(np.log(ratio / np.array([size for size, _ in known])))
     nearest = int(off.argmin())
     if off[nearest] > min(max(CLOSE, SIGMAS * relative_sigma), FARTHEST):
