@@ -32,7 +32,11 @@ SMALLEST_OFFSET_M = 0.02
 SURE = 5.0
 """Sigmas from which on all lengths may be mended by what was found."""
 
-NOT_CHANCE = 3.5
+CHECKED = 1e-5
+"""Share of what is common to all lengths that has to show in the residuals: that of a factor is
+small where only a log speaks of the scale, as lengths are so much better."""
+
+NOT_CHANCE = 3.3
 """Sigmas from which on something that all lengths have in common asks for a cause by itself."""
 
 
@@ -57,20 +61,20 @@ def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
     if not adjustment.minimum.converged:
         return
     common = _common(adjustment)
-    tests = explained(adjustment, [[one.moved] for one in common])
+    tests = explained(adjustment, [[one.moved] for one in common], CHECKED)
     for one, found in zip(common, tests, strict=True):
-        sigma = float(np.sqrt(found.covariance[0, 0]))
-        if not np.isfinite(sigma):
+        value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
+        if not np.isfinite(sigma) or (not one.is_factor and abs(value) > LARGEST_OFFSET_M):
             continue
         largest = LARGEST_FACTOR if one.is_factor else LARGEST_OFFSET_M
         tell = _off_by_a_factor if one.is_factor else _off_by_an_offset
         yield Hypothesis(
-            tell=partial(tell, standing, one.tape),
+            tell=partial(tell, standing, one.tape, found),
             mend=_mend(standing, one, found),
-            moved=(one.moved,),
+            promise=found.gain,
             unknowns=1,
             price=float(
-                np.log(len(common)) + np.log(2.0 * largest / (sigma * np.sqrt(2.0 * np.pi)))
+                np.log(len(common) / 2) + np.log(2.0 * largest / (sigma * np.sqrt(2.0 * np.pi)))
             ),
             settles=frozenset(_names(standing, one.tape.rows)),
         )
@@ -78,7 +82,7 @@ def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
 
 def common_misfit(adjustment: Adjustment) -> bool:
     """Whether all lengths have something in common that is hardly chance."""
-    tests = explained(adjustment, [[one.moved] for one in _common(adjustment)])
+    tests = explained(adjustment, [[one.moved] for one in _common(adjustment)], CHECKED)
     return any(one.gain > NOT_CHANCE**2 for one in tests)
 
 
@@ -138,9 +142,8 @@ def _names(standing: Standing, rows: Ints) -> tuple[str, ...]:
     return tuple(name[i] for i in _lines(standing, rows)) if name else ()
 
 
-def _off_by_a_factor(standing: Standing, tape: _Tape, found: Explained | None) -> Message:
+def _off_by_a_factor(standing: Standing, tape: _Tape, found: Explained, _: Explained | None) -> Message:
     """The message on lengths that are off by one factor."""
-    assert found is not None  # noqa: S101  (it has a linear test)
     value, sigma = 100.0 * float(found.value[0]), 100.0 * float(np.sqrt(found.covariance[0, 0]))
     how = "long" if value > 0 else "short"
     witness = "log and photos" if standing.survey.telemetry is not None else "photos"
@@ -154,9 +157,8 @@ def _off_by_a_factor(standing: Standing, tape: _Tape, found: Explained | None) -
     return Message("warning", "lengths-factor", text, lengths=names)
 
 
-def _off_by_an_offset(standing: Standing, tape: _Tape, found: Explained | None) -> Message:
+def _off_by_an_offset(standing: Standing, tape: _Tape, found: Explained, _: Explained | None) -> Message:
     """The message on lengths that are off by one offset."""
-    assert found is not None  # noqa: S101  (it has a linear test)
     value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
     how = "long" if value > 0 else "short"
     undo = "subtract it from" if value > 0 else "add it to"

@@ -30,6 +30,9 @@ LEAST_CHECKED = 0.05
 FARTHEST = 4.0
 """Sigmas from what the rest says up to which a slip explains a reading."""
 
+NOT_LINEAR = 0.04
+"""Share of an error that the linear model may miss where it is taken out."""
+
 SPAN = float(np.log(1e3))
 """Of the sizes of errors: any is as likely in each decade, from some centimetres to tens of m."""
 
@@ -115,14 +118,30 @@ class Doubted:
         error
             (m,) in metres.
         """
+        return self.fall_without(rows) - self.off(rows, error)
+
+    def fall_without(self, rows: Sequence[int]) -> float:
+        """Fall of the sum of squares where some lengths may err by any amount."""
+        used = np.array([k for k in rows if self.takes_part[k]], dtype=np.int64)
+        cofactor, residual = self.cofactor[np.ix_(used, used)], self.residual[used]
+        return float(residual @ np.linalg.solve(cofactor, residual))
+
+    def off(self, rows: Sequence[int], error: Floats) -> float:
+        """Squared distance, in sigmas, of errors from those by all but some lengths.
+
+        Parameters
+        ----------
+        rows
+            (m,) which lengths.
+        error
+            (m,) in metres.
+        """
         at = np.array(rows)
-        cofactor, residual = self.cofactor[np.ix_(at, at)], self.residual[at]
-        off = error / self.own_sigma_m[at] + np.linalg.solve(cofactor, residual)
-        used = at[self.takes_part[at]]
-        without = self.residual[used] @ np.linalg.solve(
-            self.cofactor[np.ix_(used, used)], self.residual[used]
-        )
-        return float(without - off @ cofactor @ off)
+        covariance = np.linalg.inv(self.cofactor[np.ix_(at, at)])
+        found = -covariance @ self.residual[at]
+        missed = NOT_LINEAR * np.where(self.takes_part[at], np.abs(found), 0.0)
+        away = error / self.own_sigma_m[at] - found
+        return float(away @ np.linalg.solve(covariance + np.diag(missed**2), away))
 
     def price(self, rows: Sequence[int], alternatives: float) -> float:
         """Of a slip that explains the readings of some lengths to the centimetre.

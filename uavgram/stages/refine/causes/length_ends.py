@@ -17,6 +17,7 @@ from uavgram.model.survey.mend import Ends, Mend
 from uavgram.stages.refine.causes.doubted_lengths import (
     FARTHEST,
     MOST,
+    NOT_LINEAR,
     Doubted,
     Told,
     doubted,
@@ -85,8 +86,10 @@ def _fitting(found: Doubted, k: int, ends: Sequence[Ends]) -> list[_Pair]:
     if not ends:
         return []
     length, sigma = _between(found, k, ends, [k])
-    off = (found.reading_m[k] - length) / np.hypot(sigma, found.own_sigma_m[k])
-    alone = found.fall([k], found.error[[k]] * found.own_sigma_m[k])
+    missed = NOT_LINEAR * abs(found.error[k]) * found.own_sigma_m[k] * found.takes_part[k]
+    variance = sigma**2 + found.own_sigma_m[k] ** 2 + missed**2
+    off = (found.reading_m[k] - length) / np.sqrt(variance)
+    alone = found.fall_without([k])
     pairs = [
         _Pair(*each)
         for each in zip(ends, length, sigma, alone - off**2, strict=True)
@@ -108,7 +111,7 @@ def _ends_exchanged(found: Doubted, i: int, j: int) -> Iterator[Hypothesis]:
     """Two lengths of which each has an end of the other."""
     (a, b), (c, d) = _ends(found, i), _ends(found, j)
     pairs = max(1, len(found.standing.survey.line_start) - 1)
-    alone = found.fall([i, j], found.error[[i, j]] * found.own_sigma_m[[i, j]])
+    alone = found.fall_without([i, j])
     for first, second in (((c, b), (a, d)), ((a, d), (c, b)), ((d, b), (c, a)), ((a, c), (b, d))):
         if len({*first}) < 2 or len({*second}) < 2 or {*first} == {a, b} or {*second} == {c, d}:
             continue
@@ -116,7 +119,9 @@ def _ends_exchanged(found: Doubted, i: int, j: int) -> Iterator[Hypothesis]:
         for k, ends in ((i, first), (j, second)):
             length, sigma = _between(found, k, [Ends(*ends)], [i, j])
             away = found.reading_m[k] - length[0]
-            off += float(away**2 / (sigma[0] ** 2 + found.own_sigma_m[k] ** 2))
+            own = found.own_sigma_m[k]
+            missed = NOT_LINEAR * abs(found.error[k]) * own * found.takes_part[k]
+            off += float(away**2 / (sigma[0] ** 2 + own**2 + missed**2))
         if off > 2.0 * FARTHEST**2:
             continue
         ends_of = {int(found.line[i]): Ends(*first), int(found.line[j]): Ends(*second)}

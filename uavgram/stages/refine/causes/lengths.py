@@ -64,8 +64,8 @@ def _wrong_units(found: Doubted) -> Iterator[Hypothesis]:
     known = [(size, f"in {unit}") for size, unit in UNITS] + list(CONVERSIONS)
     for size, words in known:
         error = found.reading_m * (1.0 - 1.0 / size)
-        off = (found.reading_m - error - found.right_m) / found.sigma_m
-        rows = np.flatnonzero(np.abs(off) < FARTHEST).tolist()
+        every = range(len(error))
+        rows = [k for k in every if found.off([k], error[[k]]) < FARTHEST**2]
         for some in {(k,) for k in rows} | ({tuple(rows)} if len(rows) > 1 else set()):
             at = list(some)
             yield Hypothesis(
@@ -81,13 +81,13 @@ def _wrong_digits(found: Doubted) -> Iterator[Hypothesis]:
     for k in range(len(found.line)):
         slips = slips_of(float(found.reading_m[k]))
         for slip in slips:
-            if abs(slip.right_m - found.right_m[k]) > FARTHEST * found.sigma_m[k]:
+            error = found.reading_m[[k]] - slip.right_m
+            if found.off([k], error) > FARTHEST**2:
                 continue
-            error = found.reading_m[k] - slip.right_m
             yield Hypothesis(
                 tell=partial(_by_a_digit, found, k, slip),
                 mend=_with_readings(found, [k], [slip.right_m]),
-                promise=found.fall([k], np.array([error])),
+                promise=found.fall([k], error),
                 price=found.price([k], len(slips)),
                 settles=found.settled([k]),
             )
@@ -98,8 +98,7 @@ def _exchanged(found: Doubted) -> Iterator[Hypothesis]:
     for i, j in combinations(range(len(found.line)), 2):
         reading = found.reading_m[[j, i]]
         error = found.reading_m[[i, j]] - reading
-        off = (reading - found.right_m[[i, j]]) / found.sigma_m[[i, j]]
-        if (np.abs(off) > 2.0 * FARTHEST).any():  # of two that take part, each hides the other
+        if found.off([i, j], error) > 2.0 * FARTHEST**2:
             continue
         yield Hypothesis(
             tell=partial(_readings_exchanged, found, (i, j)),
@@ -116,7 +115,7 @@ def slips_of(reading_m: float) -> tuple[Slip, ...]:
     for step, words in STEPS:
         slips.append(Slip(reading_m - step, f"it is {words} too long"))
         slips.append(Slip(reading_m + step, f"it is {words} too short"))
-    text = f"{reading_m:.10g}"
+    text = max(f"{reading_m:.10g}", f"{reading_m:.2f}", key=len)
     digits = [k for k, each in enumerate(text) if each.isdigit()]
     for first, second in zip(digits, digits[1:], strict=False):
         if text[first] != text[second]:
