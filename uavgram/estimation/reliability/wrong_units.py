@@ -54,6 +54,7 @@ def likely_mistake(ratio: float, relative_sigma: float) -> str:
 
 
 def likely_unit_of_height(height_m: float) -> tuple[str, float]:
-    """The unit of lengths that puts a camera at an odd height, and its height if it is that."""
-    size, unit = min(UNITS, key=lambda each: abs(np.log(height_m / each[0] / ORDINARY_HEIGHT_M)))
-    return unit, height_m / size
+    """How lengths are that put a camera at an odd height, and its height if they are that."""
+    known = [*((size, f"in {unit}") for size, unit in UNITS), CONVERSIONS[0]]
+    size, words = min(known, key=lambda each: abs(np.log(height_m / each[0] / ORDINARY_HEIGHT_M)))
+    return words, height_m / size

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
+from uavgram.estimation.reliability.wrong_units import likely_unit_of_height
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.terms.tapes import taped_lines
 from uavgram.model.arrays import Floats, Ints
@@ -38,6 +39,10 @@ small where only a log speaks of the scale, as lengths are so much better."""
 
 NOT_CHANCE = 3.3
 """Sigmas from which on something that all lengths have in common asks for a cause by itself."""
+
+
+LOWEST_M, HIGHEST_M = 3.0, 150.0
+"""Heights from which most drones take photos of the ground: 120 m is the limit of most laws."""
 
 
 class _Tape(NamedTuple):
@@ -86,6 +91,26 @@ def common_misfit(adjustment: Adjustment) -> bool:
     return any(one.gain > NOT_CHANCE**2 for one in tests)
 
 
+def odd_scale(height_m: float) -> Iterator[Message]:
+    """That all lengths may be in another unit, by nothing but the height of the cameras.
+
+    Parameters
+    ----------
+    height_m
+        Above the ground, where nothing but lengths says so.
+    """
+    if LOWEST_M <= height_m <= HIGHEST_M:
+        return
+    words, otherwise = likely_unit_of_height(height_m)
+    size = f"{height_m / 1000:.3g} km" if height_m > 1000.0 else f"{height_m:.3g} m"
+    text = (
+        f"All lengths may be {words}: by them the cameras stand {size} above the ground (median); "
+        f"it would be {otherwise:.3g} m then. Nothing else tells: look in which unit they were "
+        "taken, and from what height the photos were."
+    )
+    yield Message("warning", "lengths-wrong-unit", text)
+
+
 def _common(adjustment: Adjustment) -> list[_Common]:
     """What could be common to lengths, of each tape and of all."""
     if "lengths" not in adjustment.minimum.blocks:
@@ -109,8 +134,12 @@ def _tapes(tape_of_line: tuple[str, ...]) -> list[_Tape]:
     if len(tapes) > 1:
         own = {tape: [k for k, one in enumerate(tape_of_line) if one == tape] for tape in tapes}
         found += [
-            _Tape(np.array(rows), f"The lengths of the tape {tape!r}" if tape else "The lengths "
-            "of the tape without a name")
+            _Tape(
+                np.array(rows),
+                f"The lengths of the tape {tape!r}"
+                if tape
+                else "The lengths of the tape without a name",
+            )
             for tape, rows in own.items()
         ]
     return [one for one in found if len(one.rows) >= FEWEST]
@@ -142,7 +171,9 @@ def _names(standing: Standing, rows: Ints) -> tuple[str, ...]:
     return tuple(name[i] for i in _lines(standing, rows)) if name else ()
 
 
-def _off_by_a_factor(standing: Standing, tape: _Tape, found: Explained, _: Explained | None) -> Message:
+def _off_by_a_factor(
+    standing: Standing, tape: _Tape, found: Explained, _: Explained | None
+) -> Message:
     """The message on lengths that are off by one factor."""
     value, sigma = 100.0 * float(found.value[0]), 100.0 * float(np.sqrt(found.covariance[0, 0]))
     how = "long" if value > 0 else "short"
@@ -157,15 +188,17 @@ def _off_by_a_factor(standing: Standing, tape: _Tape, found: Explained, _: Expla
     return Message("warning", "lengths-factor", text, lengths=names)
 
 
-def _off_by_an_offset(standing: Standing, tape: _Tape, found: Explained, _: Explained | None) -> Message:
+def _off_by_an_offset(
+    standing: Standing, tape: _Tape, found: Explained, _: Explained | None
+) -> Message:
     """The message on lengths that are off by one offset."""
     value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
     how = "long" if value > 0 else "short"
     undo = "subtract it from" if value > 0 else "add it to"
     text = (
-        f"{tape.words} seem to be too {how} by the same amount, {abs(value):.2f} ± {sigma:.2f} m, as "
-        f"with a hook, or with a tape whose zero is not at its end: look at the tape, and {undo} "
-        "all its readings if that is so."
+        f"{tape.words} seem to be too {how} by the same amount, {abs(value):.2f} ± {sigma:.2f} m, "
+        f"as with a hook, or with a tape whose zero is not at its end: look at the tape, and "
+        f"{undo} all its readings if that is so."
     )
     names = _names(standing, tape.rows)
     return Message("warning", "lengths-offset", text, lengths=names)

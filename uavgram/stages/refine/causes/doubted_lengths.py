@@ -1,7 +1,7 @@
-"""Lengths that do not fit, or were left out for it, and what all the rest says that they should read.
+"""Lengths that do not fit, or were left out for it, and what by all the rest they should read.
 
-Of a length that takes part, the adjustment without it follows in the linear model from the residual
-and its cofactor (Baarda 1968): nothing is adjusted anew.
+Of a length that takes part, the adjustment without it follows in the linear model from its residual
+and cofactor (Baarda 1968): nothing is adjusted anew.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.names import named_ends
 from uavgram.estimation.survey.terms.tapes import Taped, taped_lines
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -32,6 +34,9 @@ FARTHEST = 4.0
 
 NOT_LINEAR = 0.04
 """Share of an error that the linear model may miss where it is taken out."""
+
+RATHER = float(np.log(10.0))
+"""Logarithm of the odds of a slip against an error of any amount, from which on it is told."""
 
 SPAN = float(np.log(1e3))
 """Of the sizes of errors: any is as likely in each decade, from some centimetres to tens of m."""
@@ -143,8 +148,8 @@ class Doubted:
         away = error / self.own_sigma_m[at] - found
         return float(away @ np.linalg.solve(covariance + np.diag(missed**2), away))
 
-    def price(self, rows: Sequence[int], alternatives: float) -> float:
-        """Of a slip that explains the readings of some lengths to the centimetre.
+    def price(self, rows: Sequence[int], alternatives: float, off: float) -> float | None:
+        """Of a slip that explains the readings of some lengths; None where chance may do as well.
 
         Parameters
         ----------
@@ -152,6 +157,8 @@ class Doubted:
             (m,) which.
         alternatives
             How many slips of that kind there are of these lengths.
+        off
+            Squared distance, in sigmas, of what it says from what the rest says.
 
         Notes
         -----
@@ -161,8 +168,13 @@ class Doubted:
         at = np.array(rows)
         size = np.abs(self.error[at]) * self.own_sigma_m[at] / self.sigma_m[at]
         aimless = np.log(np.maximum(2.0 * SPAN * size / np.sqrt(2.0 * np.pi), 1.0))
+        better = float(np.sum(aimless) - np.log(alternatives))
+        if better - off / 2.0 < RATHER:
+            return None
+        if not self.takes_part[at].any():  # that they are wrong is known: only not how
+            return len(at) * PRICE - better - RATHER
         which = np.log(len(self.standing.survey.line_start)) * self.takes_part[at]
-        return float(np.log(alternatives) + np.sum(PRICE - aimless + which))
+        return float(np.sum(PRICE + which) - better)
 
     def between(
         self, start: Ints, end: Ints, k: int, without: Sequence[int]
@@ -214,11 +226,11 @@ class Doubted:
 
     def compared(self, k: int) -> str:
         """``reads 12.34 m, and should read about 11.34 ± 0.02 m: 1.00 m less``."""
-        off = -float(self.error[k] * self.own_sigma_m[k])
-        right, sigma = float(self.right_m[k]), float(self.right_sigma_m[k])
+        off = float(self.right_m[k] - self.reading_m[k])
+        sigma, way = max(float(self.right_sigma_m[k]), 0.01), "more" if off > 0 else "less"
         return (
             f"reads {self.reading_m[k]:.10g} m, and by all the rest should read about "
-            f"{right:.2f} ± {max(sigma, 0.01):.2f} m: {abs(off):.2f} m {'more' if off > 0 else 'less'}"
+            f"{self.right_m[k]:.2f} ± {sigma:.2f} m: {abs(off):.2f} m {way}"
         )
 
     def settled(self, rows: Sequence[int]) -> frozenset[str]:
@@ -235,44 +247,50 @@ class Told:
 
 
 def doubted(standing: Standing) -> Doubted:
-    """The lengths that were left out or do not fit, worst first."""
+    """The lengths that were left out, and those that do not fit, worst first."""
     survey, refined, adjustment = standing.survey, standing.refined, standing.adjustment
-    size = adjustment.problem.layout.size
     left_out = np.flatnonzero(refined.line_removed)
     seen, seen_sigma = seen_lengths(survey, refined, left_out)
     there = np.isfinite(seen)
     left_out, seen, seen_sigma = left_out[there], seen[there], seen_sigma[there]
     own = survey.length_sigma_m[left_out]
-    weight = own**2 / (own**2 + seen_sigma**2)
-    out_error = (survey.length_m[left_out] - seen) / own
-    rows, line = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    pull, cofactor = np.zeros((size, 0)), np.zeros((0, 0))
-    residual = np.zeros(0)
-    block = adjustment.minimum.blocks.get("lengths")
-    if block is not None:
-        redundancy = 1.0 - adjustment.covariance.leverage(block)[:, 0]
-        checked = redundancy > LEAST_CHECKED
-        fall = np.where(checked, block.residual[:, 0] ** 2 / np.where(checked, redundancy, 1.0), 0)
-        rows = np.flatnonzero(fall > STRAYS)
-        rows = rows[np.argsort(-fall[rows], kind="stable")][: max(0, MOST - len(left_out))]
-        line = refined.line_index[adjustment.problem.line_index[rows]]
-        right = np.zeros((size, len(rows)))
-        which = np.arange(len(rows))[:, None]
-        np.add.at(right, (block.columns[rows], which), block.jacobian[rows, 0])
-        pull = adjustment.minimum.factor.solve(right) if len(rows) else right
-        cofactor = np.eye(len(rows)) - right.T @ pull
-        residual = block.residual[rows, 0]
-    n, m = len(left_out), len(rows)
-    joint = np.zeros((n + m, n + m))
+    error, weight = (survey.length_m[left_out] - seen) / own, own**2 / (own**2 + seen_sigma**2)
+    rows = _straying(adjustment)[: max(0, MOST - len(left_out))]
+    pull, cofactor, residual = _of_rows(adjustment, rows)
+    n, size = len(left_out), adjustment.problem.layout.size
+    joint = np.zeros((n + len(rows), n + len(rows)))
     joint[np.arange(n), np.arange(n)] = weight
     joint[n:, n:] = cofactor
-    own_redundancy = cofactor.diagonal()
+    line = refined.line_index[adjustment.problem.line_index[rows]]
     return Doubted(
         standing=standing,
         line=np.concatenate([left_out, line]),
-        takes_part=np.arange(n + m) >= n,
+        takes_part=np.arange(n + len(rows)) >= n,
         cofactor=joint,
-        error=np.concatenate([out_error, -residual / own_redundancy]),
-        residual=np.concatenate([-weight * out_error, residual]),
+        error=np.concatenate([error, -residual / cofactor.diagonal()]),
+        residual=np.concatenate([-weight * error, residual]),
         pull=np.concatenate([np.zeros((size, n)), pull], axis=1),
     )
+
+
+def _straying(adjustment: Adjustment) -> Ints:
+    """Rows of lengths that take part and do not fit, worst first."""
+    block = adjustment.minimum.blocks.get("lengths")
+    if block is None:
+        return np.zeros(0, dtype=np.int64)
+    fall = falls_without(block, adjustment.covariance)
+    checked = 1.0 - adjustment.covariance.leverage(block)[:, 0] > LEAST_CHECKED
+    rows = np.flatnonzero((fall > STRAYS) & checked)
+    return rows[np.argsort(-fall[rows], kind="stable")]
+
+
+def _of_rows(adjustment: Adjustment, rows: Ints) -> tuple[Floats, Floats, Floats]:
+    """Pull (size, n), cofactors (n, n) and residuals (n,) of lengths that take part."""
+    right = np.zeros((adjustment.problem.layout.size, len(rows)))
+    if not len(rows):
+        return right, np.zeros((0, 0)), np.zeros(0)
+    block = adjustment.minimum.blocks["lengths"]
+    at = (block.columns[rows], np.arange(len(rows))[:, None])
+    np.add.at(right, at, block.jacobian[rows, 0])  # ends may share an unknown
+    pull = adjustment.minimum.factor.solve(right)
+    return pull, np.eye(len(rows)) - right.T @ pull, block.residual[rows, 0]

@@ -57,12 +57,15 @@ def other_ends(standing: Standing) -> Iterator[Hypothesis]:
         ends = [Ends(int(c), end) for c in others] + [Ends(start, int(c)) for c in others]
         pairs = _fitting(found, k, ends)
         for pair in pairs[:MOST_TOLD]:
+            price = found.price([k], max(1, len(ends)), found.fall_without([k]) - pair.fall)
+            if price is None:
+                continue
             rivals = [one for one in pairs if one is not pair and one.fall > pair.fall - RIVALS]
             yield Hypothesis(
                 tell=partial(_between_others, found, k, pair, rivals),
                 mend=Mend(ends={int(found.line[k]): pair.ends}),
                 promise=pair.fall,
-                price=found.price([k], max(1, len(ends))),
+                price=price,
                 settles=found.settled([k]),
             )
     for i, j in combinations(range(min(MOST, len(found.line))), 2):
@@ -122,14 +125,15 @@ def _ends_exchanged(found: Doubted, i: int, j: int) -> Iterator[Hypothesis]:
             own = found.own_sigma_m[k]
             missed = NOT_LINEAR * abs(found.error[k]) * own * found.takes_part[k]
             off += float(away**2 / (sigma[0] ** 2 + own**2 + missed**2))
-        if off > 2.0 * FARTHEST**2:
+        price = found.price([i, j], 4.0 * pairs, off)
+        if price is None:
             continue
         ends_of = {int(found.line[i]): Ends(*first), int(found.line[j]): Ends(*second)}
         yield Hypothesis(
             tell=partial(_exchanged, found, (i, j), (Ends(*first), Ends(*second))),
             mend=Mend(ends=ends_of),
             promise=alone - off,
-            price=found.price([i, j], 4.0 * pairs),
+            price=price,
             settles=found.settled([i, j]),
         )
 
@@ -151,8 +155,8 @@ def _between_others(
     there = f"{pair.length_m:.2f} ± {max(pair.sigma_m, 0.01):.2f} m"
     text = (
         f"The length {found.what(k)} seems to be from {_named(found, pair.ends)}: look at the "
-        f"notes, and correct the label of its end.{others} It reads {found.reading_m[k]:.10g} m; by "
-        f"all the rest it is {there} there, and {own} between the labels as written."
+        f"notes, and correct the label of its end.{others} It reads {found.reading_m[k]:.10g} m; "
+        f"by all the rest it is {there} there, and {own} between the labels as written."
     )
     item = f"{found.what(k)} is from {_named(found, pair.ends)}"
     opening = "{count} lengths seem to be between other labels"
@@ -167,8 +171,8 @@ def _exchanged(
     first, second = (found.what(k) for k in rows)
     right = " and the second from ".join(_named(found, each) for each in ends)
     text = (
-        f"Ends of the lengths {first} and {second} seem to be exchanged: the first is from {right}. "
-        f"Look at the notes, and correct the labels. As written, the first "
+        f"Ends of the lengths {first} and {second} seem to be exchanged: the first is from "
+        f"{right}. Look at the notes, and correct the labels. As written, the first "
         f"{found.compared(rows[0])}; the second {found.compared(rows[1])}."
     )
     several = (
