@@ -206,7 +206,7 @@ def _text(
         )
     return (
         f"{opening} With so gross an error, nothing else would fit. Look at reading and unit, and "
-        "at the labels of the ends."
+        "at the labels and the picks of the ends."
     )
 
 

@@ -11,7 +11,6 @@ from scenes import Scene
 from scipy.stats import chi2
 
 from uavgram.estimation.reliability.hypotheses import explained
-from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.common_lengths import CHECKED, _common, common_misfit, odd_scale
 from uavgram.stages.refine.causes.hypothesis import Standing
@@ -35,7 +34,7 @@ def off_by(survey: Survey, factor: float, offset_m: float) -> Survey:
 def test_a_factor_and_an_offset_are_found_within_their_sigmas(
     scene_factory: Callable[..., Scene],
 ) -> None:
-    squares: dict[bool, list[Floats]] = {True: [], False: []}
+    squares: dict[bool, list[float]] = {True: [], False: []}
     for seed in range(10):
         survey = scene_factory(seed, frames=3, ends=PAIRS).survey
         for is_factor, truth in ((True, 0.01), (False, 0.05)):
@@ -43,9 +42,10 @@ def test_a_factor_and_an_offset_are_found_within_their_sigmas(
             adjustment = standing(wrong).adjustment
             (one,) = (each for each in _common(adjustment) if each.is_factor == is_factor)
             (found,) = explained(adjustment, [[one.moved]], CHECKED)
-            squares[is_factor].append((found.value[0] - truth) ** 2 / found.covariance[0, 0])
+            off = float(found.value[0]) - truth
+            squares[is_factor].append(off**2 / float(found.covariance[0, 0]))
     for square in squares.values():
-        low, high = chi2.ppf([LEVEL / 2, 1 - LEVEL / 2], len(square))
+        low, high = chi2.ppf(np.array([LEVEL / 2, 1 - LEVEL / 2]), len(square))
         assert low < np.sum(square) < high
 
 

@@ -12,7 +12,7 @@ from scenes import Scene
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
-from uavgram.model.survey.mend import Cause, Ends
+from uavgram.model.survey.mend import Cause, Ends, Mend
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.gross_lengths import seen_lengths
 from uavgram.stages.refine.causes.doubted_lengths import doubted
@@ -47,10 +47,11 @@ def reading(survey: Survey, values: dict[int, float]) -> Survey:
     return replace(survey, length_m=length)
 
 
-def likeliest(hypotheses: list[Hypothesis]) -> Message:
+def likeliest(hypotheses: list[Hypothesis]) -> tuple[Message, Mend]:
     best = max(hypotheses, key=lambda one: one.promise / 2.0 - one.price)
     assert best.tell is not None
-    return best.tell(None)
+    assert best.mend is not None
+    return best.tell(None), best.mend
 
 
 @pytest.mark.parametrize(
@@ -121,9 +122,10 @@ def test_a_length_between_other_labels_is_found_left_out_or_not(survey: Survey) 
 def test_exchanged_ends_of_two_lengths_are_found(survey: Survey) -> None:
     end = np.array(survey.line_end)
     end[[0, 5]] = end[[5, 0]]
-    message = likeliest(list(other_ends(standing(replace(survey, line_end=end), (0, 5)))))
+    message, mend = likeliest(list(other_ends(standing(replace(survey, line_end=end), (0, 5)))))
     assert message.code == "line-other-ends"
     assert "the first is from 'P0' to 'P6' and the second from 'P5' to 'P11'" in message.text
+    assert mend.ends == {0: Ends(0, 6), 5: Ends(5, 11)}
 
 
 def test_what_the_rest_says_of_a_length_is_as_if_adjusted_without_it(survey: Survey) -> None:
@@ -141,8 +143,7 @@ def test_what_the_rest_says_of_a_length_is_as_if_adjusted_without_it(survey: Sur
     neither = standing(wrong, (2, 4))
     fall = standing(wrong).adjustment.minimum.cost - neither.adjustment.minimum.cost
     assert found.fall_without(both) == pytest.approx(fall, rel=0.05)
-    start, end = np.array([2]), np.array([9])
-    length, spread = found.between(start, end, k, both)
+    length, spread = found.between((np.array([2]), np.array([9])), k, both)
     moved = replace(wrong, line_end=np.where(np.arange(6) == 2, 9, wrong.line_end))
     truth, truth_sigma = seen_lengths(moved, neither.refined, np.array([2]))
     assert length[0] == pytest.approx(truth[0], abs=0.01)

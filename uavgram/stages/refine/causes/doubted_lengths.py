@@ -177,29 +177,42 @@ class Doubted:
         return float(np.sum(PRICE + which) - better)
 
     def between(
-        self, start: Ints, end: Ints, k: int, without: Sequence[int]
+        self, ends: tuple[Ints, Ints], k: int, without: Sequence[int]
     ) -> tuple[Floats, Floats]:
         """What a tape would read (m,) between labels of the adjustment, and the sigmas.
 
         Parameters
         ----------
-        start, end
-            (m,) labels.
+        ends
+            (m,) and (m,) labels.
         k
             The length, whose tape and way of measuring it is.
         without
             Lengths whose say is taken out.
         """
+        found, moved, weight = self._readings(ends, k, without)
+        variance = self.standing.adjustment.readings(self._taped(ends, k))[1] ** 2
+        return found, np.sqrt(variance + np.einsum("mi,ij,mj->m", moved, weight, moved))
+
+    def lengths_between(self, ends: tuple[Ints, Ints], k: int) -> Floats:
+        """The same (m,) without the sigmas, and without the say of the length itself."""
+        return self._readings(ends, k, [k])[0]
+
+    def _readings(
+        self, ends: tuple[Ints, Ints], k: int, without: Sequence[int]
+    ) -> tuple[Floats, Floats, Floats]:
+        """Readings (m,), how the n lengths taken out move them (m, n), and (n, n) weights."""
         adjustment = self.standing.adjustment
-        like = taped_lines(self.standing.survey, np.full(len(start), self.line[k]))
-        taped = Taped(start, end, like.tape, like.level)
+        taped = self._taped(ends, k)
         found, gradient, columns = adjustment.problem.readings(adjustment.state, taped)
         used = np.array([j for j in without if self.takes_part[j]], dtype=np.int64)
-        moved = np.einsum("mk,mkn->mn", gradient, self.pull[columns][:, :, used])
-        weight = np.linalg.inv(self.cofactor[np.ix_(used, used)])
-        variance = adjustment.readings(taped)[1] ** 2
-        variance = variance + np.einsum("mi,ij,mj->m", moved, weight, moved)
-        return found + moved @ weight @ self.residual[used], np.sqrt(variance)
+        moved = np.einsum("mk,mkn->mn", gradient, self.pull[:, used][columns])
+        weight: Floats = np.asarray(np.linalg.inv(self.cofactor[np.ix_(used, used)]), np.float64)
+        return found + moved @ weight @ self.residual[used], moved, weight
+
+    def _taped(self, ends: tuple[Ints, Ints], k: int) -> Taped:
+        like = taped_lines(self.standing.survey, np.full(len(ends[0]), self.line[k]))
+        return Taped(ends[0], ends[1], like.tape, like.level)
 
     def told(self, code: str, rows: Sequence[int], words: Told) -> Message:
         """The message on a slip.

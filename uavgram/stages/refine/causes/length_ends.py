@@ -11,7 +11,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained
 from uavgram.estimation.survey.names import named_ends
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Ints
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Ends, Mend
 from uavgram.stages.refine.causes.doubted_lengths import (
@@ -81,14 +81,14 @@ def _fitting(found: Doubted, k: int, ends: Sequence[Ends]) -> list[_Pair]:
     """The labels between which a length fits, best first."""
     if not ends:
         return []
-    length, _ = _between(found, k, ends, [k])
+    length = found.lengths_between(_labels(found, ends), k)
     away = np.abs(length - found.reading_m[k])
     near = np.argsort(away, kind="stable")[:MOST_PAIRS]
     near = near[away[near] < NEAR_M + NEAR * found.reading_m[k]]
     ends = [ends[n] for n in near]
     if not ends:
         return []
-    length, sigma = _between(found, k, ends, [k])
+    length, sigma = found.between(_labels(found, ends), k, [k])
     missed = NOT_LINEAR * abs(found.error[k]) * found.own_sigma_m[k] * found.takes_part[k]
     variance = sigma**2 + found.own_sigma_m[k] ** 2 + missed**2
     off = (found.reading_m[k] - length) / np.sqrt(variance)
@@ -101,13 +101,10 @@ def _fitting(found: Doubted, k: int, ends: Sequence[Ends]) -> list[_Pair]:
     return sorted(pairs, key=lambda pair: -pair.fall)
 
 
-def _between(
-    found: Doubted, k: int, ends: Sequence[Ends], without: Sequence[int]
-) -> tuple[Floats, Floats]:
-    """What a length would read (m,) between labels of the survey, and the sigmas."""
+def _labels(found: Doubted, ends: Sequence[Ends]) -> tuple[Ints, Ints]:
+    """Labels of the adjustment, of pairs of labels of the survey."""
     at: Ints = found.standing.adjustment.label_rows(found.standing.survey.label)
-    start, end = at[[e.start for e in ends]], at[[e.end for e in ends]]
-    return found.between(start, end, k, without)
+    return at[[e.start for e in ends]], at[[e.end for e in ends]]
 
 
 def _ends_exchanged(found: Doubted, i: int, j: int) -> Iterator[Hypothesis]:
@@ -120,7 +117,7 @@ def _ends_exchanged(found: Doubted, i: int, j: int) -> Iterator[Hypothesis]:
             continue
         off = 0.0
         for k, ends in ((i, first), (j, second)):
-            length, sigma = _between(found, k, [Ends(*ends)], [i, j])
+            length, sigma = found.between(_labels(found, [Ends(*ends)]), k, [i, j])
             away = found.reading_m[k] - length[0]
             own = found.own_sigma_m[k]
             missed = NOT_LINEAR * abs(found.error[k]) * own * found.takes_part[k]
