@@ -74,7 +74,7 @@ class Explained(NamedTuple):
 
 
 def explained(
-    adjustment: Adjustment, hypotheses: Sequence[Sequence[Moved]]
+    adjustment: Adjustment, hypotheses: Sequence[Sequence[Moved]], checked: float = CHECKED
 ) -> tuple[Explained, ...]:
     """What each hypothesis explains of the misfits of an adjustment.
 
@@ -84,6 +84,8 @@ def explained(
         At rest.
     hypotheses
         Each by the groups that it moves, all with the same number of unknowns.
+    checked
+        Share of a direction that has to show in the residuals for its unknown to be tested.
 
     Notes
     -----
@@ -116,16 +118,16 @@ def explained(
     found = []
     for start, count, score, own in zip(first, counts, scores, plain, strict=False):
         span = slice(int(start), int(start) + count)
-        found.append(_explained(score, own, own - right[:, span].T @ solved[:, span]))
+        found.append(_explained(score, own, own - right[:, span].T @ solved[:, span], checked))
     return tuple(found)
 
 
-def _explained(score: Floats, plain: Floats, information: Floats) -> Explained:
+def _explained(score: Floats, plain: Floats, information: Floats, least: float) -> Explained:
     """Of one hypothesis, from C^T v, C^T C and R."""
     length = np.sqrt(np.maximum(plain.diagonal(), 0.0))
     scale = np.where(length > 0, 1.0 / np.where(length > 0, length, 1.0), 0.0)
     share, axes = np.linalg.eigh(information * np.outer(scale, scale))
-    checked = share > CHECKED
+    checked = share > least
     along = axes[:, checked]
     inverse = scale[:, None] * along
     value = -inverse @ ((inverse.T @ score) / share[checked])

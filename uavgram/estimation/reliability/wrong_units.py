@@ -13,10 +13,12 @@ UNITS = (
 )
 """How many of a unit a metre has: exact, the inch by definition of 1959."""
 
-SLIPS = (
+DECIMALS = (
     (10.0, "the decimal point one place off"),
     (0.1, "the decimal point one place off"),
     (0.01, "the decimal point two places off"),
+)
+CONVERSIONS = (
     (0.3048, "turned from feet into metres twice"),
     (0.0254, "turned from inches into metres twice"),
 )
@@ -43,7 +45,7 @@ def likely_mistake(ratio: float, relative_sigma: float) -> str:
     relative_sigma
         Of that ratio.
     """
-    known = [*((size, f"in {unit}") for size, unit in UNITS), *SLIPS]
+    known = [*((size, f"in {unit}") for size, unit in UNITS), *DECIMALS, *CONVERSIONS]
     off = np.abs(np.log(ratio / np.array([size for size, _ in known])))
     nearest = int(off.argmin())
     if off[nearest] > min(max(CLOSE, SIGMAS * relative_sigma), FARTHEST):
@@ -52,6 +54,7 @@ def likely_mistake(ratio: float, relative_sigma: float) -> str:
 
 
 def likely_unit_of_height(height_m: float) -> tuple[str, float]:
-    """The unit of lengths that puts a camera at an odd height, and its height if it is that."""
-    size, unit = min(UNITS, key=lambda each: abs(np.log(height_m / each[0] / ORDINARY_HEIGHT_M)))
-    return unit, height_m / size
+    """How lengths are that put a camera at an odd height, and its height if they are that."""
+    known = [*((size, f"in {unit}") for size, unit in UNITS), CONVERSIONS[0]]
+    size, words = min(known, key=lambda each: abs(np.log(height_m / each[0] / ORDINARY_HEIGHT_M)))
+    return words, height_m / size

@@ -216,8 +216,8 @@ def _text(
             f"say{ask} {listed}."
         )
     return (
-        f"{opening} Look at reading and unit, and at the labels of the ends. With so gross an "
-        "error, nothing else would fit."
+            f"{opening} Look at reading and unit, and at the labels and the picks of the ends. With so "
+            "gross an error, nothing else would fit."
     )
 
 

@@ -13,7 +13,6 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.known_frames import known_rows
 from uavgram.estimation.measuring.next_length import distance_changes, line_faults, next_line
 from uavgram.estimation.reliability.test_statistics import READINGS
-from uavgram.estimation.reliability.wrong_units import likely_unit_of_height
 from uavgram.estimation.survey.adjustment import Adjustment, Refined, Removal
 from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.suspicion import Member, Suspicion
@@ -22,6 +21,7 @@ from uavgram.model.message import Message, Several
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.gross_lengths import odd_in_view, ratios_in_view
+from uavgram.stages.refine.causes.common_lengths import odd_scale
 
 LOWEST_M, HIGHEST_M = 0.3, 1000.0
 """Heights of a drone's camera above the ground, beyond which lengths or log are in question."""
@@ -112,15 +112,16 @@ def _odd_height(adjustment: Adjustment) -> Iterator[Message]:
     """Cameras at a height from which no drone takes photos of the ground."""
     above = adjustment.state.center[:, 2] - adjustment.state.plane[0]
     height = float(np.median(above))
+    if adjustment.survey.telemetry is None and adjustment.survey.gauge == "plane":
+        yield from odd_scale(height)
+        return
     if LOWEST_M <= height <= HIGHEST_M:
         return
-    unit, otherwise = likely_unit_of_height(height)
     size = f"{height / 1000:.3g} km" if height > HIGHEST_M else f"{height:.2g} m"
-    text = f"The cameras stand {size} above the ground (median): "
-    if adjustment.survey.telemetry is None and adjustment.survey.gauge == "plane":
-        text += f"are the lengths in {unit}? It would be {otherwise:.3g} m then."
-    else:
-        text += "look at the heights of log, ground and control points, and at the lengths."
+    text = (
+        f"The cameras stand {size} above the ground (median): look at the heights of log, ground "
+        "and control points, and at the lengths."
+    )
     yield Message("warning", "odd-height", text)
 
 

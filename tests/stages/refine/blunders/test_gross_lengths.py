@@ -51,18 +51,27 @@ def all_picks(survey: Survey) -> Bools:
 
 
 @pytest.mark.parametrize(
-    ("factor", "options"),
-    [(1000.0, REMOVE), (1000.0, REPORT), (1 / 0.3048, REPORT), (0.1, REPORT), (2.3, REPORT)],
+    ("factor", "options", "cause"),
+    [
+        (1000.0, REMOVE, ("line-wrong-unit",)),
+        (1000.0, REPORT, ("line-wrong-unit",)),
+        (1 / 0.3048, REPORT, ("line-wrong-unit",)),
+        (0.1, REPORT, ("line-wrong-digit",)),
+        (2.3, REPORT, ()),
+    ],
 )
 def test_a_length_in_another_unit_is_left_out_alone_and_the_rest_is_as_without_it(
-    scene_factory: Callable[..., Scene], factor: float, options: SolveOptions
+    scene_factory: Callable[..., Scene],
+    factor: float,
+    options: SolveOptions,
+    cause: tuple[str, ...],
 ) -> None:
     scene = scene_factory(2, frames=6, ends=PAIRS)
     survey = logged(scene)
     refined, messages = refine(times(survey, {1: factor}), options)
     assert refined.line_removed.tolist() == [False, True, False, False, False, False]
     assert left_out(refined) == {1: None}
-    assert messages == ()
+    assert tuple(m.code for m in messages) == cause
     assert refined.adjustment.minimum.converged
     fewer = np.arange(6) != 1
     columns = ("line_start", "line_end", "length_m", "length_sigma_m")
@@ -71,14 +80,16 @@ def test_a_length_in_another_unit_is_left_out_alone_and_the_rest_is_as_without_i
     np.testing.assert_array_equal(other.adjustment.state.point, refined.adjustment.state.point)
 
 
-@pytest.mark.parametrize("factor", [1000.0, 0.1])
+@pytest.mark.parametrize(
+    ("factor", "cause"), [(1000.0, "line-wrong-unit"), (0.1, "line-wrong-digit")]
+)
 def test_without_log_leaving_each_out_in_turn_finds_the_wrong_one(
-    scene_factory: Callable[..., Scene], factor: float
+    scene_factory: Callable[..., Scene], factor: float, cause: str
 ) -> None:
     scene = scene_factory(2, frames=4, ends=PAIRS, **NO_LOG)
     refined, messages = refine(times(scene.survey, {4: factor}), REPORT)
     assert left_out(refined) == {4: None}
-    assert messages == ()
+    assert [m.code for m in messages] == [cause]
     assert refined.adjustment.minimum.converged
 
 
@@ -256,10 +267,10 @@ def test_cameras_at_an_odd_height_are_told_with_the_likely_unit(
             length_sigma_m=survey.length_sigma_m * factor,
         )
         _, messages = refine(survey, REPORT)
-        told = [m.text for m in messages if m.code == "odd-height"]
+        told = [m.text for m in messages if m.code == "lengths-wrong-unit"]
         assert len(told) == 1
-        assert f"in {unit}?" in told[0]
-    assert "odd-height" not in {m.code for m in refine(scene.survey, REPORT)[1]}
+        assert f"All lengths may be in {unit}:" in told[0]
+    assert "lengths-wrong-unit" not in {m.code for m in refine(scene.survey, REPORT)[1]}
 
 
 def test_a_run_that_does_not_come_to_rest_says_what_pulls_hardest(

@@ -19,9 +19,11 @@ from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.survey.mend import Cause
 from uavgram.stages.refine.blunders.misfit import trial_adjustment
+from uavgram.stages.refine.causes.common_lengths import common_misfit, common_to_lengths
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing, mended
 from uavgram.stages.refine.causes.labels import swapped_in_a_photo, wrong_picks
-from uavgram.stages.refine.causes.lengths import wrong_lengths
+from uavgram.stages.refine.causes.length_ends import other_ends
+from uavgram.stages.refine.causes.lengths import wrong_lengths, wrong_readings
 
 MISFIT = 0.01
 """Probability of the core's sum of squares below which a cause is looked for."""
@@ -39,6 +41,9 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     wrong_picks,
     wrong_lengths,
     swapped_in_a_photo,
+    wrong_readings,
+    other_ends,
+    common_to_lengths,
 )
 """What could be wrong, by kind: each looks at a survey that does not fit."""
 
@@ -104,7 +109,9 @@ def asks(standing: Standing) -> bool:
     adjustment = standing.adjustment
     if standing.left_out or not adjustment.minimum.converged:
         return True
-    return core_fit(adjustment).probability < MISFIT or _worst(adjustment) < BY_CHANCE
+    if core_fit(adjustment).probability < MISFIT or _worst(adjustment) < BY_CHANCE:
+        return True
+    return common_misfit(adjustment)
 
 
 def _worst(adjustment: Adjustment) -> float:

@@ -2,16 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import combinations, pairwise
+from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.reliability.hypotheses import Explained
 from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.reliability.wrong_units import CONVERSIONS, DECIMALS, UNITS
+from uavgram.model.arrays import Floats
+from uavgram.model.message import Message
 from uavgram.model.survey.mend import Mend
+from uavgram.stages.refine.causes.doubted_lengths import FARTHEST, Doubted, Told, doubted
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 
 MOST_WRONG = 4
 """Single wrong lengths that are proposed."""
+
+ALL = 3
+"""Lengths from which on what is wrong with every one of them is told of them all."""
+
+STEPS = ((10.0, "ten metres"), (1.0, "one metre"), (0.1, "one decimetre"))
+"""By which readings are off that were miscounted or misheard."""
+
+
+class WrongUnit(NamedTuple):
+    """How many of it a metre has, how lengths are then, and what to do."""
+
+    size: float
+    words: str
+    undo: str
+
+
+WRONG_UNITS = (
+    *(WrongUnit(n, f"in {unit}, not in metres", "write them in metres") for n, unit in UNITS),
+    *(WrongUnit(n, words, "write them as they were before") for n, words in CONVERSIONS),
+)
+
+
+class Slip(NamedTuple):
+    """What a reading should be [m], and what was then mistaken."""
+
+    right_m: float
+    words: str
 
 
 def wrong_lengths(standing: Standing) -> Iterator[Hypothesis]:
@@ -30,3 +65,136 @@ def wrong_lengths(standing: Standing) -> Iterator[Hypothesis]:
             unknowns=1,
             price=PRICE + float(np.log(len(lines))),
         )
+
+
+def wrong_readings(standing: Standing) -> Iterator[Hypothesis]:
+    """Lengths that do not fit: in another unit, by a digit, or exchanged with one another."""
+    found = doubted(standing)
+    yield from _wrong_units(found)
+    yield from _wrong_digits(found)
+    yield from _exchanged(found)
+
+
+def _wrong_units(found: Doubted) -> Iterator[Hypothesis]:
+    for unit in WRONG_UNITS:
+        right = found.reading_m / unit.size
+        error = found.reading_m - right
+        rows = [k for k in range(len(error)) if found.off([k], error[[k]]) < FARTHEST**2]
+        together = [tuple(rows)] if len(rows) > 1 else []
+        for some in (*((k,) for k in rows), *together):
+            tell = partial(_in_another_unit, found, some, unit)
+            yield from _slip(found, some, right[list(some)], len(WRONG_UNITS), tell)
+
+
+def _wrong_digits(found: Doubted) -> Iterator[Hypothesis]:
+    for k in range(len(found.line)):
+        least = FARTHEST * found.sigma_m[k]
+        reading = float(found.reading_m[k])
+        slips = [one for one in slips_of(reading) if abs(one.right_m - reading) > least]
+        for slip in slips:
+            tell = partial(_by_a_digit, found, k, slip)
+            yield from _slip(found, (k,), np.array([slip.right_m]), len(slips), tell)
+
+
+def _exchanged(found: Doubted) -> Iterator[Hypothesis]:
+    others = max(1, len(found.standing.survey.line_start) - 1)
+    for i, j in combinations(range(len(found.line)), 2):
+        tell = partial(_readings_exchanged, found, (i, j))
+        yield from _slip(found, (i, j), found.reading_m[[j, i]], others, tell)
+
+
+def _slip(
+    found: Doubted,
+    rows: tuple[int, ...],
+    right_m: Floats,
+    alternatives: int,
+    tell: Callable[[Explained | None], Message],
+) -> Iterator[Hypothesis]:
+    """The hypothesis that some lengths should read something else, if it is likely enough.
+
+    Parameters
+    ----------
+    found, rows
+        Of the lengths that do not fit, these.
+    right_m
+        (m,) what they should read.
+    alternatives
+        Slips of that kind that are possible.
+    tell
+        What is said of it.
+    """
+    error = found.reading_m[list(rows)] - right_m
+    price = found.price(rows, alternatives, found.off(rows, error))
+    if price is not None:
+        lines = found.line[list(rows)].tolist()
+        yield Hypothesis(
+            tell=tell,
+            mend=Mend(length_m=dict(zip(lines, right_m.tolist(), strict=True))),
+            promise=found.fall(rows, error),
+            price=price,
+            settles=found.settled(rows),
+        )
+
+
+def slips_of(reading_m: float) -> tuple[Slip, ...]:
+    """What a reading should be if a digit was missed, the point misplaced, or two transposed."""
+    slips = [Slip(reading_m / size, words) for size, words in DECIMALS]
+    for step, words in STEPS:
+        slips.append(Slip(reading_m - step, f"it is {words} too long"))
+        slips.append(Slip(reading_m + step, f"it is {words} too short"))
+    text = max(f"{reading_m:.10g}", f"{reading_m:.2f}", key=len)
+    digits = [k for k, each in enumerate(text) if each.isdigit()]
+    for first, second in pairwise(digits):
+        if text[first] != text[second]:
+            other = list(text)
+            other[first], other[second] = text[second], text[first]
+            written = "".join(other)
+            slips.append(Slip(float(written), f"two digits are transposed, {text} for {written}"))
+    return tuple(slip for slip in slips if slip.right_m > 0)
+
+
+def _in_another_unit(
+    found: Doubted, rows: Sequence[int], unit: WrongUnit, _: Explained | None
+) -> Message:
+    """The message on lengths that are in another unit."""
+    right = [f"{found.reading_m[k] / unit.size:.2f} m" for k in rows]
+    each = [f"{found.what(k)} would be {m}" for k, m in zip(rows, right, strict=True)]
+    seem = f"seem to be {unit.words}"
+    if len(rows) >= ALL and len(rows) == len(found.standing.survey.line_start):
+        text = f"All lengths {seem}: {unit.undo}. {'; '.join(each[:2])}, and so on."
+        return found.told("lengths-wrong-unit", rows, Told(text, ("", "", "")))
+    if len(rows) > 1:
+        text = f"{len(rows)} lengths {seem}: {unit.undo}. {'; '.join(each)}."
+        return found.told("line-wrong-unit", rows, Told(text, ("", "", "")))
+    text = (
+        f"The length {found.what(rows[0])} seems to be {unit.words}: write {right[0]}. It "
+        f"{found.compared(rows[0])}."
+    )
+    several = (f"{{count}} lengths {seem}", each[0], f"{unit.undo.capitalize()}.")
+    return found.told("line-wrong-unit", rows, Told(text, several))
+
+
+def _by_a_digit(found: Doubted, k: int, slip: Slip, _: Explained | None) -> Message:
+    """The message on a length with a wrong digit."""
+    text = (
+        f"The length {found.what(k)} seems to be misread or miswritten: {slip.words}. Look at "
+        f"the notes, and write {slip.right_m:.10g} m if they bear it out; else look at the picks "
+        f"of its ends. It {found.compared(k)}."
+    )
+    item = f"{found.what(k)} reads {found.reading_m[k]:.10g} m instead of {slip.right_m:.10g} m"
+    opening = "{count} lengths seem to be misread or miswritten"
+    ending = "Look at the notes, and at the picks of their ends."
+    return found.told("line-wrong-digit", [k], Told(text, (opening, item, ending)))
+
+
+def _readings_exchanged(found: Doubted, rows: tuple[int, int], _: Explained | None) -> Message:
+    """The message on two lengths, each of which has the reading of the other."""
+    first, second = (found.what(k) for k in rows)
+    text = (
+        f"The readings of the lengths {first} and {second} seem to be exchanged: look at the "
+        f"notes, and swap them. The first {found.compared(rows[0])}; the second "
+        f"{found.compared(rows[1])}."
+    )
+    opening, ending = "{count} pairs of lengths seem to have each other's readings", "Swap them."
+    several = (opening, f"{first} and {second}", ending)
+    return found.told("lines-exchanged", rows, Told(text, several))

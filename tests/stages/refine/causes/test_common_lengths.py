@@ -1,0 +1,91 @@
+"""What all lengths have in common: told with its size, and not where it is chance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import Scene
+from scipy.stats import chi2
+
+from uavgram.estimation.reliability.hypotheses import explained
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.common_lengths import CHECKED, _common, common_misfit, odd_scale
+from uavgram.stages.refine.causes.hypothesis import Standing
+from uavgram.stages.refine.causes.identify import identify
+from uavgram.stages.refine.minima import Participants, best_minima
+
+PAIRS = (*((k, k + 6) for k in range(6)), (0, 1), (2, 3), (4, 5))
+LEVEL = 1e-4
+
+
+def standing(survey: Survey) -> Standing:
+    nothing = np.zeros(len(survey.line_start), dtype=np.bool_)
+    taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), nothing, {})
+    return Standing(taking, best_minima(taking))
+
+
+def off_by(survey: Survey, factor: float, offset_m: float) -> Survey:
+    return replace(survey, length_m=survey.length_m * (1.0 + factor) + offset_m)
+
+
+def test_a_factor_and_an_offset_are_found_within_their_sigmas(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    squares: dict[bool, list[float]] = {True: [], False: []}
+    for seed in range(10):
+        survey = scene_factory(seed, frames=3, ends=PAIRS).survey
+        for is_factor, truth in ((True, 0.01), (False, 0.05)):
+            wrong = off_by(survey, truth * is_factor, truth * (not is_factor))
+            adjustment = standing(wrong).adjustment
+            (one,) = (each for each in _common(adjustment) if each.is_factor == is_factor)
+            (found,) = explained(adjustment, [[one.moved]], CHECKED)
+            off = float(found.value[0]) - truth
+            squares[is_factor].append(off**2 / float(found.covariance[0, 0]))
+    for square in squares.values():
+        low, high = chi2.ppf(np.array([LEVEL / 2, 1 - LEVEL / 2]), len(square))
+        assert low < np.sum(square) < high
+
+
+@pytest.mark.parametrize("offset_m", [0.4, -0.25])
+def test_a_hook_is_told_with_its_size_and_sigma(
+    scene_factory: Callable[..., Scene], offset_m: float
+) -> None:
+    survey = scene_factory(3, frames=4, ends=PAIRS).survey
+    survey = replace(survey, line_name=tuple(f"L{k}" for k in range(9)))
+    cause = identify(standing(off_by(survey, 0.0, 0.5 * offset_m)))[0]
+    assert cause.message.code == "lengths-offset"
+    assert ("long" if offset_m > 0 else "short") in cause.message.text
+    assert ("subtract it from" if offset_m > 0 else "add it to") in cause.message.text
+    assert cause.settles == set(survey.line_name)
+    if cause.mend is not None:
+        right = [cause.mend.length_m[k] for k in range(9)]
+        np.testing.assert_allclose(right, survey.length_m, atol=0.2 * abs(offset_m))
+
+
+def test_nothing_common_is_told_of_right_lengths(scene_factory: Callable[..., Scene]) -> None:
+    for seed in range(6):
+        given = standing(scene_factory(seed, frames=3, ends=PAIRS).survey)
+        assert not common_misfit(given.adjustment)
+        assert identify(given) == ()
+
+
+def test_without_a_log_a_factor_is_checked_by_nothing(scene_factory: Callable[..., Scene]) -> None:
+    survey = scene_factory(1, frames=3, ends=PAIRS, telemetry=False, gauge="plane").survey
+    (factor,) = (one for one in _common(standing(survey).adjustment) if one.is_factor)
+    (found,) = explained(standing(survey).adjustment, [[factor.moved]], CHECKED)
+    assert np.isinf(found.covariance[0, 0])
+    assert found.gain == 0.0
+
+
+def test_only_odd_heights_are_told_with_the_unit_that_makes_them_ordinary() -> None:
+    assert list(odd_scale(60.0)) == list(odd_scale(120.0)) == list(odd_scale(5.0)) == []
+    (message,) = odd_scale(197.0)
+    assert message.code == "lengths-wrong-unit"
+    assert message.text.startswith("All lengths may be in feet: ")
+    assert "197 m above the ground" in message.text
+    assert "60 m then" in message.text
+    (message,) = odd_scale(2.5)
+    assert "may be turned from feet into metres twice" in message.text

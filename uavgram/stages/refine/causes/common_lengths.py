@@ -1,0 +1,204 @@
+"""What all known lengths may have in common: a factor, as of a stretched tape, or an offset.
+
+An offset, the same amount in each, comes of a hook or a tape whose zero lies elsewhere than was
+thought. Of either only a linear test tells: nothing is adjusted anew to find them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
+from uavgram.estimation.reliability.wrong_units import likely_unit_of_height
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.terms.tapes import taped_lines
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.message import Message
+from uavgram.model.survey.mend import Mend
+from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
+
+FEWEST = 2
+"""Lengths that may have something in common."""
+
+LARGEST_FACTOR, LARGEST_OFFSET_M = 0.1, 0.3
+"""Sizes up to which tapes are off by a factor, and by a hook or another zero."""
+
+SMALLEST_OFFSET_M = 0.02
+"""Offset that a hook or another zero explains."""
+
+SURE = 5.0
+"""Sigmas from which on all lengths may be mended by what was found."""
+
+CHECKED = 1e-5
+"""Share of what is common to all lengths that has to show in the residuals: that of a factor is
+small where only a log speaks of the scale, as lengths are so much better."""
+
+NOT_CHANCE = 3.3
+"""Sigmas from which on something that all lengths have in common asks for a cause by itself."""
+
+
+LOWEST_M, HIGHEST_M = 3.0, 150.0
+"""Heights from which most drones take photos of the ground: 120 m is the limit of most laws."""
+
+
+class _Tape(NamedTuple):
+    """Lengths of one tape, or of all: rows of the group of lengths, and in words."""
+
+    rows: Ints
+    words: str
+
+
+class _Common(NamedTuple):
+    """What the lengths of a tape may have in common."""
+
+    tape: _Tape
+    moved: Moved
+    is_factor: bool
+
+
+def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
+    """All lengths, or those of one tape, are off by one factor or by one offset."""
+    adjustment = standing.adjustment
+    if not adjustment.minimum.converged:
+        return
+    common = _common(adjustment)
+    tests = explained(adjustment, [[one.moved] for one in common], CHECKED)
+    for one, found in zip(common, tests, strict=True):
+        value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
+        if not np.isfinite(sigma) or (not one.is_factor and abs(value) > LARGEST_OFFSET_M):
+            continue
+        largest = LARGEST_FACTOR if one.is_factor else LARGEST_OFFSET_M
+        tell = _off_by_a_factor if one.is_factor else _off_by_an_offset
+        yield Hypothesis(
+            tell=partial(tell, standing, one.tape, found),
+            mend=_mend(standing, one, found),
+            promise=found.gain,
+            unknowns=1,
+            price=float(
+                np.log(len(common) / 2) + np.log(2.0 * largest / (sigma * np.sqrt(2.0 * np.pi)))
+            ),
+            settles=frozenset(_names(standing, one.tape.rows)),
+        )
+
+
+def common_misfit(adjustment: Adjustment) -> bool:
+    """Whether all lengths have something in common that is hardly chance."""
+    tests = explained(adjustment, [[one.moved] for one in _common(adjustment)], CHECKED)
+    return any(one.gain > NOT_CHANCE**2 for one in tests)
+
+
+def odd_scale(height_m: float) -> Iterator[Message]:
+    """That all lengths may be in another unit, by nothing but the height of the cameras.
+
+    Parameters
+    ----------
+    height_m
+        Above the ground, where nothing but lengths says so.
+    """
+    if LOWEST_M <= height_m <= HIGHEST_M:
+        return
+    words, otherwise = likely_unit_of_height(height_m)
+    size = f"{height_m / 1000:.3g} km" if height_m > 1000.0 else f"{height_m:.3g} m"
+    text = (
+        f"All lengths may be {words}: by them the cameras stand {size} above the ground (median); "
+        f"it would be {otherwise:.3g} m then. Nothing else tells: look in which unit they were "
+        "taken, and from what height the photos were."
+    )
+    yield Message("warning", "lengths-wrong-unit", text)
+
+
+def _common(adjustment: Adjustment) -> list[_Common]:
+    """What could be common to lengths, of each tape and of all."""
+    if "lengths" not in adjustment.minimum.blocks:
+        return []
+    survey, line = adjustment.survey, adjustment.problem.line_index
+    taped = taped_lines(survey, line)
+    reading, _, _ = adjustment.problem.readings(adjustment.state, taped)
+    sigma = survey.length_sigma_m[line]
+    found = []
+    for tape in _tapes(taped.tape):
+        for is_factor in (True, False):
+            amount: Floats = reading[tape.rows] if is_factor else np.ones(len(tape.rows))
+            along = (amount / sigma[tape.rows])[:, None, None]
+            found.append(_Common(tape, Moved("lengths", tape.rows, along), is_factor))
+    return found
+
+
+def _tapes(tape_of_line: tuple[str, ...]) -> list[_Tape]:
+    tapes = dict.fromkeys(tape_of_line)
+    found = [_Tape(np.arange(len(tape_of_line)), "All lengths")]
+    if len(tapes) > 1:
+        own = {tape: [k for k, one in enumerate(tape_of_line) if one == tape] for tape in tapes}
+        found += [
+            _Tape(
+                np.array(rows),
+                f"The lengths of the tape {tape!r}"
+                if tape
+                else "The lengths of the tape without a name",
+            )
+            for tape, rows in own.items()
+        ]
+    return [one for one in found if len(one.rows) >= FEWEST]
+
+
+def _mend(standing: Standing, common: _Common, found: Explained) -> Mend | None:
+    """All readings without what they have in common, where it is sure and of an ordinary size."""
+    value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
+    if abs(value) < SURE * sigma:
+        return None
+    lines = _lines(standing, common.tape.rows)
+    reading = standing.survey.length_m[lines]
+    if common.is_factor:
+        right = reading / (1.0 + value)
+    elif SMALLEST_OFFSET_M <= abs(value) <= LARGEST_OFFSET_M and (reading > value).all():
+        right = reading - value
+    else:
+        return None
+    return Mend(length_m=dict(zip(lines.tolist(), right.tolist(), strict=True)))
+
+
+def _lines(standing: Standing, rows: Ints) -> Ints:
+    """Known lengths of the survey, by row of their group."""
+    return standing.refined.line_index[standing.adjustment.problem.line_index[rows]]
+
+
+def _names(standing: Standing, rows: Ints) -> tuple[str, ...]:
+    name = standing.survey.line_name
+    return tuple(name[i] for i in _lines(standing, rows)) if name else ()
+
+
+def _off_by_a_factor(
+    standing: Standing, tape: _Tape, found: Explained, _: Explained | None
+) -> Message:
+    """The message on lengths that are off by one factor."""
+    value, sigma = 100.0 * float(found.value[0]), 100.0 * float(np.sqrt(found.covariance[0, 0]))
+    how = "long" if value > 0 else "short"
+    witness = "log and photos" if standing.survey.telemetry is not None else "photos"
+    text = (
+        f"{tape.words} seem to be too {how} by one factor, {abs(value):.1f} ± {sigma:.1f} %: lay "
+        "the tape beside another one, and divide all its readings by what it is off. If the tape "
+        f"is right, what {witness} say of the scale is wrong: look at the heights of the log, at "
+        "the camera file and at the ground."
+    )
+    names = _names(standing, tape.rows)
+    return Message("warning", "lengths-factor", text, lengths=names)
+
+
+def _off_by_an_offset(
+    standing: Standing, tape: _Tape, found: Explained, _: Explained | None
+) -> Message:
+    """The message on lengths that are off by one offset."""
+    value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
+    how = "long" if value > 0 else "short"
+    undo = "subtract it from" if value > 0 else "add it to"
+    text = (
+        f"{tape.words} seem to be too {how} by the same amount, {abs(value):.2f} ± {sigma:.2f} m, "
+        f"as with a hook, or with a tape whose zero is not at its end: look at the tape, and "
+        f"{undo} all its readings if that is so."
+    )
+    names = _names(standing, tape.rows)
+    return Message("warning", "lengths-offset", text, lengths=names)

@@ -1,0 +1,309 @@
+"""Lengths that do not fit, or were left out for it, and what by all the rest they should read.
+
+Of a length that takes part, the adjustment without it follows in the linear model from its residual
+and cofactor (Baarda 1968): nothing is adjusted anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.names import named_ends
+from uavgram.estimation.survey.terms.tapes import Taped, taped_lines
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.message import Message, Several
+from uavgram.stages.refine.blunders.gross_lengths import seen_lengths
+from uavgram.stages.refine.causes.hypothesis import PRICE, Standing
+
+STRAYS = 9.0
+"""Fall of the sum of squares without a length, from which on it is looked at."""
+
+MOST = 8
+"""Lengths that are looked at: those that were left out, and those that stray farthest."""
+
+LEAST_CHECKED = 0.05
+"""Redundancy number from which on the rest says what a length should read."""
+
+FARTHEST = 4.0
+"""Sigmas from what the rest says up to which a slip explains a reading."""
+
+NOT_LINEAR = 0.04
+"""Share of an error that the linear model may miss where it is taken out."""
+
+RATHER = float(np.log(10.0))
+"""Logarithm of the odds of a slip against an error of any amount, from which on it is told."""
+
+SPAN = float(np.log(1e3))
+"""Of the sizes of errors: any is as likely in each decade, from some centimetres to tens of m."""
+
+
+@dataclass(frozen=True, eq=False)
+class Doubted:
+    """n lengths that do not fit.
+
+    Attributes
+    ----------
+    standing
+        The survey that they are of.
+    line
+        (n,) of the survey.
+    takes_part
+        (n,) whether they do, or were left out.
+    cofactor
+        (n, n) inverse covariance of their errors, in their own sigmas.
+    error
+        (n,) errors of the readings, each by all else but itself, in their own sigmas.
+    residual
+        (n,) predicted less observed, in their own sigmas; of those left out times `cofactor`.
+    pull
+        (size, n) by which each that takes part moves the unknowns; 0 of those left out.
+    """
+
+    standing: Standing
+    line: Ints
+    takes_part: Bools
+    cofactor: Floats
+    error: Floats
+    residual: Floats
+    pull: Floats
+
+    @property
+    def reading_m(self) -> Floats:
+        """(n,) as they read."""
+        return np.asarray(self.standing.survey.length_m[self.line])
+
+    @property
+    def own_sigma_m(self) -> Floats:
+        """(n,) of the readings."""
+        return np.asarray(self.standing.survey.length_sigma_m[self.line])
+
+    @property
+    def sigma_m(self) -> Floats:
+        """(n,) of a reading less what the rest says."""
+        return np.asarray(self.own_sigma_m / np.sqrt(self.cofactor.diagonal()))
+
+    @property
+    def right_m(self) -> Floats:
+        """(n,) what the rest says that they should read."""
+        return np.asarray(self.reading_m - self.error * self.own_sigma_m)
+
+    @property
+    def right_sigma_m(self) -> Floats:
+        """(n,) of what the rest says."""
+        variance = self.sigma_m**2 - self.own_sigma_m**2
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+    @property
+    def name(self) -> tuple[str, ...]:
+        """(n,) names; nothing of those that have none."""
+        return tuple(self.standing.survey.line_name[i] for i in self.line if self._named)
+
+    @property
+    def _named(self) -> bool:
+        return bool(self.standing.survey.line_name)
+
+    def what(self, k: int) -> str:
+        """``'L2' ('R3' to 'R4')``."""
+        survey, i = self.standing.survey, int(self.line[k])
+        start, end = survey.label[survey.line_start[i]], survey.label[survey.line_end[i]]
+        return named_ends(survey.line_name[i] if self._named else "", start, end)
+
+    def fall(self, rows: Sequence[int], error: Floats) -> float:
+        """Fall of the sum of squares where some lengths are known to err by so much.
+
+        Parameters
+        ----------
+        rows
+            (m,) which.
+        error
+            (m,) in metres.
+        """
+        return self.fall_without(rows) - self.off(rows, error)
+
+    def fall_without(self, rows: Sequence[int]) -> float:
+        """Fall of the sum of squares where some lengths may err by any amount."""
+        used = np.array([k for k in rows if self.takes_part[k]], dtype=np.int64)
+        cofactor, residual = self.cofactor[np.ix_(used, used)], self.residual[used]
+        return float(residual @ np.linalg.solve(cofactor, residual))
+
+    def off(self, rows: Sequence[int], error: Floats) -> float:
+        """Squared distance, in sigmas, of errors from those by all but some lengths.
+
+        Parameters
+        ----------
+        rows
+            (m,) which lengths.
+        error
+            (m,) in metres.
+        """
+        at = np.array(rows)
+        covariance = np.linalg.inv(self.cofactor[np.ix_(at, at)])
+        found = -covariance @ self.residual[at]
+        missed = NOT_LINEAR * np.where(self.takes_part[at], np.abs(found), 0.0)
+        away = error / self.own_sigma_m[at] - found
+        return float(away @ np.linalg.solve(covariance + np.diag(missed**2), away))
+
+    def price(self, rows: Sequence[int], alternatives: float, off: float) -> float | None:
+        """Of a slip that explains the readings of some lengths; None where chance may do as well.
+
+        Parameters
+        ----------
+        rows
+            (m,) which.
+        alternatives
+            How many slips of that kind there are of these lengths.
+        off
+            Squared distance, in sigmas, of what it says from what the rest says.
+
+        Notes
+        -----
+        An error for which nothing is known to be the reason costs `PRICE`; but the larger it is,
+        the less is such a one to be expected just there, and so much less a slip of that size.
+        """
+        at = np.array(rows)
+        size = np.abs(self.error[at]) * self.own_sigma_m[at] / self.sigma_m[at]
+        aimless = np.log(np.maximum(2.0 * SPAN * size / np.sqrt(2.0 * np.pi), 1.0))
+        better = float(np.sum(aimless) - np.log(alternatives))
+        if better - off / 2.0 < RATHER:
+            return None
+        if not self.takes_part[at].any():  # that they are wrong is known: only not how
+            return len(at) * PRICE - better - RATHER
+        which = np.log(len(self.standing.survey.line_start)) * self.takes_part[at]
+        return float(np.sum(PRICE + which) - better)
+
+    def between(
+        self, ends: tuple[Ints, Ints], k: int, without: Sequence[int]
+    ) -> tuple[Floats, Floats]:
+        """What a tape would read (m,) between labels of the adjustment, and the sigmas.
+
+        Parameters
+        ----------
+        ends
+            (m,) and (m,) labels.
+        k
+            The length, whose tape and way of measuring it is.
+        without
+            Lengths whose say is taken out.
+        """
+        found, moved, weight = self._readings(ends, k, without)
+        variance = self.standing.adjustment.readings(self._taped(ends, k))[1] ** 2
+        return found, np.sqrt(variance + np.einsum("mi,ij,mj->m", moved, weight, moved))
+
+    def lengths_between(self, ends: tuple[Ints, Ints], k: int) -> Floats:
+        """The same (m,) without the sigmas, and without the say of the length itself."""
+        return self._readings(ends, k, [k])[0]
+
+    def _readings(
+        self, ends: tuple[Ints, Ints], k: int, without: Sequence[int]
+    ) -> tuple[Floats, Floats, Floats]:
+        """Readings (m,), how the n lengths taken out move them (m, n), and (n, n) weights."""
+        adjustment = self.standing.adjustment
+        taped = self._taped(ends, k)
+        found, gradient, columns = adjustment.problem.readings(adjustment.state, taped)
+        used = np.array([j for j in without if self.takes_part[j]], dtype=np.int64)
+        moved = np.einsum("mk,mkn->mn", gradient, self.pull[:, used][columns])
+        weight: Floats = np.asarray(np.linalg.inv(self.cofactor[np.ix_(used, used)]), np.float64)
+        return found + moved @ weight @ self.residual[used], moved, weight
+
+    def _taped(self, ends: tuple[Ints, Ints], k: int) -> Taped:
+        like = taped_lines(self.standing.survey, np.full(len(ends[0]), self.line[k]))
+        return Taped(ends[0], ends[1], like.tape, like.level)
+
+    def told(self, code: str, rows: Sequence[int], words: Told) -> Message:
+        """The message on a slip.
+
+        Parameters
+        ----------
+        code, rows
+            Of the message; and the lengths.
+        words
+            What it says.
+        """
+        survey = self.standing.survey
+        lines = [int(self.line[k]) for k in rows]
+        ends = [k for i in lines for k in (survey.line_start[i], survey.line_end[i])]
+        opening, item, ending = words.several
+        return Message(
+            "warning",
+            code,
+            words.text,
+            lengths=tuple(survey.line_name[i] for i in lines) if self._named else (),
+            labels=tuple(dict.fromkeys(survey.label[k] for k in ends)),
+            several=Several(opening, item, ending=ending),
+        )
+
+    def compared(self, k: int) -> str:
+        """``reads 12.34 m, and should read about 11.34 ± 0.02 m: 1.00 m less``."""
+        off = float(self.right_m[k] - self.reading_m[k])
+        sigma, way = max(float(self.right_sigma_m[k]), 0.01), "more" if off > 0 else "less"
+        return (
+            f"reads {self.reading_m[k]:.10g} m, and by all the rest should read about "
+            f"{self.right_m[k]:.2f} ± {sigma:.2f} m: {abs(off):.2f} m {way}"
+        )
+
+    def settled(self, rows: Sequence[int]) -> frozenset[str]:
+        """Names of some of the lengths."""
+        return frozenset(self.standing.survey.line_name[self.line[k]] for k in rows if self._named)
+
+
+@dataclass(frozen=True)
+class Told:
+    """Words of a message: its text; and opening, item and ending where it is told with others."""
+
+    text: str
+    several: tuple[str, str, str]
+
+
+def doubted(standing: Standing) -> Doubted:
+    """The lengths that were left out, and those that do not fit, worst first."""
+    survey, refined, adjustment = standing.survey, standing.refined, standing.adjustment
+    left_out = np.flatnonzero(refined.line_removed)
+    seen, seen_sigma = seen_lengths(survey, refined, left_out)
+    there = np.isfinite(seen)
+    left_out, seen, seen_sigma = left_out[there], seen[there], seen_sigma[there]
+    own = survey.length_sigma_m[left_out]
+    error, weight = (survey.length_m[left_out] - seen) / own, own**2 / (own**2 + seen_sigma**2)
+    rows = _straying(adjustment)[: max(0, MOST - len(left_out))]
+    pull, cofactor, residual = _of_rows(adjustment, rows)
+    n, size = len(left_out), adjustment.problem.layout.size
+    joint = np.zeros((n + len(rows), n + len(rows)))
+    joint[np.arange(n), np.arange(n)] = weight
+    joint[n:, n:] = cofactor
+    line = refined.line_index[adjustment.problem.line_index[rows]]
+    return Doubted(
+        standing=standing,
+        line=np.concatenate([left_out, line]),
+        takes_part=np.arange(n + len(rows)) >= n,
+        cofactor=joint,
+        error=np.concatenate([error, -residual / cofactor.diagonal()]),
+        residual=np.concatenate([-weight * error, residual]),
+        pull=np.concatenate([np.zeros((size, n)), pull], axis=1),
+    )
+
+
+def _straying(adjustment: Adjustment) -> Ints:
+    """Rows of lengths that take part and do not fit, worst first."""
+    block = adjustment.minimum.blocks.get("lengths")
+    if block is None:
+        return np.zeros(0, dtype=np.int64)
+    fall = falls_without(block, adjustment.covariance)
+    checked = 1.0 - adjustment.covariance.leverage(block)[:, 0] > LEAST_CHECKED
+    rows = np.flatnonzero((fall > STRAYS) & checked)
+    return rows[np.argsort(-fall[rows], kind="stable")]
+
+
+def _of_rows(adjustment: Adjustment, rows: Ints) -> tuple[Floats, Floats, Floats]:
+    """Pull (size, n), cofactors (n, n) and residuals (n,) of lengths that take part."""
+    right = np.zeros((adjustment.problem.layout.size, len(rows)))
+    if not len(rows):
+        return right, np.zeros((0, 0)), np.zeros(0)
+    block = adjustment.minimum.blocks["lengths"]
+    at = (block.columns[rows], np.arange(len(rows))[:, None])
+    np.add.at(right, at, block.jacobian[rows, 0])  # ends may share an unknown
+    pull = adjustment.minimum.factor.solve(right)
+    return pull, np.eye(len(rows)) - right.T @ pull, block.residual[rows, 0]

@@ -1,0 +1,180 @@
+"""Known lengths that could be between other points than was written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.survey.names import named_ends
+from uavgram.model.arrays import Ints
+from uavgram.model.message import Message
+from uavgram.model.survey.mend import Ends, Mend
+from uavgram.stages.refine.causes.doubted_lengths import (
+    FARTHEST,
+    MOST,
+    NOT_LINEAR,
+    Doubted,
+    Told,
+    doubted,
+)
+from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
+
+NEAR_M, NEAR = 0.5, 0.05
+"""Difference from what another pair of labels would read, in metres and as a share, up to which
+its sigma is looked at."""
+
+MOST_PAIRS = 12
+"""Pairs of labels whose sigmas are looked at, for each length."""
+
+MOST_TOLD = 2
+"""Pairs of labels that are proposed for each length."""
+
+RIVALS = 2.0 * float(np.log(20.0))
+"""Fall of the sum of squares without which another pair of labels serves as well."""
+
+
+class _Pair(NamedTuple):
+    """Ends of a length, by label of the survey; what it would read there; and the fall."""
+
+    ends: Ends
+    length_m: float
+    sigma_m: float
+    fall: float
+
+
+def other_ends(standing: Standing) -> Iterator[Hypothesis]:
+    """Lengths that do not fit, but would between other labels."""
+    found = doubted(standing)
+    known = np.flatnonzero(standing.adjustment.label_rows(standing.survey.label) >= 0)
+    for k in range(min(MOST, len(found.line))):
+        start, end = _ends(found, k)
+        others = known[(known != start) & (known != end)]
+        ends = [Ends(int(c), end) for c in others] + [Ends(start, int(c)) for c in others]
+        pairs = _fitting(found, k, ends)
+        for pair in pairs[:MOST_TOLD]:
+            price = found.price([k], max(1, len(ends)), found.fall_without([k]) - pair.fall)
+            if price is None:
+                continue
+            rivals = [one for one in pairs if one is not pair and one.fall > pair.fall - RIVALS]
+            yield Hypothesis(
+                tell=partial(_between_others, found, k, pair, rivals),
+                mend=Mend(ends={int(found.line[k]): pair.ends}),
+                promise=pair.fall,
+                price=price,
+                settles=found.settled([k]),
+            )
+    for i, j in combinations(range(min(MOST, len(found.line))), 2):
+        yield from _ends_exchanged(found, i, j)
+
+
+def _ends(found: Doubted, k: int) -> Ends:
+    survey, line = found.standing.survey, found.line[k]
+    return Ends(int(survey.line_start[line]), int(survey.line_end[line]))
+
+
+def _fitting(found: Doubted, k: int, ends: Sequence[Ends]) -> list[_Pair]:
+    """The labels between which a length fits, best first."""
+    if not ends:
+        return []
+    length = found.lengths_between(_labels(found, ends), k)
+    away = np.abs(length - found.reading_m[k])
+    near = np.argsort(away, kind="stable")[:MOST_PAIRS]
+    near = near[away[near] < NEAR_M + NEAR * found.reading_m[k]]
+    ends = [ends[n] for n in near]
+    if not ends:
+        return []
+    length, sigma = found.between(_labels(found, ends), k, [k])
+    missed = NOT_LINEAR * abs(found.error[k]) * found.own_sigma_m[k] * found.takes_part[k]
+    variance = sigma**2 + found.own_sigma_m[k] ** 2 + missed**2
+    off = (found.reading_m[k] - length) / np.sqrt(variance)
+    alone = found.fall_without([k])
+    pairs = [
+        _Pair(*each)
+        for each in zip(ends, length, sigma, alone - off**2, strict=True)
+        if each[3] > alone - FARTHEST**2
+    ]
+    return sorted(pairs, key=lambda pair: -pair.fall)
+
+
+def _labels(found: Doubted, ends: Sequence[Ends]) -> tuple[Ints, Ints]:
+    """Labels of the adjustment, of pairs of labels of the survey."""
+    at: Ints = found.standing.adjustment.label_rows(found.standing.survey.label)
+    return at[[e.start for e in ends]], at[[e.end for e in ends]]
+
+
+def _ends_exchanged(found: Doubted, i: int, j: int) -> Iterator[Hypothesis]:
+    """Two lengths of which each has an end of the other."""
+    (a, b), (c, d) = _ends(found, i), _ends(found, j)
+    pairs = max(1, len(found.standing.survey.line_start) - 1)
+    alone = found.fall_without([i, j])
+    for first, second in (((c, b), (a, d)), ((a, d), (c, b)), ((d, b), (c, a)), ((a, c), (b, d))):
+        if len({*first}) < 2 or len({*second}) < 2 or {*first} == {a, b} or {*second} == {c, d}:
+            continue
+        off = 0.0
+        for k, ends in ((i, first), (j, second)):
+            length, sigma = found.between(_labels(found, [Ends(*ends)]), k, [i, j])
+            away = found.reading_m[k] - length[0]
+            own = found.own_sigma_m[k]
+            missed = NOT_LINEAR * abs(found.error[k]) * own * found.takes_part[k]
+            off += float(away**2 / (sigma[0] ** 2 + own**2 + missed**2))
+        price = found.price([i, j], 4.0 * pairs, off)
+        if price is None:
+            continue
+        ends_of = {int(found.line[i]): Ends(*first), int(found.line[j]): Ends(*second)}
+        yield Hypothesis(
+            tell=partial(_exchanged, found, (i, j), (Ends(*first), Ends(*second))),
+            mend=Mend(ends=ends_of),
+            promise=alone - off,
+            price=price,
+            settles=found.settled([i, j]),
+        )
+
+
+def _named(found: Doubted, ends: Ends) -> str:
+    label = found.standing.survey.label
+    return named_ends("", label[ends.start], label[ends.end])
+
+
+def _between_others(
+    found: Doubted, k: int, pair: _Pair, rivals: Sequence[_Pair], _: Explained | None
+) -> Message:
+    """The message on a length that is between other labels."""
+    others = ""
+    if rivals:
+        named = " or ".join(_named(found, each.ends) for each in rivals)
+        others = f" It could as well be from {named}."
+    own = f"{found.right_m[k]:.2f} ± {max(found.right_sigma_m[k], 0.01):.2f} m"
+    there = f"{pair.length_m:.2f} ± {max(pair.sigma_m, 0.01):.2f} m"
+    text = (
+        f"The length {found.what(k)} seems to be from {_named(found, pair.ends)}: look at the "
+        f"notes, and correct the label of its end.{others} It reads {found.reading_m[k]:.10g} m; "
+        f"by all the rest it is {there} there, and {own} between the labels as written."
+    )
+    item = f"{found.what(k)} is from {_named(found, pair.ends)}"
+    opening = "{count} lengths seem to be between other labels"
+    ending = "Look at the notes, and correct the labels of their ends."
+    return found.told("line-other-ends", [k], Told(text, (opening, item, ending)))
+
+
+def _exchanged(
+    found: Doubted, rows: tuple[int, int], ends: tuple[Ends, Ends], _: Explained | None
+) -> Message:
+    """The message on two lengths with exchanged ends."""
+    first, second = (found.what(k) for k in rows)
+    right = " and the second from ".join(_named(found, each) for each in ends)
+    text = (
+        f"Ends of the lengths {first} and {second} seem to be exchanged: the first is from "
+        f"{right}. Look at the notes, and correct the labels. As written, the first "
+        f"{found.compared(rows[0])}; the second {found.compared(rows[1])}."
+    )
+    several = (
+        "{count} pairs of lengths seem to have exchanged ends",
+        f"{first} and {second}: the first is from {right}",
+        "Look at the notes, and correct the labels.",
+    )
+    return found.told("line-other-ends", rows, Told(text, several))
