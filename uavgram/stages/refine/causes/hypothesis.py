@@ -120,7 +120,8 @@ class Hypothesis:
 def mended(standing: Standing, mend: Mend) -> Participants:
     """What takes part once a survey is mended.
 
-    Picks and lengths that the mend changes take part again where they had been left out.
+    Picks and lengths that the mend changes take part again where they had been left out, and so do
+    lengths that end where all picks get another label.
 
     Parameters
     ----------
@@ -136,10 +137,24 @@ def mended(standing: Standing, mend: Mend) -> Participants:
     used[list(mend.picks)] = True
     used[list(mend.without_picks)] = False
     removed = refined.line_removed.copy()
-    removed[list(mend.lines)] = False
+    removed[lines_touched(standing.survey, mend)] = False
     removed[list(mend.without_lines)] = True
-    reason = {i: why for i, why in refined.pick_reason.items() if not used[i]}
+    reason = {
+        i: why
+        for i, why in refined.pick_reason.items()
+        if not used[i] and i not in mend.without_picks
+    }
     return Participants(survey, used & taking_part(taking), removed, reason, taking.known_removed)
+
+
+def lines_touched(survey: Survey, mend: Mend) -> Bools:
+    """(L,) lengths that a mend changes, or that end where it changes the labels of all picks."""
+    relabelled = np.zeros(len(survey.pick_label), dtype=np.bool_)
+    relabelled[list(mend.label_of_pick)] = True
+    changed = np.setdiff1d(survey.pick_label[relabelled], survey.pick_label[~relabelled])
+    touched: Bools = np.isin(survey.line_start, changed) | np.isin(survey.line_end, changed)
+    touched[list(mend.lines)] = True
+    return touched
 
 
 def taking_part(taking: Participants) -> Bools:

@@ -19,8 +19,19 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.survey.mend import Cause
 from uavgram.stages.refine.blunders.misfit import trial_adjustment
 from uavgram.stages.refine.blunders.outstanding import core_fit
-from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing, mended
-from uavgram.stages.refine.causes.labels import swapped_in_a_photo, wrong_picks
+from uavgram.stages.refine.causes.everywhere import swapped_everywhere
+from uavgram.stages.refine.causes.hypothesis import (
+    PRICE,
+    Hypothesis,
+    Standing,
+    lines_touched,
+    mended,
+)
+from uavgram.stages.refine.causes.labels import (
+    elsewhere_in_a_photo,
+    swapped_in_a_photo,
+    wrong_picks,
+)
 from uavgram.stages.refine.causes.lengths import wrong_lengths
 
 MISFIT = 0.01
@@ -39,6 +50,8 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     wrong_picks,
     wrong_lengths,
     swapped_in_a_photo,
+    elsewhere_in_a_photo,
+    swapped_everywhere,
 )
 """What could be wrong, by kind: each looks at a survey that does not fit."""
 
@@ -150,12 +163,12 @@ def _judged(standing: Standing, hypothesis: Hypothesis, found: Explained | None)
 
 
 def _brought_back(standing: Standing, hypothesis: Hypothesis) -> int:
-    """Numbers that had been left out, and take part once it is mended."""
+    """Numbers that had been left out, and that it accounts for."""
     mend = hypothesis.mend
     if mend is None:
         return 0
-    picks = int(standing.spoilt[list(mend.picks)].sum())
-    lines = int(standing.refined.line_removed[list(mend.lines)].sum())
+    picks = int(standing.spoilt[list(mend.picks | mend.without_picks)].sum())
+    lines = int((standing.refined.line_removed & lines_touched(standing.survey, mend)).sum())
     return 2 * picks + lines
 
 

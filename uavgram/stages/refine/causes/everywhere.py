@@ -1,0 +1,151 @@
+"""Two labels that stand for each other in all photos: lengths between them and others tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.message import Message, Several
+from uavgram.model.survey.mend import Mend
+from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
+from uavgram.stages.refine.causes.places import labels_of
+
+WRONG = 16.0
+"""Fall of the sum of squares without a length, from which on its ends are looked at."""
+
+BENT = 0.03
+"""By which distances may be wrong, as a share, in a survey bent by lengths between wrong labels."""
+
+MOST_PAIRS = 6
+"""Pairs of labels that are proposed."""
+
+
+def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
+    """Pairs of labels of which lengths fit better if each stood for the other in all photos."""
+    survey = standing.survey
+    wrong = _wrong_lengths(standing)
+    ends = np.union1d(survey.line_start[wrong], survey.line_end[wrong])
+    ends = ends[labels_of(standing)[ends] >= 0]
+    if not len(ends):
+        return
+    first, second, better = _gains(standing, ends)
+    labels = len(standing.adjustment.survey.label)
+    best = np.argsort(-better, kind="stable")[:MOST_PAIRS]
+    for a, b in zip(first[best].tolist(), second[best].tolist(), strict=True):
+        touched = _touch(survey.line_start, a, b) ^ _touch(survey.line_end, a, b)
+        lines = np.flatnonzero(touched & wrong)
+        gain = float(_gain_of(standing, np.array([a]), np.array([b]))[0])
+        if gain < 2.0 * PRICE:
+            continue
+        # One length between the wrong labels does as well where no other ends at either.
+        alone = PRICE if touched.sum() < 2 else 0.0
+        right = {int(k): b for k in np.flatnonzero(survey.pick_label == a)}
+        right |= {int(k): a for k in np.flatnonzero(survey.pick_label == b)}
+        yield Hypothesis(
+            tell=partial(_swapped, standing, (a, b), lines),
+            mend=Mend(label_of_pick=right),
+            promise=gain,
+            price=float(np.log(labels * (labels - 1) / 2.0)) + alone,
+            settles=frozenset(survey.line_name[k] for k in lines if survey.line_name),
+        )
+
+
+def _wrong_lengths(standing: Standing) -> Bools:
+    """(L,) lengths that were left out, or do not fit."""
+    wrong = standing.refined.line_removed.copy()
+    adjustment = standing.adjustment
+    block = adjustment.minimum.blocks.get("lengths")
+    if block is not None:
+        row = standing.refined.line_index[adjustment.problem.line_index]
+        wrong[row[falls_without(block, adjustment.covariance) > WRONG]] = True
+    return wrong
+
+
+def _touch(end: Ints, a: int, b: int) -> Bools:
+    return np.asarray((end == a) | (end == b))
+
+
+def _gains(standing: Standing, ends: Ints) -> tuple[Ints, Ints, Floats]:
+    """Pairs (n,), (n,) of one of some ends and any label, and what each gains (n,)."""
+    known = np.flatnonzero(labels_of(standing) >= 0)
+    first, second = (each.ravel() for each in np.meshgrid(ends, known, indexing="ij"))
+    use = (first < second) | ((first > second) & ~np.isin(second, ends))
+    first, second = first[use], second[use]
+    return first, second, _gain_of(standing, first, second)
+
+
+def _gain_of(standing: Standing, first: Ints, second: Ints) -> Floats:
+    """(n,) fall of the sum of squares of the lengths if labels stood for each other.
+
+    Points as adjusted; what a length contributes is bounded by what it costs to leave it out.
+
+    Parameters
+    ----------
+    standing
+        Where the survey stands.
+    first, second
+        (n,) labels of the survey.
+    """
+    survey, at = standing.survey, labels_of(standing)
+    place = standing.adjustment.points_with_jacobian(at[at >= 0])[0]
+    world = np.full((len(at), 3), np.nan)
+    world[at >= 0] = place
+    gain = np.zeros(len(first))
+    for start, end, taped, sigma in zip(
+        survey.line_start, survey.line_end, survey.length_m, survey.length_sigma_m, strict=True
+    ):
+        row = np.flatnonzero(np.isin(first, (start, end)) | np.isin(second, (start, end)))
+        sizes = []
+        for of in (_exchanged(start, first[row], second[row]), np.full(len(row), start)):
+            to = _exchanged(end, first[row], second[row]) if not sizes else end
+            off = np.linalg.norm(world[of] - world[to], axis=1) - taped
+            squares = off**2 / (sigma**2 + (BENT * taped) ** 2)
+            sizes.append(np.fmin(squares, 2.0 * PRICE))
+        gain[row] += sizes[1] - sizes[0]
+    return gain
+
+
+def _exchanged(label: int, first: Ints, second: Ints) -> Ints:
+    """(n,) what stands for a label where each pair of labels is exchanged."""
+    return np.asarray(np.where(first == label, second, np.where(second == label, first, label)))
+
+
+def _swapped(
+    standing: Standing, labels: tuple[int, int], lines: Ints, _: Explained | None
+) -> Message:
+    """The message on two labels that are exchanged in all photos.
+
+    Parameters
+    ----------
+    standing, labels
+        The survey, and two of its labels.
+    lines
+        Lengths that did not fit and then do.
+    """
+    survey = standing.survey
+    first, second = (survey.label[k] for k in labels)
+    frames = np.unique(survey.pick_frame[np.isin(survey.pick_label, labels)])
+    names = tuple(survey.line_name[k] for k in lines if survey.line_name)
+    which = f" ({', '.join(map(repr, names))})" if names else ""
+    one = len(lines) == 1
+    alone = f", or the length{which} is between other points" if one else ""
+    fit = f"{'The length' if one else f'{len(lines)} lengths'}{which} {'fits' if one else 'fit'}"
+    return Message(
+        "warning",
+        "labels-swapped-everywhere",
+        f"The labels {first!r} and {second!r} seem to be swapped in all photos{alone}: look which "
+        f"point is which, and swap the labels everywhere. {fit} then.",
+        frames=tuple(survey.frame_id[k] for k in frames),
+        labels=(first, second),
+        lengths=names,
+        several=Several(
+            "{count} pairs of labels seem to be swapped in all photos",
+            f"{first!r} and {second!r}",
+            ending="Look which point is which, and swap the labels everywhere.",
+        ),
+    )
