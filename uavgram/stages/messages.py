@@ -20,6 +20,8 @@ CAUSES = (
     (
         *("mount-turned", "other-zoom", "line-left-out", "known-left-out"),
         *("control-left-out", "labels-swapped", "point-off-ground"),
+        *("labels-swapped-everywhere", "label-elsewhere", "other-camera"),
+        *("photo-mirrored", "photo-turned", "photo-elsewhere"),
     ),
     ("line-removed", "known-removed", "pick-removed", "blunder-not-located", "blunder-kept"),
     (

@@ -27,7 +27,6 @@ from uavgram.stages.judge import (
     judge_suspects,
     judge_weakest,
     run_tests,
-    swapped_labels,
 )
 
 
@@ -97,7 +96,7 @@ def judge_survey(
         checks_overall=overall,
         removals=judge_removals(refined, lines, index, inputs.requests, frames, inputs.known),
         messages=(
-            *judge_suspects(examined, swapped_labels(examined, picks)),
+            *judge_suspects(examined),
             *line_messages,
             *known_messages,
             *unseen_messages,

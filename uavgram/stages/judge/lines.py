@@ -155,8 +155,12 @@ def _line_checks(lines: LineResults) -> LineChecks:
 def _left_out(
     refined: Refined, lines: KnownLines, survey_index: Ints, seen_m: Floats, sigma_m: Floats
 ) -> tuple[Message, ...]:
-    """One message on each length that was left out; on those with the same mistake, one in all."""
+    """One message on each length that was left out; on those with the same mistake, one in all.
+
+    Those that a cause explains are left to it.
+    """
     gross = {r.index for r in refined.removals if r.kind == "line" and r.before is None}
+    gross -= {int(survey_index[i]) for i, name in enumerate(lines.name) if name in refined.settled}
     out = [i for i, index in enumerate(survey_index) if int(index) in gross]
     what = {i: _mistake(lines, i, seen_m[i], sigma_m[i]) for i in out}
     alike = {i: what[i] or i for i in out}  # unknown mistakes: each alone

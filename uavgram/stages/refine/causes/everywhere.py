@@ -96,17 +96,14 @@ def _gain_of(standing: Standing, first: Ints, second: Ints) -> Floats:
     world = np.full((len(at), 3), np.nan)
     world[at >= 0] = place
     gain = np.zeros(len(first))
-    for start, end, taped, sigma in zip(
-        survey.line_start, survey.line_end, survey.length_m, survey.length_sigma_m, strict=True
-    ):
+    for line, (start, end) in enumerate(zip(survey.line_start, survey.line_end, strict=True)):
         row = np.flatnonzero(np.isin(first, (start, end)) | np.isin(second, (start, end)))
-        sizes = []
-        for of in (_exchanged(start, first[row], second[row]), np.full(len(row), start)):
-            to = _exchanged(end, first[row], second[row]) if not sizes else end
-            off = np.linalg.norm(world[of] - world[to], axis=1) - taped
-            squares = off**2 / (sigma**2 + (BENT * taped) ** 2)
-            sizes.append(np.fmin(squares, 2.0 * PRICE))
-        gain[row] += sizes[1] - sizes[0]
+        swapped = [_exchanged(label, first[row], second[row]) for label in (start, end)]
+        apart = [np.linalg.norm(world[a] - world[b], axis=-1) for a, b in ((start, end), swapped)]
+        sigma = np.hypot(survey.length_sigma_m[line], BENT * survey.length_m[line])
+        squares = [((each - survey.length_m[line]) / sigma) ** 2 for each in apart]
+        now, then = (np.fmin(each, 2.0 * PRICE) for each in squares)
+        gain[row] += now - then
     return gain
 
 

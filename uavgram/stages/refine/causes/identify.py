@@ -19,16 +19,18 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.survey.mend import Cause
 from uavgram.stages.refine.blunders.misfit import trial_adjustment
 from uavgram.stages.refine.blunders.outstanding import core_fit
+from uavgram.stages.refine.causes.elsewhere import elsewhere_in_a_photo
 from uavgram.stages.refine.causes.everywhere import swapped_everywhere
+from uavgram.stages.refine.causes.heights import off_the_ground, wrong_pick_on_the_ground
 from uavgram.stages.refine.causes.hypothesis import (
     PRICE,
     Hypothesis,
     Standing,
     lines_touched,
     mended,
+    still_freed,
 )
 from uavgram.stages.refine.causes.labels import (
-    elsewhere_in_a_photo,
     swapped_in_a_photo,
     wrong_picks,
 )
@@ -52,6 +54,8 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     swapped_in_a_photo,
     elsewhere_in_a_photo,
     swapped_everywhere,
+    wrong_pick_on_the_ground,
+    off_the_ground,
 )
 """What could be wrong, by kind: each looks at a survey that does not fit."""
 
@@ -181,7 +185,7 @@ def _tried(standing: Standing, judged: _Judged) -> _Judged:
     refined = trial_adjustment(taking)
     if refined is None or not refined.adjustment.minimum.converged:
         return _Judged(hypothesis, judged.found, 0.0, -np.inf)
-    after = Standing(taking, refined)
+    after = Standing(taking, refined, still_freed(standing, hypothesis.mend))
     # What is left may still be noisier than stated: noise grows last, but must not be blamed.
     fit = core_fit(refined.adjustment)
     gain = (standing.cost - after.cost) / max(1.0, fit.squares / max(fit.degrees, 1.0))

@@ -22,9 +22,6 @@ NEARER = 0.4
 """Distance of a pick from the place of another label over that of the label's own pick, up to which
 the label may belong there."""
 
-THERE = 5.0
-"""Distance from the place of another label, in sigmas of a pick, up to which a pick lies there."""
-
 
 class _Exchange(NamedTuple):
     """Labels of one photo that seem to have changed places.
@@ -128,73 +125,6 @@ def _where_they_belong(standing: Standing, found: Strays, own: Ints, picks: Ints
         if there != pick and away.min() < NEARER * float(away[picks == pick][0]):
             belongs[pick] = there
     return belongs
-
-
-def elsewhere_in_a_photo(standing: Standing) -> Iterator[Hypothesis]:
-    """Single picks that lie where another label belongs: there twice, or under a wrong label."""
-    found, survey, adjustment = strays(standing), standing.survey, standing.adjustment
-    labels = len(adjustment.survey.label)
-    picks = np.log(max(len(standing.refined.pick_index), 1))
-    index = {name: k for k, name in enumerate(survey.label)}
-    for row, pick in enumerate(found.pick.tolist()):
-        place = adjustment.pixels(np.full(labels, found.frame[row]), np.arange(labels))
-        sigmas = np.linalg.norm(survey.pixel_px[pick] - place, axis=1) / survey.pick_sigma_px[pick]
-        near = np.flatnonzero(sigmas < THERE)
-        for k in near[np.argsort(sigmas[near])].tolist():
-            other = index[adjustment.survey.label[k]]
-            if other == survey.pick_label[pick]:
-                continue
-            free = not _picked(standing, int(survey.pick_frame[pick]), other)
-            yield Hypothesis(
-                tell=partial(_elsewhere, standing, pick, other),
-                mend=Mend(label_of_pick={pick: other})
-                if free
-                else Mend(without_picks=frozenset([pick])),
-                promise=float(found.fall[row]),
-                price=float(
-                    np.log(labels)
-                    + picks * found.taking[row]  # of one left out, it is known which
-                    + (0.0 if free else sigmas[k] ** 2 / 2.0)
-                ),
-                settles=frozenset([adjustment.survey.frame_id[found.frame[row]]]),
-            )
-            break
-
-
-def _picked(standing: Standing, frame: int, label: int) -> bool:
-    """Whether a photo has a pick of a label that was not left out."""
-    survey = standing.survey
-    same = (survey.pick_frame == frame) & (survey.pick_label == label)
-    return bool((same & ~standing.spoilt).any())
-
-
-def _elsewhere(standing: Standing, pick: int, other: int, _: Explained | None) -> Message:
-    """The message on a pick that lies where another label belongs.
-
-    Parameters
-    ----------
-    standing
-        Where the survey stands.
-    pick, other
-        The pick, and the label that belongs there.
-    """
-    survey = standing.survey
-    label, there = survey.label[survey.pick_label[pick]], survey.label[other]
-    frame = survey.frame_id[survey.pick_frame[pick]]
-    free = not _picked(standing, int(survey.pick_frame[pick]), other)
-    todo = f"change its label to {there!r} there" if free else "pick it anew, or take it out there"
-    return Message(
-        "warning",
-        "label-elsewhere",
-        f"The pick of {label!r} in {frame!r} lies where {there!r} belongs: look, and {todo}.",
-        frames=(frame,),
-        labels=(label, there),
-        several=Several(
-            "{count} picks lie where another label belongs",
-            f"{label!r} in {frame!r} where {there!r} belongs",
-            ending="Look, and change their labels there, or pick them anew.",
-        ),
-    )
 
 
 def _swapped(standing: Standing, right: Mapping[int, int], _: Explained | None) -> Message:
