@@ -61,7 +61,7 @@ def contradicting(survey: Survey, picks: Ints, rest: Refined) -> dict[int, LeftO
     parameters = survey.calibration.parameters
     ray = back_project(survey.calibration.model, parameters, survey.pixel_px[picks])
     sigma = survey.pick_sigma_px[picks] / parameters[0]
-    agree = _consensus(world, ray, sigma)
+    agree = consensus(world, ray, sigma)
     if agree is None or agree.all() or agree.sum() < max(SMALLEST + 1, MAJORITY * len(picks)):
         return {}
     return dict.fromkeys(picks[~agree].tolist(), CONTRADICTED)
@@ -75,7 +75,7 @@ def _places(survey: Survey, picks: Ints, adjustment: Adjustment) -> tuple[Floats
     return adjustment.state.point[at[known], :2], known
 
 
-def _consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
+def consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
     """(n,) which picks agree on the pose that most agree on."""
     best = None
     for chosen in _sets(len(ray)):
@@ -99,11 +99,11 @@ def _agreeing(world: Floats, ray: Floats, sigma: Floats, chosen: Ints) -> Bools 
     pose = resect_from_plane(world[chosen], ray[chosen])
     if pose is None:
         return None
-    distance = np.linalg.norm(_seen_at(world, pose) - ray[:, :2], axis=1)
+    distance = np.linalg.norm(seen_at(world, pose) - ray[:, :2], axis=1)
     return np.asarray(distance < AGREES * sigma)
 
 
-def _seen_at(world: Floats, pose: tuple[Floats, Floats]) -> Floats:
+def seen_at(world: Floats, pose: tuple[Floats, Floats]) -> Floats:
     """(n, 2) normalised image coordinates of points of the plane; NaN behind the camera."""
     center, plane_from_camera = pose
     camera = (np.column_stack([world, np.zeros(len(world))]) - center) @ plane_from_camera

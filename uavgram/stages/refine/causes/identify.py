@@ -35,6 +35,11 @@ from uavgram.stages.refine.causes.labels import (
     wrong_picks,
 )
 from uavgram.stages.refine.causes.lengths import wrong_lengths
+from uavgram.stages.refine.causes.photos import (
+    photos_elsewhere,
+    photos_in_disorder,
+    turned_photos,
+)
 
 MISFIT = 0.01
 """Probability of the core's sum of squares below which a cause is looked for."""
@@ -56,6 +61,8 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     swapped_everywhere,
     wrong_pick_on_the_ground,
     off_the_ground,
+    turned_photos,
+    photos_in_disorder,
 )
 """What could be wrong, by kind: each looks at a survey that does not fit."""
 
@@ -92,6 +99,7 @@ def identify(standing: Standing) -> tuple[Cause, ...]:
         The survey as it is adjusted at the stated noise.
     """
     causes: list[Cause] = []
+    stated = standing
     for _ in range(MOST_CAUSES):
         if not asks(standing):
             break
@@ -113,7 +121,7 @@ def identify(standing: Standing) -> tuple[Cause, ...]:
         if best.after is None:
             break
         standing = best.after
-    return tuple(causes)
+    return (*causes, *photos_elsewhere(stated, causes))
 
 
 def asks(standing: Standing) -> bool:
