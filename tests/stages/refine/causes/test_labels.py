@@ -81,7 +81,7 @@ def test_a_swap_is_found_where_a_point_is_seen_in_that_photo_only(
 
 @pytest.mark.parametrize("both", [False, True])
 def test_a_pick_where_another_label_belongs_is_told(
-    scene_factory: Callable[..., Scene], both: bool
+    scene_factory: Callable[..., Scene], *, both: bool
 ) -> None:
     survey = clean(scene_factory)
     one, other = picks_of(survey, 3)[[2, 4]]

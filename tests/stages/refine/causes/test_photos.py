@@ -1,4 +1,4 @@
-"""Photos of which all picks are wrong in one way, told as such, with the mend that puts them back."""
+"""Photos of which all picks are wrong in one way, told as such, with the mend of it."""
 
 from __future__ import annotations
 

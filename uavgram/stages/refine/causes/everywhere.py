@@ -21,8 +21,8 @@ WRONG = 16.0
 BENT = 0.03
 """By which distances may be wrong, as a share, in a survey bent by lengths between wrong labels."""
 
-MOST_PAIRS = 6
-"""Pairs of labels that are proposed."""
+MOST_PAIRS = 100
+"""Pairs of labels that are proposed: those that would ease misfits most, points as adjusted."""
 
 
 def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
@@ -39,9 +39,6 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
     for a, b in zip(first[best].tolist(), second[best].tolist(), strict=True):
         touched = _touch(survey.line_start, a, b) ^ _touch(survey.line_end, a, b)
         lines = np.flatnonzero(touched & wrong)
-        gain = float(_gain_of(standing, np.array([a]), np.array([b]))[0])
-        if gain < 2.0 * PRICE:
-            continue
         # One length between the wrong labels does as well where no other ends at either.
         alone = PRICE if touched.sum() < 2 else 0.0
         right = {int(k): b for k in np.flatnonzero(survey.pick_label == a)}
@@ -49,7 +46,7 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
         yield Hypothesis(
             tell=partial(_swapped, standing, (a, b), lines),
             mend=Mend(label_of_pick=right),
-            promise=gain,
+            promise=_fall(standing, a, b),
             price=float(np.log(labels * (labels - 1) / 2.0)) + alone,
             settles=frozenset(survey.line_name[k] for k in lines if survey.line_name),
         )
@@ -80,9 +77,9 @@ def _gains(standing: Standing, ends: Ints) -> tuple[Ints, Ints, Floats]:
 
 
 def _gain_of(standing: Standing, first: Ints, second: Ints) -> Floats:
-    """(n,) fall of the sum of squares of the lengths if labels stood for each other.
+    """(n,) by how much the lengths fit better if labels stood for each other, points as adjusted.
 
-    Points as adjusted; what a length contributes is bounded by what it costs to leave it out.
+    The logarithm keeps one length that is far off from outweighing several others.
 
     Parameters
     ----------
@@ -102,12 +99,67 @@ def _gain_of(standing: Standing, first: Ints, second: Ints) -> Floats:
         apart = [np.linalg.norm(world[a] - world[b], axis=-1) for a, b in ((start, end), swapped)]
         sigma = np.hypot(survey.length_sigma_m[line], BENT * survey.length_m[line])
         squares = [((each - survey.length_m[line]) / sigma) ** 2 for each in apart]
-        now, then = (np.fmin(each, 2.0 * PRICE) for each in squares)
+        now, then = (np.log1p(np.nan_to_num(each, nan=np.inf)) for each in squares)
         gain[row] += now - then
     return gain
 
 
-def _exchanged(label: int, first: Ints, second: Ints) -> Ints:
+def _fall(standing: Standing, first: int, second: int) -> float:
+    """Fall of the sum of squares if labels stood for each other, in the linear model.
+
+    Without the lengths A that end at one of them it falls by v^T Q^-1 v, with Q = I - A S A^T and
+    S the inverse of the normal matrix; between the other labels, with derivatives B, they add
+    r^T (I + B S' B^T)^-1 r. S' = S + S A^T Q^-1 A S and the residuals r are those without them.
+
+    Parameters
+    ----------
+    standing
+        Where the survey stands.
+    first, second
+        Labels of the survey.
+    """
+    survey, at = standing.survey, labels_of(standing)
+    touched = _touch(survey.line_start, first, second) ^ _touch(survey.line_end, first, second)
+    known = (at[survey.line_start] >= 0) & (at[survey.line_end] >= 0)
+    used = np.zeros(len(known), dtype=np.bool_)
+    used[standing.refined.line_index[standing.adjustment.problem.line_index]] = True
+    old, new = np.flatnonzero(touched & used), np.flatnonzero(touched & known)
+    if not len(new):
+        return 0.0
+    ends = survey.line_start, survey.line_end
+    a, v = _rows(standing, old, at[ends[0][old]], at[ends[1][old]])
+    pair = np.array(first), np.array(second)
+    b, r = _rows(standing, new, *(at[_exchanged(each[new], *pair)] for each in ends))
+    solved = standing.adjustment.minimum.factor.solve(np.concatenate([a, b]).T)
+    to_a, to_b = solved[:, : len(old)], solved[:, len(old) :]
+    without = np.linalg.pinv(np.eye(len(old)) - a @ to_a, rcond=1e-6, hermitian=True)
+    moved = r + b @ to_a @ without @ v
+    spread = b @ to_b + b @ to_a @ without @ (a @ to_b)
+    added = moved @ np.linalg.solve(np.eye(len(new)) + spread, moved)
+    return float(v @ without @ v - added)
+
+
+def _rows(standing: Standing, line: Ints, start: Ints, end: Ints) -> tuple[Floats, Floats]:
+    """Derivatives (n, size) and residuals (n,) of lengths between labels, whitened.
+
+    Parameters
+    ----------
+    standing
+        Where the survey stands.
+    line
+        (n,) lengths of the survey.
+    start, end
+        (n,) labels of the adjustment.
+    """
+    problem, state = standing.adjustment.problem, standing.adjustment.state
+    length, gradient, columns = problem.lengths_between(state, start, end)
+    sigma = standing.survey.length_sigma_m[line]
+    dense = np.zeros((len(line), problem.layout.size))
+    np.add.at(dense, (np.arange(len(line))[:, None], columns), gradient / sigma[:, None])
+    return dense, (length - standing.survey.length_m[line]) / sigma
+
+
+def _exchanged(label: int | Ints, first: Ints, second: Ints) -> Ints:
     """(n,) what stands for a label where each pair of labels is exchanged."""
     return np.asarray(np.where(first == label, second, np.where(second == label, first, label)))
 

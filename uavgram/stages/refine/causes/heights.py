@@ -17,7 +17,7 @@ from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.places import STRAYS, labels_of, strays
 from uavgram.stages.refine.off_ground.remarks import off_ground_message
 from uavgram.stages.refine.off_ground.rivals import least_squares
-from uavgram.stages.refine.off_ground.search import LEAST_HEIGHT_M, RELIEFS
+from uavgram.stages.refine.off_ground.search import LEAST_HEIGHT_M
 
 STEP_M = 0.01
 """By which points are raised to see how their pixels move."""
@@ -77,7 +77,7 @@ def _wrong_pick(survey: Survey, pick: int, _: Explained | None) -> Message:
 
 
 def off_the_ground(standing: Standing) -> Iterator[Hypothesis]:
-    """Labels that fit at a height off the ground, by more than the ground's own relief."""
+    """Labels that fit at a height off the ground."""
     adjustment, at = standing.adjustment, labels_of(standing)
     if not adjustment.minimum.converged:
         return
@@ -86,19 +86,17 @@ def off_the_ground(standing: Standing) -> Iterator[Hypothesis]:
     asked = label[(picks[label] >= LEAST_PICKS) & ~adjustment.survey.off_ground[label]]
     if not len(asked):
         return
-    others = np.flatnonzero((picks >= LEAST_PICKS) & ~adjustment.survey.off_ground)[:MOST_LABELS]
-    moved = {int(k): raised(standing, int(k)) for k in np.union1d(asked, others)}
+    moved = {int(k): raised(standing, int(k)) for k in asked[:MOST_LABELS]}
     found = explained(adjustment, [(one,) for one in moved.values()])
     height = dict(zip(moved, (float(one.value[0]) for one in found), strict=True))
-    usual = 1.4826 * float(np.median(np.abs(list(height.values()))))
     index = {int(a): k for k, a in enumerate(at) if a >= 0}
-    for k in asked.tolist():
-        if abs(height[k]) < max(LEAST_HEIGHT_M, RELIEFS * usual):
+    for k, one in moved.items():
+        if abs(height[k]) < LEAST_HEIGHT_M:
             continue
         yield Hypothesis(
             tell=partial(_off_ground, adjustment.survey.label[k], int(picks[k])),
             mend=Mend(free={index[k]: True}),
-            moved=(moved[k],),
+            moved=(one,),
             unknowns=1,
             price=PRICE + float(np.log(len(adjustment.survey.label))),
         )

@@ -9,7 +9,7 @@ one is told, and the next is looked for in the survey without it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,7 @@ from uavgram.stages.refine.causes.labels import (
 )
 from uavgram.stages.refine.causes.lengths import wrong_lengths
 from uavgram.stages.refine.causes.photos import (
+    against_the_log,
     photos_elsewhere,
     photos_in_disorder,
     turned_photos,
@@ -81,6 +82,8 @@ class _Judged:
         Logarithm of its odds against what stands.
     after
         The mended survey, adjusted; None where none was tried.
+    noise
+        Variance factor of its core, at least one.
     """
 
     hypothesis: Hypothesis
@@ -88,6 +91,14 @@ class _Judged:
     gain: float
     odds: float
     after: Standing | None = None
+    noise: float = 1.0
+
+    def at_noise(self, noise: float) -> _Judged:
+        """The same where noise of a variance factor is left, whichever is true."""
+        if self.after is None:
+            return self
+        gain = self.gain / noise
+        return replace(self, gain=gain, odds=gain / 2.0 - self.hypothesis.price)
 
 
 def identify(standing: Standing) -> tuple[Cause, ...]:
@@ -129,6 +140,8 @@ def asks(standing: Standing) -> bool:
     adjustment = standing.adjustment
     if standing.left_out or not adjustment.minimum.converged:
         return True
+    if against_the_log(standing):
+        return True
     return core_fit(adjustment).probability < MISFIT or _worst(adjustment) < BY_CHANCE
 
 
@@ -148,6 +161,10 @@ def _likeliest(standing: Standing) -> _Judged | None:
     """The likeliest hypothesis, if chance does not explain it as well."""
     judged = _screened(standing)
     tried = [_tried(standing, one) for one in judged[:MOST_TRIED]]
+    # What is left may still be noisier than stated: noise grows last, but must not be blamed. It
+    # is the same for all, or of two that explain nearly all, the noise would decide.
+    noise = min((one.noise for one in tried if one.after is not None), default=1.0)
+    tried = [one.at_noise(noise) for one in tried]
     tried = [one for one in tried if one.odds > SURE]
     if not tried:
         return None
@@ -194,7 +211,12 @@ def _tried(standing: Standing, judged: _Judged) -> _Judged:
     if refined is None or not refined.adjustment.minimum.converged:
         return _Judged(hypothesis, judged.found, 0.0, -np.inf)
     after = Standing(taking, refined, still_freed(standing, hypothesis.mend))
-    # What is left may still be noisier than stated: noise grows last, but must not be blamed.
     fit = core_fit(refined.adjustment)
-    gain = (standing.cost - after.cost) / max(1.0, fit.squares / max(fit.degrees, 1.0))
-    return _Judged(hypothesis, judged.found, gain, gain / 2.0 - hypothesis.price, after)
+    return _Judged(
+        hypothesis,
+        judged.found,
+        gain=standing.cost - after.cost,
+        odds=0.0,
+        after=after,
+        noise=max(1.0, fit.squares / max(fit.degrees, 1.0)),
+    )

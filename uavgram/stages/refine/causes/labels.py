@@ -91,13 +91,13 @@ def _exchanges(standing: Standing, found: Strays, own: Ints, picks: Ints) -> Ite
     survey = standing.survey
     belongs = _where_they_belong(standing, found, own, picks)
     fall = dict(zip(found.pick.tolist(), found.fall.tolist(), strict=True))
-    known, told = _with_place(found, own), set[frozenset[int]]()
+    anywhere, told = _only_one(standing, picks), set[frozenset[int]]()
     for first in belongs:
         chain = [first]
         while belongs.get(chain[-1], first) not in chain:
             chain.append(belongs[chain[-1]])
-        # A pick whose point nothing else shows may belong anywhere: where the chain began.
-        closed = belongs.get(chain[-1]) == first or chain[-1] not in known
+        # A pick whose point nothing else shows may belong where the chain began.
+        closed = belongs.get(chain[-1]) == first or chain[-1] in anywhere
         if len(chain) < 2 or not closed or frozenset(chain) in told:
             continue
         told.add(frozenset(chain))
@@ -109,9 +109,14 @@ def _exchanges(standing: Standing, found: Strays, own: Ints, picks: Ints) -> Ite
             yield _Exchange(label, sum(fall.get(pick, 0.0) for pick in chain))
 
 
-def _with_place(found: Strays, own: Ints) -> set[int]:
-    """Picks of a photo of which others say where they belong."""
-    return set(found.pick[own[np.isfinite(found.place_px[own, 0])]].tolist())
+def _only_one(standing: Standing, picks: Ints) -> set[int]:
+    """Picks of points that no other pick shows: they may belong anywhere."""
+    survey = standing.survey
+    others = np.bincount(
+        survey.pick_label[standing.refined.pick_index], minlength=len(survey.label)
+    )
+    others[survey.pick_label[picks]] -= np.isin(picks, standing.refined.pick_index)
+    return set(picks[others[survey.pick_label[picks]] == 0].tolist())
 
 
 def _where_they_belong(standing: Standing, found: Strays, own: Ints, picks: Ints) -> dict[int, int]:

@@ -44,6 +44,10 @@ TURNED = {
 }
 """By how the photo was shown when it was picked."""
 
+STRAINED, MOST_STRAINED = 10.0, 3
+"""Residual of a pose that the log tells, in its sigmas, from which on a photo may be turned; and
+photos that are looked at for it."""
+
 HEADING = np.radians(45.0)
 """Between a pose and the one that the log tells, beyond which it is another one."""
 
@@ -55,11 +59,29 @@ def misplaced_photos(standing: Standing) -> Ints:
     return np.unique(standing.survey.pick_frame[picks])[:MOST_PHOTOS]
 
 
+def against_the_log(standing: Standing) -> dict[int, float]:
+    """Photos of the survey that stand far from where the log has them, and how far (squared)."""
+    adjustment = standing.adjustment
+    block, telemetry = adjustment.minimum.blocks.get("telemetry"), adjustment.survey.telemetry
+    if block is None or telemetry is None:
+        return {}
+    away = np.abs(block.residual).max(axis=1)
+    worst = np.argsort(-away, kind="stable")[:MOST_STRAINED]
+    names = [adjustment.survey.frame_id[telemetry.frame_index[k]] for k in worst]
+    index = {name: k for k, name in enumerate(standing.survey.frame_id)}
+    return {
+        index[name]: float(away[k]) ** 2
+        for k, name in zip(worst.tolist(), names, strict=True)
+        if away[k] > STRAINED
+    }
+
+
 def turned_photos(standing: Standing) -> Iterator[Hypothesis]:
     """Photos of which the picks fit once they are mirrored or turned."""
     survey, camera = standing.survey, standing.survey.calibration
-    photos = misplaced_photos(standing)
-    for frame in photos.tolist():
+    strained = against_the_log(standing)
+    promise = dict.fromkeys(misplaced_photos(standing).tolist(), 0.0) | strained
+    for frame, gain in promise.items():
         picks = _picks(standing, frame)
         for how, turn in (MIRRORED | TURNED).items():
             pixel = _put_back(survey.pixel_px[picks], turn, camera)
@@ -69,6 +91,7 @@ def turned_photos(standing: Standing) -> Iterator[Hypothesis]:
             yield Hypothesis(
                 tell=partial(_turned, survey.frame_id[frame], how),
                 mend=Mend(pixel_of_pick=places),
+                promise=gain,
                 price=float(np.log(len(MIRRORED) + len(TURNED))),
                 settles=frozenset([survey.frame_id[frame]]),
             )
@@ -137,9 +160,10 @@ def _put_back(shown_px: Floats, turn: _Turn, camera: Calibration) -> Floats:
 
 
 def _picks(standing: Standing, frame: int) -> Ints:
-    """Picks of a photo of the survey that were left out with it."""
-    survey, spoilt = standing.survey, standing.spoilt
-    return np.flatnonzero((survey.pick_frame == frame) & spoilt)
+    """Picks of a photo of the survey that take part, or were left out with it."""
+    there = standing.spoilt
+    there[standing.refined.pick_index] = True
+    return np.flatnonzero((standing.survey.pick_frame == frame) & there)
 
 
 def _shows_the_ground(standing: Standing, frame: int, picks: Ints, pixel: Floats) -> bool:
