@@ -36,7 +36,12 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
     first, second, better = _gains(standing, ends)
     labels = len(standing.adjustment.survey.label)
     best = np.argsort(-better, kind="stable")[:MOST_PAIRS]
-    for a, b in zip(first[best].tolist(), second[best].tolist(), strict=True):
+    # Where lengths were left out, the points are not bent by them: those as adjusted say enough.
+    none_left_out = (
+        standing.adjustment.minimum.converged and not standing.refined.line_removed.any()
+    )
+    pairs = zip(first[best].tolist(), second[best].tolist(), better[best].tolist(), strict=True)
+    for a, b, easier in pairs:
         touched = _touch(survey.line_start, a, b) ^ _touch(survey.line_end, a, b)
         lines = np.flatnonzero(touched & wrong)
         # One length between the wrong labels does as well where no other ends at either.
@@ -46,7 +51,7 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
         yield Hypothesis(
             tell=partial(_swapped, standing, (a, b), lines),
             mend=Mend(label_of_pick=right),
-            promise=_fall(standing, a, b),
+            promise=_fall(standing, a, b) if none_left_out else easier,
             price=float(np.log(labels * (labels - 1) / 2.0)) + alone,
             settles=frozenset(survey.line_name[k] for k in lines if survey.line_name),
         )
