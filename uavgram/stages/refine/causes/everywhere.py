@@ -36,7 +36,8 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
     first, second, better = _gains(standing, ends)
     labels = len(standing.adjustment.survey.label)
     best = np.argsort(-better, kind="stable")[:MOST_PAIRS]
-    # Where lengths were left out, the points are not bent by them: those as adjusted say enough.
+    # Where lengths were left out, the points are not bent by them: those as adjusted say enough;
+    # and no fall is more than all there is: the linear model does not hold then.
     none_left_out = (
         standing.adjustment.minimum.converged and not standing.refined.line_removed.any()
     )
@@ -48,10 +49,11 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
         alone = PRICE if touched.sum() < 2 else 0.0
         right = {int(k): b for k in np.flatnonzero(survey.pick_label == a)}
         right |= {int(k): a for k in np.flatnonzero(survey.pick_label == b)}
+        fall, cost = _fall(standing, a, b), standing.adjustment.minimum.cost
         yield Hypothesis(
             tell=partial(_swapped, standing, (a, b), lines),
             mend=Mend(label_of_pick=right),
-            promise=_fall(standing, a, b) if none_left_out else easier,
+            promise=fall if none_left_out and fall < cost else easier,
             price=float(np.log(labels * (labels - 1) / 2.0)) + alone,
             settles=frozenset(survey.line_name[k] for k in lines if survey.line_name),
         )
