@@ -38,7 +38,6 @@ from uavgram.stages.judge import (
     judge_suspects,
     judge_weakest,
     run_tests,
-    swapped_labels,
     tested_survey,  # its class itself would be taken for tests
 )
 from uavgram.stages.refine import refine
@@ -600,14 +599,12 @@ def test_swapped_labels_are_told_as_such_and_their_picks_are_not_blamed(
     label[[one, other]] = label[[other, one]]
     swapped = replace(survey, pick_label=label)
     given = examined(solve(swapped, outliers))
-    picks, _ = judge_picks(given, *table(swapped))
-    (swap,) = swapped_labels(given, picks)
-    assert swap.frame == "f2"
-    assert set(swap.labels) == {survey.label[label[one]], survey.label[label[other]]}
-    messages = judge_suspects(given, (swap,))
-    assert [m.code for m in messages if "f2" in m.frames] == ["labels-swapped"]
-    assert messages[0].frames == ("f2",)
-    assert "seem to be swapped in 'f2'" in messages[0].text
+    (cause,) = given.refined.causes
+    assert cause.message.code == "labels-swapped"
+    assert cause.message.frames == ("f2",)
+    assert set(cause.message.labels) == {survey.label[label[one]], survey.label[label[other]]}
+    assert "seem to be swapped in 'f2'" in cause.message.text
+    assert not [m.code for m in judge_suspects(given) if "f2" in m.frames]
 
 
 def test_two_wrong_picks_of_one_photo_are_no_swapped_labels(
@@ -619,4 +616,4 @@ def test_two_wrong_picks_of_one_photo_are_no_swapped_labels(
     given = examined(solve(wrong))
     picks, _ = judge_picks(given, *table(wrong))
     assert {picks.status[one], picks.status[other]} == {"suspect"}
-    assert swapped_labels(given, picks) == ()
+    assert not given.refined.causes

@@ -220,7 +220,6 @@ class LeftOutCause(Enum):
     UNDETERMINED = "undetermined"
     MISPLACED_FRAME = "misplaced-frame"
     CONTRADICTED = "contradicted"
-    SWAPPED = "swapped"
     GROSS = "gross"
 
     @property
@@ -326,6 +325,11 @@ class Refined:
     full_weight: Adjustment | None = None
     off_ground: frozenset[str] = frozenset()
     causes: tuple[Cause, ...] = ()
+
+    @property
+    def settled(self) -> frozenset[str]:
+        """Names of lengths and frames of which a cause explains that they do not fit."""
+        return frozenset().union(*(cause.settles for cause in self.causes))
 
     @property
     def tested(self) -> Adjustment:

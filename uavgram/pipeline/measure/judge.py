@@ -32,7 +32,6 @@ from uavgram.stages.judge import (
     judge_unchecked,
     judge_weakest,
     run_tests,
-    swapped_labels,
 )
 
 
@@ -107,7 +106,7 @@ def judge_survey(
         checks_overall=overall,
         removals=judge_removals(refined, lines, index, inputs.requests, frames, inputs.known),
         messages=(
-            *judge_suspects(examined, swapped_labels(examined, picks)),
+            *judge_suspects(examined),
             *line_messages,
             *known_messages,
             *unseen_messages,

@@ -13,7 +13,6 @@ from uavgram.stages.judge.priors import judge_priors as judge_priors
 from uavgram.stages.judge.priors import judge_weakest as judge_weakest
 from uavgram.stages.judge.removals import judge_removals as judge_removals
 from uavgram.stages.judge.suspects import judge_suspects as judge_suspects
-from uavgram.stages.judge.suspects import swapped_labels as swapped_labels
 from uavgram.stages.judge.tested_survey import TestedSurvey as TestedSurvey
 from uavgram.stages.judge.tested_survey import run_tests as run_tests
 from uavgram.stages.judge.unchecked import judge_unchecked as judge_unchecked

@@ -165,8 +165,12 @@ def _line_checks(lines: LineResults) -> LineChecks:
 def _left_out(
     refined: Refined, lines: KnownLines, survey_index: Ints, seen_m: Floats, sigma_m: Floats
 ) -> tuple[Message, ...]:
-    """One message on each length that was left out; on those with the same mistake, one in all."""
+    """One message on each length that was left out; on those with the same mistake, one in all.
+
+    Those that a cause explains are left to it.
+    """
     gross = {r.index for r in refined.removals if r.kind == "line" and r.before is None}
+    gross -= {int(survey_index[i]) for i, name in enumerate(lines.name) if name in refined.settled}
     out = [i for i, index in enumerate(survey_index) if int(index) in gross]
     what = {i: _mistake(lines, i, seen_m[i], sigma_m[i]) for i in out}
     alike = {i: what[i] or i for i in out}  # unknown mistakes: each alone
@@ -216,8 +220,8 @@ def _text(
             f"say{ask} {listed}."
         )
     return (
-            f"{opening} Look at reading and unit, and at the labels and the picks of the ends. With so "
-            "gross an error, nothing else would fit."
+        f"{opening} Look at reading and unit, and at the labels and the picks of the ends. With so "
+        "gross an error, nothing else would fit."
     )
 
 

@@ -1,13 +1,9 @@
 """What does not fit, in words: each blunder once, with all that no test can part from it.
 
-Two picks of one photo of which each lies where the other belongs are told first.
+What a cause explains that is told anyway is not blamed.
 """
 
 from __future__ import annotations
-
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -16,7 +12,6 @@ from uavgram.estimation.survey.names import POSE_AXES, STEADY_CHANGE
 from uavgram.estimation.survey.suspicion import Suspicion
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message, Several
-from uavgram.model.result.tables import PickResults
 from uavgram.model.survey.known import KnownThing
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
@@ -54,22 +49,13 @@ PRIORS_TOGETHER = (
 )
 
 
-def judge_suspects(examined: TestedSurvey, swaps: Sequence[Swap] = ()) -> tuple[Message, ...]:
-    """One message for each suspicion; where there are too many, the model is named instead.
-
-    Parameters
-    ----------
-    examined
-        The adjusted survey under test.
-    swaps
-        Labels that seem to be swapped: said first, and their picks then not blamed.
-    """
-    blameless = {(swap.frame, label) for swap in swaps for label in swap.labels}
-    messages = [swap.message() for swap in swaps]
-    messages += [
-        _message(examined, s)
-        for s in examined.suspicions
-        if s.accused.kind != "pixels" or examined.names.pick(s.accused.row) not in blameless
+def judge_suspects(examined: TestedSurvey) -> tuple[Message, ...]:
+    """One message for each suspicion; where there are too many, the model is named instead."""
+    blameless = _blameless(examined)
+    messages = [
+        _message(examined, suspicion)
+        for suspicion in examined.suspicions
+        if blameless.isdisjoint(_meant(suspicion))
     ]
     if len(examined.suspicions) >= MOST_SUSPECTS:
         text = (
@@ -79,6 +65,30 @@ def judge_suspects(examined: TestedSurvey, swaps: Sequence[Swap] = ()) -> tuple[
         )
         messages.append(Message("warning", "many-suspects", text))
     return tuple(messages)
+
+
+def _blameless(examined: TestedSurvey) -> set[tuple[str, int]]:
+    """Picks and lengths, by group and row, of which a cause explains that they do not fit."""
+    refined = examined.refined
+    mends = [cause.mend for cause in refined.causes if cause.mend is not None]
+    picks = {pick for mend in mends for pick in mend.picks | mend.without_picks}
+    lines = {line for mend in mends for line in mend.lines | mend.without_lines}
+    settled = refined.settled
+    names = examined.adjustment.survey.line_name
+    taking = examined.adjustment.problem.line_index
+    return {
+        ("pixels", row) for row, pick in enumerate(refined.pick_index.tolist()) if pick in picks
+    } | {
+        ("lengths", row)
+        for row, line in enumerate(taking.tolist())
+        if int(refined.line_index[line]) in lines or (names and names[line] in settled)
+    }
+
+
+def _meant(suspicion: Suspicion) -> set[tuple[str, int]]:
+    """The observation that is accused, and those that no test parts from it."""
+    members = (suspicion.accused, *suspicion.group, *suspicion.rivals)
+    return {(member.kind, member.row) for member in members}
 
 
 def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
@@ -218,88 +228,3 @@ def _prior(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
         f"and sigma in the project (w = {suspicion.w:.1f}).",
         f"{what} (w = {suspicion.w:.1f})",
     )
-
-
-MUCH_BETTER = 0.25
-"""Distance of a pick from the other's place over that from its own, up to which it belongs there.
-A pick that takes part pulls its own place along, so that the other's is not met in full."""
-
-
-@dataclass(frozen=True)
-class Swap:
-    """Two labels of one photo that seem to be swapped.
-
-    Attributes
-    ----------
-    frame, labels
-        The photo, and the labels of the two picks.
-    own_px, other_px
-        How far each pick lies from where its label belongs, and from where the other one does.
-    """
-
-    frame: str
-    labels: tuple[str, str]
-    own_px: tuple[float, float]
-    other_px: tuple[float, float]
-
-    def message(self) -> Message:
-        """What to do about it."""
-        (a, b), (own_a, own_b), (other_a, other_b) = self.labels, self.own_px, self.other_px
-        how = (
-            f"each pick lies where the other belongs, {other_a:.1f} and {other_b:.1f} px away "
-            f"instead of {own_a:.0f} and {own_b:.0f} px from its own place"
-        )
-        several = Several(
-            "Labels seem to be swapped in {count} photos or pairs of picks",
-            f"{a!r} and {b!r} in {self.frame!r}",
-            ending="Each pick lies where the other belongs: look, and swap the labels there.",
-        )
-        return Message(
-            "warning",
-            "labels-swapped",
-            f"The labels {a!r} and {b!r} seem to be swapped in {self.frame!r}: {how}. Look at "
-            "both, and swap the labels in this photo.",
-            frames=(self.frame,),
-            labels=self.labels,
-            several=several,
-        )
-
-
-def swapped_labels(examined: TestedSurvey, picks: PickResults) -> tuple[Swap, ...]:
-    """Pairs of picks that are suspect or were taken out, and fit each other's place; best first."""
-    odd: dict[str, list[int]] = {}
-    known_label = {label: k for k, label in enumerate(examined.adjustment.survey.label)}
-    known_frame = {name: k for k, name in enumerate(examined.adjustment.survey.frame_id)}
-    for row, status in enumerate(picks.status):
-        image = picks.image[row]
-        if status != "used" and image in known_frame and picks.label[row] in known_label:
-            odd.setdefault(image, []).append(row)
-    found: list[Swap] = []
-    for image, rows in odd.items():
-        if len(rows) > 1:
-            label = np.array([known_label[picks.label[row]] for row in rows])
-            frame = np.full(len(label), known_frame[image])
-            places = examined.adjustment.pixels(frame, label)
-            found += _pairs(image, [picks.label[r] for r in rows], picks.pixel_px[rows], places)
-    return tuple(found)
-
-
-def _pairs(image: str, label: list[str], pixel: Floats, place: Floats) -> Iterator[Swap]:
-    """Pairs of which each fits the other's place far better than its own, each pick once."""
-    away = np.linalg.norm(pixel[:, None] - place[None], axis=2)  # of pick i from the place of j
-    pairs = [
-        (max(away[i, j] / away[i, i], away[j, i] / away[j, j]), i, j)
-        for i, j in combinations(range(len(label)), 2)
-        if label[i] != label[j] and away[i, i] > 0 and away[j, j] > 0
-    ]
-    taken: set[int] = set()
-    for ratio, i, j in sorted(pairs):
-        if ratio < MUCH_BETTER and not taken & {i, j}:
-            taken |= {i, j}
-            own, other = (away[i, i], away[j, j]), (away[i, j], away[j, i])
-            yield Swap(
-                image,
-                (label[i], label[j]),
-                (float(own[0]), float(own[1])),
-                (float(other[0]), float(other[1])),
-            )

@@ -35,6 +35,7 @@ from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.outstanding import outstanding, with_little_weight
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.causes.adapt import adapted
+from uavgram.stages.refine.causes.heights import back_on_the_ground
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.identify import identify
 from uavgram.stages.refine.continued import continued
@@ -159,7 +160,11 @@ def _begun(given: Survey, removed: Bools, options: SolveOptions) -> _Begun:
     off_ground = found_free(survey, refined)
     survey = with_free(survey, off_ground)
     refined = replace(refined, pick_removed=removed)
-    causes = identify(Standing(_participants(survey, refined), refined))
+    causes = identify(Standing(_participants(survey, refined), refined, frozenset(off_ground)))
+    if back := back_on_the_ground(survey, causes):
+        before, off_ground = off_ground, [label for label in off_ground if label not in back]
+        survey = with_free(survey, off_ground, before)
+        refined = replace(best_minima(_participants(survey, refined)), pick_removed=removed)
     return _Begun(given, survey, refined, off_ground, causes, (*left_out, *zoom))
 
 

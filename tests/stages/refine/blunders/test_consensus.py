@@ -22,17 +22,14 @@ def permuted(survey: Survey, picks: list[int] | Ints, order: list[int] | Ints) -
     return replace(survey, pick_label=label)
 
 
-def test_two_swapped_labels_are_named_and_the_frame_stays(
+def test_two_swapped_labels_are_left_out_and_the_frame_stays(
     scene_factory: Callable[..., Scene],
 ) -> None:
     survey = scene_factory(3001, **OPTIONS).survey
     one, other = 24, 27  # 538 px apart, in the same frame
-    refined, messages = refine(permuted(survey, [one, other], [1, 0]), SolveOptions())
+    refined, _ = refine(permuted(survey, [one, other], [1, 0]), SolveOptions())
     assert set(refined.pick_reason) == {one, other}
     assert len(refined.adjustment.survey.frame_id) == 6
-    name = {k: survey.label[survey.pick_label[k]] for k in (one, other)}
-    assert f"it lies where {name[one]!r} belongs: the labels look swapped" in messages[0].text
-    assert f"it lies where {name[other]!r} belongs" in messages[1].text
 
 
 def test_labels_in_disorder_leave_the_frame_out(scene_factory: Callable[..., Scene]) -> None:

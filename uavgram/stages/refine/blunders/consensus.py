@@ -31,6 +31,11 @@ picks with errors of a sigma each predict is itself uncertain by several."""
 MAJORITY = 0.6
 """Share of a frame's picks that must agree, and at least one more than determine the pose."""
 
+CONTRADICTED = LeftOut(
+    LeftOutCause.CONTRADICTED,
+    "all other picks of its frame contradict it: look at its place and its label",
+)
+
 
 def contradicting(survey: Survey, picks: Ints, rest: Refined) -> dict[int, LeftOut]:
     """Picks of a frame that contradict the majority of its others, each with what is wrong.
@@ -56,14 +61,10 @@ def contradicting(survey: Survey, picks: Ints, rest: Refined) -> dict[int, LeftO
     parameters = survey.calibration.parameters
     ray = back_project(survey.calibration.model, parameters, survey.pixel_px[picks])
     sigma = survey.pick_sigma_px[picks] / parameters[0]
-    agree = _consensus(world, ray, sigma)
+    agree = consensus(world, ray, sigma)
     if agree is None or agree.all() or agree.sum() < max(SMALLEST + 1, MAJORITY * len(picks)):
         return {}
-    pose = resect_from_plane(world[agree], ray[agree])
-    assert pose is not None  # noqa: S101  (a part of these determined one)
-    seen = _seen_at(world, pose)
-    wrong = np.flatnonzero(~agree)
-    return {int(picks[k]): _why(survey, picks, k, wrong, seen, ray, sigma) for k in wrong.tolist()}
+    return dict.fromkeys(picks[~agree].tolist(), CONTRADICTED)
 
 
 def _places(survey: Survey, picks: Ints, adjustment: Adjustment) -> tuple[Floats, Ints]:
@@ -74,7 +75,7 @@ def _places(survey: Survey, picks: Ints, adjustment: Adjustment) -> tuple[Floats
     return adjustment.state.point[at[known], :2], known
 
 
-def _consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
+def consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
     """(n,) which picks agree on the pose that most agree on."""
     best = None
     for chosen in _sets(len(ray)):
@@ -98,27 +99,13 @@ def _agreeing(world: Floats, ray: Floats, sigma: Floats, chosen: Ints) -> Bools 
     pose = resect_from_plane(world[chosen], ray[chosen])
     if pose is None:
         return None
-    distance = np.linalg.norm(_seen_at(world, pose) - ray[:, :2], axis=1)
+    distance = np.linalg.norm(seen_at(world, pose) - ray[:, :2], axis=1)
     return np.asarray(distance < AGREES * sigma)
 
 
-def _seen_at(world: Floats, pose: tuple[Floats, Floats]) -> Floats:
+def seen_at(world: Floats, pose: tuple[Floats, Floats]) -> Floats:
     """(n, 2) normalised image coordinates of points of the plane; NaN behind the camera."""
     center, plane_from_camera = pose
     camera = (np.column_stack([world, np.zeros(len(world))]) - center) @ plane_from_camera
     depth = np.where(camera[:, 2:] > 0, camera[:, 2:], np.nan)
     return np.asarray(camera[:, :2] / depth)
-
-
-def _why(
-    survey: Survey, picks: Ints, k: int, wrong: Ints, seen: Floats, ray: Floats, sigma: Floats
-) -> LeftOut:
-    """What is wrong with a pick: where it lies, another of the wrong ones belongs, or nothing."""
-    text = "all other picks of its frame contradict it"
-    distance = np.linalg.norm(seen[wrong] - ray[k, :2], axis=1)
-    near = int(np.nanargmin(np.where(np.isnan(distance), np.inf, distance)))
-    if wrong[near] != k and distance[near] < AGREES * sigma[k]:
-        belongs = survey.label[survey.pick_label[picks[wrong[near]]]]
-        text += f"; it lies where {belongs!r} belongs: the labels look swapped"
-        return LeftOut(LeftOutCause.SWAPPED, text)
-    return LeftOut(LeftOutCause.CONTRADICTED, f"{text}: look at its place and its label")

@@ -28,7 +28,6 @@ range of values that gross errors take over the sigma of the number."""
 SPOILT = (
     LeftOutCause.MISPLACED_FRAME,
     LeftOutCause.CONTRADICTED,
-    LeftOutCause.SWAPPED,
     LeftOutCause.GROSS,
 )
 """Why picks are left out that somebody should look at."""
@@ -43,10 +42,13 @@ class Standing(NamedTuple):
         What takes part, and what was left out.
     refined
         Its adjustment.
+    freed
+        Names of labels whose heights are free in it, though nobody said that they are.
     """
 
     taking: Participants
     refined: Refined
+    freed: frozenset[str] = frozenset()
 
     @property
     def survey(self) -> Survey:
@@ -120,7 +122,8 @@ class Hypothesis:
 def mended(standing: Standing, mend: Mend) -> Participants:
     """What takes part once a survey is mended.
 
-    Picks and lengths that the mend changes take part again where they had been left out.
+    Picks and lengths that the mend changes take part again where they had been left out, and so do
+    lengths that end where all picks get another label.
 
     Parameters
     ----------
@@ -136,10 +139,30 @@ def mended(standing: Standing, mend: Mend) -> Participants:
     used[list(mend.picks)] = True
     used[list(mend.without_picks)] = False
     removed = refined.line_removed.copy()
-    removed[list(mend.lines)] = False
+    removed[lines_touched(standing.survey, mend)] = False
     removed[list(mend.without_lines)] = True
-    reason = {i: why for i, why in refined.pick_reason.items() if not used[i]}
+    reason = {
+        i: why
+        for i, why in refined.pick_reason.items()
+        if not used[i] and i not in mend.without_picks
+    }
     return Participants(survey, used & taking_part(taking), removed, reason, taking.known_removed)
+
+
+def still_freed(standing: Standing, mend: Mend) -> frozenset[str]:
+    """Names of labels whose heights a mended survey has free, though nobody said so."""
+    back = {standing.survey.label[k] for k, free in mend.free.items() if not free}
+    return standing.freed - back
+
+
+def lines_touched(survey: Survey, mend: Mend) -> Bools:
+    """(L,) lengths that a mend changes, or that end where it changes the labels of all picks."""
+    relabelled = np.zeros(len(survey.pick_label), dtype=np.bool_)
+    relabelled[list(mend.label_of_pick)] = True
+    changed = np.setdiff1d(survey.pick_label[relabelled], survey.pick_label[~relabelled])
+    touched: Bools = np.isin(survey.line_start, changed) | np.isin(survey.line_end, changed)
+    touched[list(mend.lines)] = True
+    return touched
 
 
 def taking_part(taking: Participants) -> Bools:

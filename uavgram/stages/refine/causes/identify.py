@@ -9,7 +9,7 @@ one is told, and the next is looked for in the survey without it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,10 +20,26 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.survey.mend import Cause
 from uavgram.stages.refine.blunders.misfit import trial_adjustment
 from uavgram.stages.refine.causes.common_lengths import common_misfit, common_to_lengths
-from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing, mended
+from uavgram.stages.refine.causes.elsewhere import elsewhere_in_a_photo
+from uavgram.stages.refine.causes.everywhere import swapped_everywhere
+from uavgram.stages.refine.causes.heights import off_the_ground, wrong_pick_on_the_ground
+from uavgram.stages.refine.causes.hypothesis import (
+    PRICE,
+    Hypothesis,
+    Standing,
+    lines_touched,
+    mended,
+    still_freed,
+)
 from uavgram.stages.refine.causes.labels import swapped_in_a_photo, wrong_picks
 from uavgram.stages.refine.causes.length_ends import other_ends
 from uavgram.stages.refine.causes.lengths import wrong_lengths, wrong_readings
+from uavgram.stages.refine.causes.photos import (
+    against_the_log,
+    photos_elsewhere,
+    photos_in_disorder,
+    turned_photos,
+)
 
 MISFIT = 0.01
 """Probability of the core's sum of squares below which a cause is looked for."""
@@ -44,6 +60,12 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     wrong_readings,
     other_ends,
     common_to_lengths,
+    elsewhere_in_a_photo,
+    swapped_everywhere,
+    wrong_pick_on_the_ground,
+    off_the_ground,
+    turned_photos,
+    photos_in_disorder,
 )
 """What could be wrong, by kind: each looks at a survey that does not fit."""
 
@@ -62,6 +84,8 @@ class _Judged:
         Logarithm of its odds against what stands.
     after
         The mended survey, adjusted; None where none was tried.
+    noise
+        Variance factor of its core, at least one.
     """
 
     hypothesis: Hypothesis
@@ -69,6 +93,14 @@ class _Judged:
     gain: float
     odds: float
     after: Standing | None = None
+    noise: float = 1.0
+
+    def at_noise(self, noise: float) -> _Judged:
+        """The same where noise of a variance factor is left, whichever is true."""
+        if self.after is None:
+            return self
+        gain = self.gain / noise
+        return replace(self, gain=gain, odds=gain / 2.0 - self.hypothesis.price)
 
 
 def identify(standing: Standing) -> tuple[Cause, ...]:
@@ -80,6 +112,7 @@ def identify(standing: Standing) -> tuple[Cause, ...]:
         The survey as it is adjusted at the stated noise.
     """
     causes: list[Cause] = []
+    stated = standing
     for _ in range(MOST_CAUSES):
         if not asks(standing):
             break
@@ -101,7 +134,7 @@ def identify(standing: Standing) -> tuple[Cause, ...]:
         if best.after is None:
             break
         standing = best.after
-    return tuple(causes)
+    return (*causes, *photos_elsewhere(stated, causes))
 
 
 def asks(standing: Standing) -> bool:
@@ -111,7 +144,7 @@ def asks(standing: Standing) -> bool:
         return True
     if core_fit(adjustment).probability < MISFIT or _worst(adjustment) < BY_CHANCE:
         return True
-    return common_misfit(adjustment)
+    return common_misfit(adjustment) or against_the_log(standing)
 
 
 def _worst(adjustment: Adjustment) -> float:
@@ -128,14 +161,17 @@ def _worst(adjustment: Adjustment) -> float:
 
 def _likeliest(standing: Standing) -> _Judged | None:
     """The likeliest hypothesis, if chance does not explain it as well."""
-    best: _Judged | None = None
+    tried: list[_Judged] = []
     for one in _screened(standing)[:MOST_TRIED]:
-        if one.odds < 0.0 or (best is not None and best.odds > one.odds + SURE):
-            break  # what the linear model promises the rest is less
-        tried = _tried(standing, one)
-        if tried.odds > (SURE if best is None else best.odds):
-            best = tried
-    return best
+        best = max((each.at_noise(each.noise).odds for each in tried), default=-np.inf)
+        if one.odds < 0.0 or best > one.odds + SURE:
+            break  # what the linear model promises of the rest is less
+        tried.append(_tried(standing, one))
+    # What is left may still be noisier than stated: noise grows last, but must not be blamed. It
+    # is the same for all, or of two that explain nearly all, the noise would decide.
+    noise = min((one.noise for one in tried if one.after is not None), default=1.0)
+    sure = [one for one in (each.at_noise(noise) for each in tried) if one.odds > SURE]
+    return max(sure, key=lambda one: one.odds, default=None)
 
 
 def _screened(standing: Standing) -> list[_Judged]:
@@ -159,12 +195,12 @@ def _judged(standing: Standing, hypothesis: Hypothesis, found: Explained | None)
 
 
 def _brought_back(standing: Standing, hypothesis: Hypothesis) -> int:
-    """Numbers that had been left out, and take part once it is mended."""
+    """Numbers that had been left out, and that it accounts for."""
     mend = hypothesis.mend
     if mend is None:
         return 0
-    picks = int(standing.spoilt[list(mend.picks)].sum())
-    lines = int(standing.refined.line_removed[list(mend.lines)].sum())
+    picks = int(standing.spoilt[list(mend.picks | mend.without_picks)].sum())
+    lines = int((standing.refined.line_removed & lines_touched(standing.survey, mend)).sum())
     return 2 * picks + lines
 
 
@@ -177,8 +213,13 @@ def _tried(standing: Standing, judged: _Judged) -> _Judged:
     refined = trial_adjustment(taking)
     if refined is None or not refined.adjustment.minimum.converged:
         return _Judged(hypothesis, judged.found, 0.0, -np.inf)
-    after = Standing(taking, refined)
-    # What is left may still be noisier than stated: noise grows last, but must not be blamed.
+    after = Standing(taking, refined, still_freed(standing, hypothesis.mend))
     fit = core_fit(refined.adjustment)
-    gain = (standing.cost - after.cost) / max(1.0, fit.squares / max(fit.degrees, 1.0))
-    return _Judged(hypothesis, judged.found, gain, gain / 2.0 - hypothesis.price, after)
+    return _Judged(
+        hypothesis,
+        judged.found,
+        gain=standing.cost - after.cost,
+        odds=0.0,
+        after=after,
+        noise=max(1.0, fit.squares / max(fit.degrees, 1.0)),
+    )

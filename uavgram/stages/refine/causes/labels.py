@@ -1,93 +1,53 @@
-"""Picks and labels that could be wrong in a photo."""
+"""Picks of a photo that stand under wrong labels, and single wrong picks."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained
-from uavgram.estimation.reliability.test_statistics import falls_without
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.mend import Mend
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
-
-STRAYS = 16.0
-"""Fall of the sum of squares without a pick, from which on it is looked at."""
-
-MOST_PICKS = 60
-"""Picks that are looked at: those that stray farthest, and those that were left out."""
+from uavgram.stages.refine.causes.places import Strays, frames_of, strays
 
 MOST_WRONG = 4
 """Single wrong picks that are proposed."""
 
-NEARER = 0.5
-"""Distance of a pick from the place of another label over that from its own, up to which it may
-belong there. A pick that takes part pulls its own place along."""
+NEARER = 0.4
+"""Distance of a pick from the place of another label over that of the label's own pick, up to which
+the label may belong there."""
 
 
-class Strays(NamedTuple):
-    """Picks of adjusted frames that do not fit, or were left out for it.
+class _Exchange(NamedTuple):
+    """Labels of one photo that seem to have changed places.
 
     Attributes
     ----------
-    pick
-        (n,) of the survey.
-    fall
-        (n,) of the sum of squares without each; of those left out, by its distance from its place.
-    frame
-        (n,) of the adjustment.
-    place
-        (n, K) columns and rows [px] where each label of the adjustment appears in its frame.
-    own
-        (n,) its label among those of the adjustment; -1 where that has no other pick.
+    label
+        Pick -> the label that belongs there.
+    gain
+        Fall of the sum of squares to be expected.
     """
 
-    pick: Ints
-    fall: Floats
-    frame: Ints
-    place: Floats
-    own: Ints
-
-
-def strays(standing: Standing) -> Strays:
-    """The picks that do not fit, worst first."""
-    adjustment, refined, survey = standing.adjustment, standing.refined, standing.survey
-    fall = np.zeros(len(survey.pick_frame))
-    block = adjustment.minimum.blocks["pixels"]
-    fall[refined.pick_index] = falls_without(block, adjustment.covariance)
-    known = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
-    frame = np.array([known.get(name, -1) for name in survey.frame_id], dtype=np.int64)
-    looked_at = (fall > STRAYS) | standing.spoilt
-    fall[standing.spoilt] = np.inf
-    picks = np.flatnonzero(looked_at & (frame[survey.pick_frame] >= 0))
-    picks = picks[np.argsort(-fall[picks], kind="stable")][:MOST_PICKS]
-    own = adjustment.label_rows(survey.label[k] for k in survey.pick_label[picks])
-    labels = len(adjustment.survey.label)
-    at = np.repeat(frame[survey.pick_frame[picks]], labels)
-    place = adjustment.pixels(at, np.tile(np.arange(labels), len(picks)))
-    place = place.reshape(len(picks), labels, 2)
-    left_out = np.flatnonzero(np.isinf(fall[picks]))
-    away = np.full(len(picks), np.nan)
-    there = left_out[own[left_out] >= 0]
-    away[there] = np.linalg.norm(survey.pixel_px[picks[there]] - place[there, own[there]], axis=1)
-    squares = (away / survey.pick_sigma_px[picks]) ** 2
-    size = np.where(np.isinf(fall[picks]), np.nan_to_num(squares), fall[picks])
-    return Strays(picks, size, frame[survey.pick_frame[picks]], place, own)
+    label: dict[int, int]
+    gain: float
 
 
 def wrong_picks(standing: Standing) -> Iterator[Hypothesis]:
     """The picks that stray farthest: each is somewhere else."""
     found = strays(standing)
-    number, label = len(standing.refined.pick_index), standing.survey.pick_label
+    number = len(standing.refined.pick_index)
+    label = standing.survey.pick_label
     seen = np.bincount(label[standing.refined.pick_index], minlength=len(standing.survey.label))
     # A point without its only pick is gone, and whatever it bears on: that is no test.
-    taking = ~standing.spoilt[found.pick] & (seen[label[found.pick]] > 1)
-    for pick, fall in list(zip(found.pick[taking], found.fall[taking], strict=True))[:MOST_WRONG]:
+    tested = found.taking & (seen[label[found.pick]] > 1)
+    taking = list(zip(found.pick[tested], found.fall[tested], strict=True))
+    for pick, fall in taking[:MOST_WRONG]:
         yield Hypothesis(
             tell=None,
             mend=Mend(without_picks=frozenset([int(pick)])),
@@ -98,58 +58,113 @@ def wrong_picks(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def swapped_in_a_photo(standing: Standing) -> Iterator[Hypothesis]:
-    """Pairs of picks of one photo of which each lies nearer to the other's place."""
-    found, survey = strays(standing), standing.survey
-    pairs = _pairs_of_labels(standing)
-    for i, j in combinations(range(len(found.pick)), 2):
-        a, b = int(found.pick[i]), int(found.pick[j])
-        if found.frame[i] != found.frame[j] or min(found.own[i], found.own[j]) < 0:
-            continue
-        if survey.pick_label[a] == survey.pick_label[b]:
-            continue
-        own = _away(survey.pixel_px, found, (i, j), (i, j))
-        other = _away(survey.pixel_px, found, (i, j), (j, i))
-        if not (other < NEARER * own).all():
-            continue
-        yield Hypothesis(
-            tell=partial(_swapped, standing, (a, b), own),
-            mend=Mend(label_of_pick={a: int(survey.pick_label[b]), b: int(survey.pick_label[a])}),
-            promise=float(found.fall[i] + found.fall[j]),
-            price=float(np.log(pairs)),
-        )
+    """Labels of one photo of which each belongs where the pick of another one is."""
+    found = strays(standing)
+    frames = frames_of(standing)[standing.survey.pick_frame]
+    frames_taking = len(standing.adjustment.survey.frame_id)
+    for frame in np.unique(found.frame):
+        own = np.flatnonzero(found.frame == frame)
+        picks = np.flatnonzero(frames == frame)
+        number = len(picks)
+        for exchange in _exchanges(standing, found, own, picks):
+            count = len(exchange.label)
+            # Of picks that were left out, it is known which.
+            known = int(standing.spoilt[list(exchange.label)].sum())
+            choices = np.log(np.arange(number - count + 1, number + 1)).sum() - np.log(count)
+            choices += np.log(frames_taking) if known < count else 0.0
+            choices -= known * np.log(number)
+            yield Hypothesis(
+                tell=partial(_swapped, standing, exchange.label),
+                mend=Mend(label_of_pick=exchange.label),
+                promise=exchange.gain,
+                price=float(max(choices, 0.0)),
+                settles=frozenset([standing.adjustment.survey.frame_id[frame]]),
+            )
 
 
-def _away(pixel: Floats, found: Strays, pick: tuple[int, int], of: tuple[int, int]) -> Floats:
-    """(2,) distances [px] of two picks from where the labels of two picks appear."""
-    places = [found.place[p, found.own[q]] for p, q in zip(pick, of, strict=True)]
-    return np.asarray(np.linalg.norm(pixel[found.pick[list(pick)]] - places, axis=1))
+def _exchanges(standing: Standing, found: Strays, own: Ints, picks: Ints) -> Iterator[_Exchange]:
+    """Cycles of labels of a photo, each once.
 
-
-def _pairs_of_labels(standing: Standing) -> float:
-    """How many pairs of picks of one photo there are."""
-    count = np.bincount(standing.survey.pick_frame[standing.refined.pick_index])
-    return max(1.0, float((count * (count - 1)).sum()) / 2.0)
-
-
-def _swapped(
-    standing: Standing, picks: tuple[int, int], own_px: Floats, _: Explained | None
-) -> Message:
-    """The message on two swapped picks, so far from their own places."""
+    Parameters
+    ----------
+    standing, found
+        The survey, and all picks that do not fit.
+    own, picks
+        Those of the photo, among them and of the survey.
+    """
     survey = standing.survey
-    first, second = (survey.label[survey.pick_label[k]] for k in picks)
-    frame = survey.frame_id[survey.pick_frame[picks[0]]]
-    several = Several(
-        "Labels seem to be swapped in {count} photos or pairs of picks",
-        f"{first!r} and {second!r} in {frame!r}",
-        ending="Each pick lies where the other belongs: look, and swap the labels there.",
+    belongs = _where_they_belong(standing, found, own, picks)
+    fall = dict(zip(found.pick.tolist(), found.fall.tolist(), strict=True))
+    anywhere, told = _only_one(standing, picks), set[frozenset[int]]()
+    for first in belongs:
+        chain = [first]
+        while belongs.get(chain[-1], first) not in chain:
+            chain.append(belongs[chain[-1]])
+        # A pick whose point nothing else shows may belong where the chain began.
+        closed = belongs.get(chain[-1]) == first or chain[-1] in anywhere
+        if len(chain) < 2 or not closed or frozenset(chain) in told:
+            continue
+        told.add(frozenset(chain))
+        label = {
+            there: int(survey.pick_label[pick])
+            for pick, there in zip(chain, [*chain[1:], first], strict=True)
+        }
+        if len(set(label.values())) == len(label):
+            yield _Exchange(label, sum(fall.get(pick, 0.0) for pick in chain))
+
+
+def _only_one(standing: Standing, picks: Ints) -> set[int]:
+    """Picks of points that no other pick shows: they may belong anywhere."""
+    survey = standing.survey
+    others = np.bincount(
+        survey.pick_label[standing.refined.pick_index], minlength=len(survey.label)
     )
+    others[survey.pick_label[picks]] -= np.isin(picks, standing.refined.pick_index)
+    return set(picks[others[survey.pick_label[picks]] == 0].tolist())
+
+
+def _where_they_belong(standing: Standing, found: Strays, own: Ints, picks: Ints) -> dict[int, int]:
+    """Pick that does not fit -> the pick of the photo that lies where its label belongs."""
+    pixel = standing.survey.pixel_px
+    belongs = {}
+    for row in own[np.isfinite(found.place_px[own, 0])].tolist():
+        pick = int(found.pick[row])
+        away = np.linalg.norm(pixel[picks] - found.place_px[row], axis=1)
+        there = int(picks[np.argmin(away)])
+        if there != pick and away.min() < NEARER * float(away[picks == pick][0]):
+            belongs[pick] = there
+    return belongs
+
+
+def _swapped(standing: Standing, right: Mapping[int, int], _: Explained | None) -> Message:
+    """The message on picks of one photo, and the labels that belong there."""
+    survey = standing.survey
+    frame = survey.frame_id[survey.pick_frame[next(iter(right))]]
+    names = {survey.label[survey.pick_label[k]]: survey.label[v] for k, v in right.items()}
+    labels = tuple(names)
+    if len(labels) == 2:
+        what = f"{labels[0]!r} and {labels[1]!r}"
+        text = (
+            f"The labels {what} seem to be swapped in {frame!r}: look at both, and swap the labels "
+            "in this photo. Each pick lies where the other belongs."
+        )
+    else:
+        what = f"{', '.join(map(repr, labels[:-1]))} and {labels[-1]!r}"
+        each = ", ".join(f"{old!r} should be {new!r}" for old, new in names.items())
+        text = (
+            f"The labels {what} seem to have changed places in {frame!r}: look at them, and change "
+            f"the labels in this photo. By their places {each}."
+        )
     return Message(
         "warning",
         "labels-swapped",
-        f"The labels {first!r} and {second!r} seem to be swapped in {frame!r}: look at both, and "
-        "swap the labels in this photo. Each pick lies where the other belongs, "
-        f"{own_px[0]:.0f} and {own_px[1]:.0f} px from its own place.",
+        text,
         frames=(frame,),
-        labels=(first, second),
-        several=several,
+        labels=labels,
+        several=Several(
+            "Labels seem to be swapped in {count} photos or groups of picks",
+            f"{what} in {frame!r}",
+            ending="Each pick lies where another of them belongs: look, and change the labels "
+            "there.",
+        ),
     )

@@ -22,10 +22,11 @@ def off_ground_remarks(refined: Refined) -> Iterator[Message]:
     photos = np.bincount(pairs[0], minlength=len(survey.label))
     for row, label in enumerate(survey.label):
         if label in refined.off_ground:
-            yield _off_ground(label, float(height[row]), float(sigma[row]), int(photos[row]))
+            yield off_ground_message(label, float(height[row]), float(sigma[row]), int(photos[row]))
 
 
-def _off_ground(label: str, height_m: float, sigma_m: float, photos: int) -> Message:
+def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int) -> Message:
+    """The message on a label that fits at a height, as so many photos show it."""
     side = "above" if height_m > 0 else "below"
     digits = int(np.clip(1 - np.floor(np.log10(max(sigma_m, 1e-4))), 1, 3))
     size = f"{abs(height_m):.{digits}f} ± {sigma_m:.{digits}f} m {side} the ground"

@@ -39,7 +39,7 @@ def one_wrong_pick_explains(adjustment: Adjustment, off: Bools, sigma_px: Floats
     explained = np.zeros(len(off), dtype=np.bool_)
     for label in np.flatnonzero(off).tolist():
         picks = np.flatnonzero(survey.pick_label == label)
-        whole = _least(adjustment, picks, sigma_px[picks], free=True)
+        whole = least_squares(adjustment, picks, sigma_px[picks], free=True)
         degrees = 2 * len(picks) - 3
         if degrees < 1 or chdtrc(degrees, whole) > UNLIKELY:
             continue
@@ -50,13 +50,13 @@ def one_wrong_pick_explains(adjustment: Adjustment, off: Bools, sigma_px: Floats
 def _stands(adjustment: Adjustment, picks: Ints, whole: float, sigma_px: Floats) -> bool:
     """Whether some height explains three picks and more best, be one of them wrong or not."""
     each = [np.delete(picks, k) for k in range(len(picks))]
-    on_it = [_least(adjustment, rest, sigma_px[rest], free=False) for rest in each]
-    free = [_least(adjustment, rest, sigma_px[rest], free=True) for rest in each]
+    on_it = [least_squares(adjustment, rest, sigma_px[rest], free=False) for rest in each]
+    free = [least_squares(adjustment, rest, sigma_px[rest], free=True) for rest in each]
     standing = min(whole + HEIGHT, min(free) + HEIGHT + WRONG_PICK)
     return standing < min(on_it) + WRONG_PICK
 
 
-def _least(adjustment: Adjustment, picks: Ints, sigma_px: Floats, *, free: bool) -> float:
+def least_squares(adjustment: Adjustment, picks: Ints, sigma_px: Floats, *, free: bool) -> float:
     """Least sum of squares of some picks of one label, the cameras as they are.
 
     Parameters

@@ -1,0 +1,134 @@
+"""Which labels belong to the picks of a photo, whatever labels they have.
+
+The pose of the photo is that which most picks agree on, each with the nearest label: begun from
+where the log has the photo, moved, turned and scaled by two picks (Fischler & Bolles 1981); without
+a log, from those labels that are right.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.first_poses.homography import resect_from_plane
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import project
+from uavgram.model.arrays import Floats, Ints
+from uavgram.stages.refine.blunders.consensus import AGREES, SMALLEST, consensus, seen_at
+from uavgram.stages.refine.causes.hypothesis import Standing
+from uavgram.stages.refine.causes.places import labels_of
+
+REACH = 0.2
+"""Distance of a pick from where the log has its label, as a share of the photo's width."""
+
+NEAR = 0.02
+"""The same, once the photo is moved, turned and scaled."""
+
+SCALED, TURNED = 0.15, 0.3
+"""By which the log's pose may be wrong: relative, and [rad]."""
+
+MOST_PICKS, MOST_PAIRS = 12, 4000
+"""Picks of which pairs are tried, and pairs of picks with labels."""
+
+ROUNDS = 4
+"""Of pose and labels in turn."""
+
+
+def right_labels(standing: Standing, frame: int, picks: Ints) -> Ints:
+    """(n,) labels of the survey that belong to picks of a photo; -1 where none is near.
+
+    Parameters
+    ----------
+    standing
+        The survey, adjusted without the photo.
+    frame, picks
+        Photo of the survey, and (n,) its picks.
+    """
+    survey = standing.survey
+    at = labels_of(standing)
+    label = np.flatnonzero((at >= 0) & ~survey.off_ground)
+    world = standing.adjustment.state.point[at[label], :2]
+    camera = survey.calibration
+    ray = back_project(camera.model, camera.parameters, survey.pixel_px[picks])
+    near = AGREES * survey.pick_sigma_px[picks] / camera.parameters[0]
+    none = np.full(len(picks), -1)
+    if not np.isfinite(ray).all():
+        return none
+    if survey.seeds is None:
+        own = np.searchsorted(label, survey.pick_label[picks])
+        own = np.minimum(own, len(label) - 1)
+        own[label[own] != survey.pick_label[picks]] = -1
+        there = np.flatnonzero(own >= 0)
+        agree = consensus(world[own[there]], ray[there], near[there] / AGREES)
+        if agree is None:
+            return none
+        found = none.copy()
+        found[there[agree]] = own[there[agree]]
+    else:
+        pose = survey.seeds.center_world_m[frame], survey.seeds.world_from_camera[frame]
+        there = np.column_stack([world, standing.adjustment.points()[0][at[label], 2]])
+        place = project(camera.model, camera.parameters, (there - pose[0]) @ pose[1])
+        found = _by_pairs(survey.pixel_px[picks], place, float(camera.width_px))
+    found = _settled(world, ray, near, found)
+    return np.where(found >= 0, label[found], -1)
+
+
+def _by_pairs(pixel: Floats, place: Floats, width_px: float) -> Ints:
+    """(n,) label of each pick as most agree on; -1 where none is near.
+
+    Parameters
+    ----------
+    pixel, place
+        (n, 2), (k, 2) picks, and where the log has the labels [px].
+    width_px
+        Of the photo.
+    """
+    z, q = pixel @ np.array([1.0, 1.0j]), place @ np.array([1.0, 1.0j])
+    distance = np.abs(z[:, None] - q[None])
+    pick, label = np.nonzero(distance[:MOST_PICKS] < REACH * width_px)
+    first, second = np.triu_indices(len(pick), 1)
+    use = (pick[first] != pick[second]) & (label[first] != label[second])
+    first, second = first[use], second[use]
+    ratio = (z[pick[first]] - z[pick[second]]) / (q[label[first]] - q[label[second]])
+    like = (np.abs(np.abs(ratio) - 1.0) < SCALED) & (np.abs(np.angle(ratio)) < TURNED)
+    first, ratio = first[like], ratio[like]
+    if len(first) > MOST_PAIRS:
+        some = np.random.default_rng(0).choice(len(first), MOST_PAIRS, replace=False)
+        first, ratio = first[some], ratio[some]
+    best, most = np.full(len(pixel), -1), 0
+    for start, factor in zip(first.tolist(), ratio.tolist(), strict=True):
+        moved = z[pick[start]] + factor * (q - q[label[start]])
+        found = _nearest(np.abs(z[:, None] - moved[None]), np.full(len(z), NEAR * width_px))
+        if (found >= 0).sum() > most:
+            best, most = found, int((found >= 0).sum())
+    return best
+
+
+def _nearest(distance: Floats, limit: Floats) -> Ints:
+    """(n,) nearest of k to each of n, where each is the other's nearest within (n,) limits."""
+    distance = np.nan_to_num(distance, nan=np.inf)
+    column = distance.argmin(axis=1)
+    mutual = distance.argmin(axis=0)[column] == np.arange(len(distance))
+    near = distance[np.arange(len(distance)), column] < limit
+    return np.where(mutual & near, column, -1)
+
+
+def _settled(world: Floats, ray: Floats, near: Floats, found: Ints) -> Ints:
+    """Labels and pose in turn; all -1 where too few agree.
+
+    Parameters
+    ----------
+    world
+        (k, 2) labels on their plane.
+    ray, near
+        (n, 3), (n,) picks, and how near of a label each has to be.
+    found
+        (n,) labels to begin with, -1 where unknown.
+    """
+    for _ in range(ROUNDS):
+        used = np.flatnonzero(found >= 0)
+        pose = resect_from_plane(world[found[used]], ray[used]) if len(used) >= SMALLEST else None
+        if pose is None or pose[0][2] <= 0:
+            return np.full(len(ray), -1)
+        apart = np.linalg.norm(ray[:, None, :2] - seen_at(world, pose)[None], axis=2)
+        found = _nearest(apart, near)
+    return found

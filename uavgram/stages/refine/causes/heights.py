@@ -1,0 +1,136 @@
+"""Labels that may lie off the ground, or have one wrong pick on it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+import numpy as np
+
+from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
+from uavgram.geometry.ground.row_projection import RowPoses, project_rows
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.message import Message, Several
+from uavgram.model.survey.mend import Cause, Mend
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
+from uavgram.stages.refine.causes.places import STRAYS, labels_of, strays
+from uavgram.stages.refine.off_ground.remarks import off_ground_message
+from uavgram.stages.refine.off_ground.rivals import least_squares
+from uavgram.stages.refine.off_ground.search import LEAST_HEIGHT_M
+
+STEP_M = 0.01
+"""By which points are raised to see how their pixels move."""
+
+MOST_LABELS = 300
+"""Labels whose heights are looked at."""
+
+LEAST_PICKS = 3
+"""Picks of a label from which on a wrong one can be told from a height."""
+
+
+def wrong_pick_on_the_ground(standing: Standing) -> Iterator[Hypothesis]:
+    """Labels whose heights were freed unasked: on the ground, and one of their picks is wrong."""
+    adjustment, refined = standing.adjustment, standing.refined
+    sigma = adjustment.survey.pick_sigma_px
+    for name in sorted(standing.freed & set(adjustment.survey.label)):
+        rows = np.flatnonzero(adjustment.survey.pick_label == adjustment.label_index(name))
+        if len(rows) < LEAST_PICKS:
+            continue
+        free = least_squares(adjustment, rows, sigma[rows], free=True)
+        label = standing.survey.label.index(name)
+        for row in rows.tolist():
+            rest = rows[rows != row]
+            on_it = least_squares(adjustment, rest, sigma[rest], free=False)
+            pick = int(refined.pick_index[row])
+            yield Hypothesis(
+                tell=partial(_wrong_pick, standing.survey, pick),
+                mend=Mend(free={label: False}, without_picks=frozenset([pick])),
+                promise=free - on_it,
+                unknowns=1,  # two of the pick, less one of the height
+                price=PRICE + float(np.log(len(rows))),
+                settles=frozenset([standing.survey.frame_id[standing.survey.pick_frame[pick]]]),
+            )
+
+
+def back_on_the_ground(survey: Survey, causes: Sequence[Cause]) -> frozenset[str]:
+    """Names of labels that lie on the ground after all, by the causes that were found."""
+    mends = [cause.mend for cause in causes if cause.mend is not None]
+    return frozenset(survey.label[k] for mend in mends for k, free in mend.free.items() if not free)
+
+
+def _wrong_pick(survey: Survey, pick: int, _: Explained | None) -> Message:
+    label = survey.label[survey.pick_label[pick]]
+    frame = survey.frame_id[survey.pick_frame[pick]]
+    what = f"{label!r} in {frame!r}"
+    return Message(
+        "warning",
+        "pick-suspect",
+        f"The pick of {what} does not fit: look at the place and at the label. Without it, all "
+        f"others of {label!r} lie on the ground.",
+        frames=(frame,),
+        labels=(label,),
+        several=Several(
+            "{count} picks do not fit", what, ending="Look at their places and at their labels."
+        ),
+    )
+
+
+def off_the_ground(standing: Standing) -> Iterator[Hypothesis]:
+    """Labels that fit at a height off the ground."""
+    adjustment, at = standing.adjustment, labels_of(standing)
+    if not adjustment.minimum.converged:
+        return
+    label = np.unique(adjustment.survey.pick_label[_stray_rows(standing)])
+    picks = np.bincount(adjustment.survey.pick_label, minlength=len(adjustment.survey.label))
+    asked = label[(picks[label] >= LEAST_PICKS) & ~adjustment.survey.off_ground[label]]
+    if not len(asked):
+        return
+    moved = {int(k): raised(standing, int(k)) for k in asked[:MOST_LABELS]}
+    found = explained(adjustment, [(one,) for one in moved.values()])
+    height = dict(zip(moved, (float(one.value[0]) for one in found), strict=True))
+    index = {int(a): k for k, a in enumerate(at) if a >= 0}
+    for k, one in moved.items():
+        if abs(height[k]) < LEAST_HEIGHT_M:
+            continue
+        yield Hypothesis(
+            tell=partial(_off_ground, adjustment.survey.label[k], int(picks[k])),
+            mend=Mend(free={index[k]: True}),
+            moved=(one,),
+            unknowns=1,
+            price=PRICE + float(np.log(len(adjustment.survey.label))),
+        )
+
+
+def _stray_rows(standing: Standing) -> Ints:
+    """Picks of the adjustment that do not fit."""
+    found = strays(standing)
+    row = np.full(len(standing.survey.pick_frame), -1)
+    row[standing.refined.pick_index] = np.arange(len(standing.refined.pick_index))
+    return row[found.pick[found.taking & (found.fall > STRAYS)]]
+
+
+def raised(standing: Standing, label: int) -> Moved:
+    """How the picks of a label of the adjustment move with its height [m]."""
+    adjustment = standing.adjustment
+    survey, state = adjustment.survey, adjustment.state
+    rows = np.flatnonzero(survey.pick_label == label)
+    frame = survey.pick_frame[rows]
+    world, _, _ = adjustment.problem.world_points(state, survey.pick_label[rows])
+    poses = RowPoses(state.center[frame], state.rotation[frame], adjustment.sweep()[frame])
+    lens, camera = adjustment.problem.intrinsics(state), survey.calibration
+
+    def at(height_m: float) -> Floats:
+        return project_rows(camera, lens, poses, world + np.array([0.0, 0.0, height_m]))
+
+    along = (at(STEP_M) - at(-STEP_M)) / (2.0 * STEP_M) / survey.pick_sigma_px[rows, None]
+    return Moved("pixels", rows, along[..., None])
+
+
+def _off_ground(label: str, photos: int, found: Explained | None) -> Message:
+    height, sigma = (
+        (float("nan"), float("nan"))
+        if found is None
+        else (float(found.value[0]), float(np.sqrt(found.covariance[0, 0])))
+    )
+    return off_ground_message(label, height, sigma, photos)

@@ -1,0 +1,248 @@
+"""Photos of which all picks are wrong: mirrored, turned, or with labels in disorder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.first_poses.homography import resect_from_plane
+from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.survey.adjustment import LeftOutCause
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.message import Message, Several
+from uavgram.model.survey.mend import Cause, Mend
+from uavgram.stages.refine.blunders.consensus import AGREES, SMALLEST, seen_at
+from uavgram.stages.refine.causes.disorder import right_labels
+from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
+from uavgram.stages.refine.causes.places import labels_of
+
+MOST_PHOTOS = 12
+"""Photos that were left out and are looked at."""
+
+
+class _Turn(NamedTuple):
+    """How pixels of what was shown are put back: axes exchanged first, then directions."""
+
+    axes: bool
+    columns: bool
+    rows: bool
+
+
+MIRRORED = {
+    "mirrored": _Turn(axes=False, columns=True, rows=False),
+    "mirrored and upside down": _Turn(axes=False, columns=False, rows=True),
+}
+TURNED = {
+    "turned by 180 degrees": _Turn(axes=False, columns=True, rows=True),
+    "turned by 90 degrees to the right": _Turn(axes=True, columns=False, rows=True),
+    "turned by 90 degrees to the left": _Turn(axes=True, columns=True, rows=False),
+}
+"""By how the photo was shown when it was picked."""
+
+STRAINED, MOST_STRAINED = 10.0, 3
+"""Residual of a pose that the log tells, in its sigmas, from which on a photo may be turned; and
+photos that are looked at for it."""
+
+HEADING = np.radians(45.0)
+"""Between a pose and the one that the log tells, beyond which it is another one."""
+
+
+def misplaced_photos(standing: Standing) -> Ints:
+    """Photos of the survey of which all picks were left out because they contradict the rest."""
+    reasons = standing.refined.pick_reason.items()
+    picks = [k for k, why in reasons if why.cause is LeftOutCause.MISPLACED_FRAME]
+    return np.unique(standing.survey.pick_frame[picks])[:MOST_PHOTOS]
+
+
+def against_the_log(standing: Standing) -> dict[int, float]:
+    """Photos of the survey that stand far from where the log has them, and how far (squared)."""
+    adjustment = standing.adjustment
+    block, telemetry = adjustment.minimum.blocks.get("telemetry"), adjustment.survey.telemetry
+    if block is None or telemetry is None:
+        return {}
+    away = np.abs(block.residual).max(axis=1)
+    worst = np.argsort(-away, kind="stable")[:MOST_STRAINED]
+    names = [adjustment.survey.frame_id[telemetry.frame_index[k]] for k in worst]
+    index = {name: k for k, name in enumerate(standing.survey.frame_id)}
+    return {
+        index[name]: float(away[k]) ** 2
+        for k, name in zip(worst.tolist(), names, strict=True)
+        if away[k] > STRAINED
+    }
+
+
+def turned_photos(standing: Standing) -> Iterator[Hypothesis]:
+    """Photos of which the picks fit once they are mirrored or turned."""
+    survey, camera = standing.survey, standing.survey.calibration
+    strained = against_the_log(standing)
+    promise = dict.fromkeys(misplaced_photos(standing).tolist(), 0.0) | strained
+    for frame, gain in promise.items():
+        picks = _picks(standing, frame)
+        for how, turn in (MIRRORED | TURNED).items():
+            pixel = _put_back(survey.pixel_px[picks], turn, camera)
+            if not _shows_the_ground(standing, frame, picks, pixel):
+                continue
+            places = {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
+            yield Hypothesis(
+                tell=partial(_turned, survey.frame_id[frame], how),
+                mend=Mend(pixel_of_pick=places),
+                promise=gain,
+                price=float(np.log(len(MIRRORED) + len(TURNED))),
+                settles=frozenset([survey.frame_id[frame]]),
+            )
+
+
+def photos_in_disorder(standing: Standing) -> Iterator[Hypothesis]:
+    """Photos of which the picks fit under other labels."""
+    survey = standing.survey
+    for frame in misplaced_photos(standing).tolist():
+        picks = _picks(standing, frame)
+        label = right_labels(standing, frame, picks)
+        known = np.flatnonzero(label >= 0)
+        changed = known[label[known] != survey.pick_label[picks[known]]]
+        if len(known) <= SMALLEST + 1 or not len(changed):
+            continue
+        mend = Mend(
+            label_of_pick={int(picks[k]): int(label[k]) for k in known},
+            without_picks=frozenset(picks[label < 0].tolist()),
+        )
+        wrong = len(picks) - len(known)
+        yield Hypothesis(
+            tell=partial(_disorder, standing, {int(picks[k]): int(label[k]) for k in changed}),
+            mend=mend,
+            price=2.0 * PRICE * wrong + len(changed) * float(np.log(len(survey.label))),
+            settles=frozenset([survey.frame_id[frame]]),
+        )
+
+
+def photos_elsewhere(standing: Standing, causes: Sequence[Cause]) -> tuple[Cause, ...]:
+    """Photos that were left out, and of which nothing explains it: they show something else.
+
+    Parameters
+    ----------
+    standing
+        The survey as it was adjusted.
+    causes
+        That were found.
+    """
+    settled = frozenset[str]().union(*(cause.settles for cause in causes))
+    survey, found = standing.survey, []
+    for frame in misplaced_photos(standing).tolist():
+        name = survey.frame_id[frame]
+        if name in settled:
+            continue
+        picks = _picks(standing, frame)
+        found.append(
+            Cause(
+                message=_elsewhere(name),
+                mend=Mend(without_picks=frozenset(picks.tolist())),
+                gain=4.0 * PRICE * len(picks),
+                log_probability=-np.inf,
+                settles=frozenset([name]),
+            )
+        )
+    return tuple(found)
+
+
+def _put_back(shown_px: Floats, turn: _Turn, camera: Calibration) -> Floats:
+    """(n, 2) pixels of the photo as it is, of those of the photo as it was shown."""
+    pixel = shown_px[:, ::-1].copy() if turn.axes else shown_px.copy()
+    if turn.columns:
+        pixel[:, 0] = camera.width_px - 1.0 - pixel[:, 0]
+    if turn.rows:
+        pixel[:, 1] = camera.height_px - 1.0 - pixel[:, 1]
+    return pixel
+
+
+def _picks(standing: Standing, frame: int) -> Ints:
+    """Picks of a photo of the survey that take part, or were left out with it."""
+    there = standing.spoilt
+    there[standing.refined.pick_index] = True
+    return np.flatnonzero((standing.survey.pick_frame == frame) & there)
+
+
+def _shows_the_ground(standing: Standing, frame: int, picks: Ints, pixel: Floats) -> bool:
+    """Whether pixels of a photo show their labels, from above, and from where the log has it.
+
+    Parameters
+    ----------
+    standing, frame
+        Where the survey stands; the photo.
+    picks, pixel
+        (n,) its picks, and (n, 2) where they are taken to be.
+    """
+    survey, adjustment = standing.survey, standing.adjustment
+    label = labels_of(standing)[survey.pick_label[picks]]
+    known = np.flatnonzero((label >= 0) & ~survey.off_ground[survey.pick_label[picks]])
+    if len(known) <= SMALLEST:
+        return False
+    world = adjustment.state.point[label[known], :2]
+    camera = survey.calibration
+    ray = back_project(camera.model, camera.parameters, pixel[known])
+    pose = resect_from_plane(world, ray) if np.isfinite(ray).all() else None
+    if pose is None or pose[0][2] <= 0:
+        return False
+    off = np.linalg.norm(seen_at(world, pose) - ray[:, :2], axis=1) * camera.parameters[0]
+    if not np.median(np.nan_to_num(off, nan=np.inf) / survey.pick_sigma_px[picks[known]]) < AGREES:
+        return False
+    if survey.seeds is None:
+        return True
+    turn = survey.seeds.world_from_camera[frame].T @ pose[1]
+    return bool(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)) < HEADING)
+
+
+def _turned(frame: str, how: str, _: Explained | None) -> Message:
+    return Message(
+        "warning",
+        "photo-mirrored" if how in MIRRORED else "photo-turned",
+        f"The photo {frame!r} seems to have been {how} when it was picked: pick it anew in the "
+        "original file, as the camera wrote it. Its picks fit once they are put back.",
+        frames=(frame,),
+        several=Several(
+            "{count} photos seem to have been mirrored or turned when they were picked",
+            f"{frame!r} {how}",
+            ending="Pick them anew in the original files, as the camera wrote them.",
+        ),
+    )
+
+
+def _disorder(standing: Standing, right: dict[int, int], _: Explained | None) -> Message:
+    survey = standing.survey
+    frame = survey.frame_id[survey.pick_frame[next(iter(right))]]
+    names = {survey.label[survey.pick_label[k]]: survey.label[v] for k, v in right.items()}
+    each = ", ".join(f"{old!r} should be {new!r}" for old, new in names.items())
+    return Message(
+        "warning",
+        "labels-swapped",
+        f"The labels in {frame!r} seem to be in disorder: look at them, and change them in this "
+        f"photo. By their places {each}.",
+        frames=(frame,),
+        labels=tuple(names),
+        several=Several(
+            "Labels seem to be swapped in {count} photos or groups of picks",
+            f"{', '.join(map(repr, names))} in {frame!r}",
+            ending="Each pick lies where another of them belongs: look, and change the labels "
+            "there.",
+        ),
+    )
+
+
+def _elsewhere(frame: str) -> Message:
+    return Message(
+        "warning",
+        "photo-elsewhere",
+        f"The photo {frame!r} shows another place, or its labels are in disorder: look at it, and "
+        "pick it anew or take it out. Its picks contradict all other photos in every order of "
+        "their labels that was tried, mirrored and turned too.",
+        frames=(frame,),
+        several=Several(
+            "{count} photos show another place, or their labels are in disorder",
+            repr(frame),
+            ending="Look at them, and pick them anew or take them out.",
+        ),
+    )
