@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.gross_control import (
     control_beyond_doubt,
@@ -33,14 +35,13 @@ from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.outstanding import outstanding, with_little_weight
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.causes.hypothesis import Standing
-from uavgram.stages.refine.causes.identify import identify
+from uavgram.stages.refine.causes.identify import Identified, identify
 from uavgram.stages.refine.continued import continued
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
 from uavgram.stages.refine.off_ground.heights import found_free, with_free
 from uavgram.stages.refine.off_ground.remarks import off_ground_remarks
-from uavgram.stages.refine.other_zoom import with_other_zoom
 from uavgram.stages.refine.readout import with_sound_readout
 from uavgram.stages.refine.remarks import (
     contradiction,
@@ -52,6 +53,8 @@ from uavgram.stages.refine.remarks import (
 from uavgram.stages.refine.robust_adjustment import adjust_survey
 
 BEYOND_LENS = LeftOut(LeftOutCause.BEYOND_LENS, "the lens model cannot be inverted at that pixel")
+
+TAKEN = "The results take it into account."
 
 
 def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Message, ...]]:
@@ -74,15 +77,15 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     keep, reason = _in_lens(survey)
     no_pick = np.zeros(len(survey.pick_frame), dtype=bool)
     survey, refined, left_out = _without_gross_control(survey, keep, reason)
-    zoom: tuple[Message, ...] = ()
-    if options.noise == "estimate":
-        survey, refined, zoom = with_other_zoom(
-            survey, refined, lambda one: _without_gross_known(one, keep, reason)
-        )
     off_ground = found_free(survey, refined)
     survey = with_free(survey, off_ground)
     refined = replace(refined, pick_removed=no_pick)
-    causes = identify(Standing(_participants(survey, refined), refined))
+    found = identify(Standing(_participants(survey, refined), refined))
+    causes = found.causes
+    if options.noise == "estimate":
+        survey, refined, causes = _freed(
+            survey, refined, found, lambda one: _without_gross_known(one, keep, reason)
+        )
     survey, refined, readout = with_sound_readout(survey, refined)
     if options.noise == "estimate":
         survey, refined = with_noise_learnt(survey, refined)
@@ -99,12 +102,42 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     told = (
         *(cause.message for cause in causes),
         *left_out,
-        *zoom,
         *off_ground_remarks(refined),
         *readout,
         *noise_remarks(refined.noise),
     )
     return refined, (*told, *remarks(survey, refined), *search)
+
+
+def _freed(
+    survey: Survey, refined: Refined, found: Identified, adjust: Callable[[Survey], Refined]
+) -> tuple[Survey, Refined, tuple[Cause, ...]]:
+    """Adjusted anew without the prior knowledge that is wrong; as it was where that cannot be.
+
+    Parameters
+    ----------
+    survey
+        As it was adjusted.
+    refined
+        Its adjustment.
+    found
+        Causes, and what each gives up.
+    adjust
+        What makes an adjustment of a survey.
+    """
+    known_less = survey
+    causes = list(found.causes)
+    for k, freed in enumerate(found.freed):
+        if freed is not None:
+            known_less, message = freed(known_less), causes[k].message
+            causes[k] = replace(causes[k], message=replace(message, text=f"{message.text} {TAKEN}"))
+    if known_less is survey:
+        return survey, refined, found.causes
+    try:
+        after = adjust(known_less)
+    except GeometryError:
+        return survey, refined, found.causes
+    return known_less, replace(after, pick_removed=refined.pick_removed), tuple(causes)
 
 
 def _without_gross_control(

@@ -9,16 +9,25 @@ one is told, and the next is looked for in the survey without it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained, explained, log_probability
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.model.survey.mend import Cause
+from uavgram.model.survey.mend import Cause, Mend
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.misfit import trial_adjustment
 from uavgram.stages.refine.blunders.outstanding import core_fit
+from uavgram.stages.refine.causes.camera import other_camera_file
+from uavgram.stages.refine.causes.flight import (
+    stepped_places,
+    strained_priors,
+    turned_camera,
+    wrong_clock,
+)
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing, mended
 from uavgram.stages.refine.causes.labels import swapped_in_a_photo, wrong_picks
 from uavgram.stages.refine.causes.lengths import wrong_lengths
@@ -39,6 +48,10 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     wrong_picks,
     wrong_lengths,
     swapped_in_a_photo,
+    wrong_clock,
+    turned_camera,
+    stepped_places,
+    other_camera_file,
 )
 """What could be wrong, by kind: each looks at a survey that does not fit."""
 
@@ -66,8 +79,23 @@ class _Judged:
     after: Standing | None = None
 
 
-def identify(standing: Standing) -> tuple[Cause, ...]:
-    """Causes of the misfits of a survey, likeliest first; none where it fits.
+class Identified(NamedTuple):
+    """What was found.
+
+    Attributes
+    ----------
+    causes
+        Likeliest first; none where everything fits.
+    freed
+        What of the prior knowledge each gives up, for the survey to go on without; None: nothing.
+    """
+
+    causes: tuple[Cause, ...]
+    freed: tuple[Callable[[Survey], Survey] | None, ...]
+
+
+def identify(standing: Standing) -> Identified:
+    """Causes of the misfits of a survey.
 
     Parameters
     ----------
@@ -75,6 +103,7 @@ def identify(standing: Standing) -> tuple[Cause, ...]:
         The survey as it is adjusted at the stated noise.
     """
     causes: list[Cause] = []
+    freed: list[Callable[[Survey], Survey] | None] = []
     for _ in range(MOST_CAUSES):
         if not asks(standing):
             break
@@ -93,10 +122,11 @@ def identify(standing: Standing) -> tuple[Cause, ...]:
                     settles=hypothesis.settles,
                 )
             )
+            freed.append(hypothesis.freed)
         if best.after is None:
             break
         standing = best.after
-    return tuple(causes)
+    return Identified(tuple(causes), tuple(freed))
 
 
 def asks(standing: Standing) -> bool:
@@ -104,7 +134,16 @@ def asks(standing: Standing) -> bool:
     adjustment = standing.adjustment
     if standing.left_out or not adjustment.minimum.converged:
         return True
-    return core_fit(adjustment).probability < MISFIT or _worst(adjustment) < BY_CHANCE
+    if core_fit(adjustment).probability < MISFIT or _worst(adjustment) < BY_CHANCE:
+        return True
+    return _strained(adjustment) < BY_CHANCE
+
+
+def _strained(adjustment: Adjustment) -> float:
+    """Logarithm of the probability of the prior that fits worst, at the level of the survey."""
+    priors = list(strained_priors(adjustment))
+    found = explained(adjustment, priors)
+    return min((log_probability(f.gain, f.unknowns, len(priors)) for f in found), default=0.0)
 
 
 def _worst(adjustment: Adjustment) -> float:
@@ -162,14 +201,21 @@ def _brought_back(standing: Standing, hypothesis: Hypothesis) -> int:
 def _tried(standing: Standing, judged: _Judged) -> _Judged:
     """What an adjustment of the mended survey says of a hypothesis."""
     hypothesis = judged.hypothesis
-    if hypothesis.mend is None:
+    if hypothesis.mend is None and hypothesis.freed is None:
         return judged
-    taking = mended(standing, hypothesis.mend)
+    taking = mended(standing, hypothesis.mend or Mend())
+    if hypothesis.freed is not None:
+        taking = replace(taking, survey=hypothesis.freed(taking.survey))
     refined = trial_adjustment(taking)
     if refined is None or not refined.adjustment.minimum.converged:
         return _Judged(hypothesis, judged.found, 0.0, -np.inf)
     after = Standing(taking, refined)
     # What is left may still be noisier than stated: noise grows last, but must not be blamed.
     fit = core_fit(refined.adjustment)
-    gain = (standing.cost - after.cost) / max(1.0, fit.squares / max(fit.degrees, 1.0))
-    return _Judged(hypothesis, judged.found, gain, gain / 2.0 - hypothesis.price, after)
+    noise = fit.squares / max(fit.degrees, 1.0) if fit.probability < MISFIT else 1.0
+    gain = (standing.cost - after.cost) / noise
+    found = judged.found
+    if found is not None and hypothesis.settled is not None:
+        value, covariance = hypothesis.settled(refined.adjustment)
+        found = found._replace(value=value, covariance=covariance)
+    return _Judged(hypothesis, found, gain, gain / 2.0 - hypothesis.price, after)
