@@ -31,6 +31,7 @@ from uavgram.stages.refine.causes.flight import (
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing, mended
 from uavgram.stages.refine.causes.labels import swapped_in_a_photo, wrong_picks
 from uavgram.stages.refine.causes.lengths import wrong_lengths
+from uavgram.stages.refine.noise import with_noise_learnt
 
 MISFIT = 0.01
 """Probability of the core's sum of squares below which a cause is looked for."""
@@ -38,8 +39,9 @@ MISFIT = 0.01
 BY_CHANCE = float(np.log(0.001))
 """Logarithm of the level of the whole survey: so often a cause is told where nothing is wrong."""
 
-MOST_CAUSES, MOST_TRIED = 6, 8
-"""Causes that are told, and hypotheses for which a mended survey is adjusted each time."""
+MOST_CAUSES, MOST_TRIED, MOST_DOUBTED = 6, 8, 3
+"""Causes that are told; hypotheses for which a mended survey is adjusted each time, and for which
+it is adjusted with the noise that would explain the misfit instead."""
 
 SURE = float(np.log(20.0))
 """Logarithm of the odds against the next likeliest cause, from which on it is not told beside."""
@@ -162,10 +164,24 @@ def _likeliest(standing: Standing) -> _Judged | None:
     """The likeliest hypothesis, if chance does not explain it as well."""
     judged = _screened(standing)
     tried = [_tried(standing, one) for one in judged[:MOST_TRIED]]
-    tried = [one for one in tried if one.odds > SURE]
-    if not tried:
-        return None
-    return max(tried, key=lambda one: one.odds)
+    tried = sorted((one for one in tried if one.odds > SURE), key=lambda one: -one.odds)
+    noisy = _as_noisy_as_it_is(standing) if tried else standing
+    for one in tried[:MOST_DOUBTED]:
+        if noisy is standing or _tried(noisy, one).odds > SURE:
+            return one
+    return None
+
+
+def _as_noisy_as_it_is(standing: Standing) -> Standing:
+    """The same with the noise of the picks, and the relief, that would explain the misfit.
+
+    What brings little then is no fault of its own: uneven ground bends all around it, and of many
+    picks and lengths one or the other eases that.
+    """
+    survey, refined = with_noise_learnt(standing.survey, standing.refined)
+    if survey is standing.survey:
+        return standing
+    return Standing(replace(standing.taking, survey=survey), refined)
 
 
 def _screened(standing: Standing) -> list[_Judged]:
