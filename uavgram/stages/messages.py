@@ -15,10 +15,11 @@ MOST_LISTED = 12
 LEVELS = ("error", "warning", "info")
 
 CAUSES = (
+    ("clock-off",),  # it makes jumps of the log and turns of the camera of its own
     ("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
     ("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
     (
-        *("mount-turned", "other-zoom", "line-left-out", "known-left-out"),
+        *("mount-turned", "gimbal-off", "other-zoom", "line-left-out", "known-left-out"),
         *("control-left-out", "labels-swapped", "point-off-ground"),
     ),
     ("line-removed", "known-removed", "pick-removed", "blunder-not-located", "blunder-kept"),

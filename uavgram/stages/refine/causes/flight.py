@@ -15,6 +15,8 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import Explained, Moved
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.terms.telemetry_terms import TELEMETRY_PARTS
+from uavgram.geometry.motion.interpolation import SmoothPositions
+from uavgram.geometry.motion.telemetry_pose import CLOCK
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.flight.pose import TelemetryPrior
@@ -25,8 +27,11 @@ from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 ANY_S, ANY_RAD = 60.0, float(np.radians(60.0))
 """Prior sigmas of a clock that is wrong, and of a camera or a compass that is turned."""
 
-USUAL_S, USUAL_RAD = 5.0, float(np.radians(20.0))
+USUAL_S, USUAL_RAD = 20.0, float(np.radians(20.0))
 """By which these are usually wrong: how likely it is, not how far it may go."""
+
+FARTHEST_S, STEP_S = 20.0, 0.5
+"""Corrections of the clock that are looked at."""
 
 ANY_M = 50.0
 """Prior sigma of a frame's place beyond a step of the log."""
@@ -40,14 +45,48 @@ def wrong_clock(standing: Standing) -> Iterator[Hypothesis]:
     prior = _telemetry(standing.adjustment)
     if prior is None or isinstance(standing.adjustment.survey.track, PhotoExposures):
         return
-    yield Hypothesis(
-        tell=_clock_off,
-        moved=(prior_moved(standing.adjustment, kind="clock"),),
-        settled=partial(_of_flight, kind="clock"),
-        freed=partial(_with_prior, clock_sigma_s=ANY_S),
-        unknowns=1,
-        price=widened(1, USUAL_S, prior.clock_sigma_s),
-    )
+    elsewhere_s, promise = _best_clock(standing.adjustment, prior)
+    for shift_s in {0.0, elsewhere_s}:
+        yield Hypothesis(
+            tell=_clock_off,
+            moved=() if shift_s else (prior_moved(standing.adjustment, kind="clock"),),
+            settled=partial(_clock, prior),
+            freed=partial(_with_clock, shift_s),
+            unknowns=1,
+            promise=promise if shift_s else 0.0,
+            price=widened(1, USUAL_S, prior.clock_sigma_s),
+        )
+
+
+def _best_clock(adjustment: Adjustment, prior: TelemetryPrior) -> tuple[float, float]:
+    """Clock correction [s] by which the log's places fit the cameras best, and what it brings.
+
+    The adjustment looks for it from where the clock was thought to be, and a way that turns has
+    other minima. 0 where nothing lies far from what was found already.
+    """
+    survey = adjustment.survey
+    track = survey.track
+    if track is None or isinstance(track, PhotoExposures):
+        return 0.0, 0.0
+    times = (track.position_time_s, track.attitude_time_s, track.gimbal_time_s)
+    known = [time for time in times if len(time)]
+    first, last = max(t[0] for t in known), min(t[-1] for t in known)
+    now_s = float(adjustment.state.telemetry[CLOCK][0])
+    tried = np.append(now_s, np.arange(-FARTHEST_S, FARTHEST_S + STEP_S / 2, STEP_S))
+    tried = tried[(tried >= prior.time_s.max() - last) & (tried <= prior.time_s.min() - first)]
+    if len(tried) < 2 or tried[0] != now_s:
+        return 0.0, 0.0
+    names = [survey.frame_id[k] for k in prior.frame_index]
+    path = SmoothPositions(track.position_time_s, track.position_world_m)
+    at_s = (prior.time_s[None] - tried[:, None]).ravel()
+    place = path.at(at_s)[0].reshape(len(tried), len(names), 3)
+    weight = 1.0 / prior.covariance[:, [0, 1, 2], [0, 1, 2]]
+    off = adjustment.state.center[prior.frame_index] - place
+    off = off - (np.sum(weight * off, axis=1) / weight.sum(axis=0))[:, None]
+    cost = np.sum(weight * off**2, axis=(1, 2))
+    best = int(cost.argmin())
+    is_near = abs(tried[best] - now_s) < STEP_S
+    return (0.0, 0.0) if is_near else (float(tried[best]), float(cost[0] - cost[best]))
 
 
 def turned_camera(standing: Standing) -> Iterator[Hypothesis]:
@@ -135,6 +174,24 @@ def _of_flight(adjustment: Adjustment, *, kind: str) -> tuple[Floats, Floats]:
     problem, part = adjustment.problem, TELEMETRY_PARTS[kind]
     value = adjustment.state.telemetry[part] - problem.telemetry_mean[part]
     return value, adjustment.shared(problem.layout.first_telemetry + part.start, len(value))
+
+
+def _with_clock(shift_s: float, survey: Survey) -> Survey:
+    """A survey that knows nothing of the camera's clock, with another place to begin."""
+    prior = survey.telemetry
+    if prior is None:
+        return survey
+    at_s, middle_s = prior.time_s - shift_s, prior.middle_s - shift_s
+    moved = replace(prior, time_s=at_s, middle_s=middle_s, clock_sigma_s=ANY_S)
+    return replace(survey, telemetry=moved)
+
+
+def _clock(stated: TelemetryPrior, adjustment: Adjustment) -> tuple[Floats, Floats]:
+    """The clock's correction, from what was stated."""
+    value, covariance = _of_flight(adjustment, kind="clock")
+    prior = adjustment.survey.telemetry
+    assert prior is not None  # noqa: S101  (a clock is an unknown only with a log)
+    return value + stated.middle_s - prior.middle_s, covariance
 
 
 def _with_prior(survey: Survey, **sigma: float) -> Survey:

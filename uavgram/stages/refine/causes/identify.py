@@ -231,7 +231,8 @@ def _tried(standing: Standing, judged: _Judged) -> _Judged:
     noise = fit.squares / max(fit.degrees, 1.0) if fit.probability < MISFIT else 1.0
     gain = (standing.cost - after.cost) / noise
     found = judged.found
-    if found is not None and hypothesis.settled is not None:
+    if hypothesis.settled is not None:
         value, covariance = hypothesis.settled(refined.adjustment)
-        found = found._replace(value=value, covariance=covariance)
+        size = len(value)
+        found = Explained(gain, size, value, covariance, np.zeros(size), np.zeros((size, size)))
     return _Judged(hypothesis, found, gain, gain / 2.0 - hypothesis.price, after)
