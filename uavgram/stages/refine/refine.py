@@ -37,6 +37,7 @@ from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.identify import Identified, identify
 from uavgram.stages.refine.continued import continued
+from uavgram.stages.refine.learnt import learnt_remarks
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
@@ -105,6 +106,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         *off_ground_remarks(refined),
         *readout,
         *noise_remarks(refined.noise),
+        *learnt_remarks(refined.adjustment),
     )
     return refined, (*told, *remarks(survey, refined), *search)
 

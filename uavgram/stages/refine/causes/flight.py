@@ -45,7 +45,7 @@ def wrong_clock(standing: Standing) -> Iterator[Hypothesis]:
     prior = _telemetry(standing.adjustment)
     if prior is None or isinstance(standing.adjustment.survey.track, PhotoExposures):
         return
-    elsewhere_s, promise = _best_clock(standing.adjustment, prior)
+    elsewhere_s, promise = _best_clock(standing, prior)
     for shift_s in {0.0, elsewhere_s}:
         yield Hypothesis(
             tell=_clock_off,
@@ -58,22 +58,22 @@ def wrong_clock(standing: Standing) -> Iterator[Hypothesis]:
         )
 
 
-def _best_clock(adjustment: Adjustment, prior: TelemetryPrior) -> tuple[float, float]:
+def _best_clock(standing: Standing, prior: TelemetryPrior) -> tuple[float, float]:
     """Clock correction [s] by which the log's places fit the cameras best, and what it brings.
 
     The adjustment looks for it from where the clock was thought to be, and a way that turns has
     other minima. 0 where nothing lies far from what was found already.
     """
-    survey = adjustment.survey
-    track = survey.track
-    if track is None or isinstance(track, PhotoExposures):
+    adjustment, every = standing.adjustment, standing.survey.telemetry
+    survey, track = adjustment.survey, standing.survey.track
+    if every is None or track is None or isinstance(track, PhotoExposures):
         return 0.0, 0.0
     times = (track.position_time_s, track.attitude_time_s, track.gimbal_time_s)
     known = [time for time in times if len(time)]
     first, last = max(t[0] for t in known), min(t[-1] for t in known)
     now_s = float(adjustment.state.telemetry[CLOCK][0])
     tried = np.append(now_s, np.arange(-FARTHEST_S, FARTHEST_S + STEP_S / 2, STEP_S))
-    tried = tried[(tried >= prior.time_s.max() - last) & (tried <= prior.time_s.min() - first)]
+    tried = tried[(tried >= every.time_s.max() - last) & (tried <= every.time_s.min() - first)]
     if len(tried) < 2 or tried[0] != now_s:
         return 0.0, 0.0
     names = [survey.frame_id[k] for k in prior.frame_index]

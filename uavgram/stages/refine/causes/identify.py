@@ -14,13 +14,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import Explained, explained, log_probability
+from uavgram.estimation.reliability.hypotheses import (
+    SMALLEST,
+    Explained,
+    explained,
+    log_probability,
+)
+from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.survey.mend import Cause, Mend
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.misfit import trial_adjustment
-from uavgram.stages.refine.blunders.outstanding import core_fit
+from uavgram.stages.refine.blunders.outstanding import core_fit, redundancy_of
 from uavgram.stages.refine.causes.camera import other_camera_file
 from uavgram.stages.refine.causes.flight import (
     stepped_places,
@@ -142,10 +148,19 @@ def asks(standing: Standing) -> bool:
 
 
 def _strained(adjustment: Adjustment) -> float:
-    """Logarithm of the probability of the prior that fits worst, at the level of the survey."""
+    """Logarithm of the probability of the prior that fits worst, at the level of the survey.
+
+    Of what a flight and its camera have in common, and of the poses of the log together.
+    """
     priors = list(strained_priors(adjustment))
     found = explained(adjustment, priors)
-    return min((log_probability(f.gain, f.unknowns, len(priors)) for f in found), default=0.0)
+    worst = min((log_probability(f.gain, f.unknowns, len(priors) + 1) for f in found), default=0.0)
+    if "telemetry" in adjustment.minimum.blocks:
+        squares = float(np.sum(adjustment.minimum.blocks["telemetry"].residual ** 2))
+        degrees = redundancy_of(adjustment, "telemetry")
+        probability = upper_tail(squares, degrees) * (len(priors) + 1)
+        worst = min(worst, float(np.log(max(probability, SMALLEST))))
+    return worst
 
 
 def _worst(adjustment: Adjustment) -> float:
@@ -231,6 +246,8 @@ def _tried(standing: Standing, judged: _Judged) -> _Judged:
     noise = fit.squares / max(fit.degrees, 1.0) if fit.probability < MISFIT else 1.0
     gain = (standing.cost - after.cost) / noise
     found = judged.found
+    if found is not None and hypothesis.freed is not None:
+        gain = min(gain, judged.gain)  # a survey may be freed of more than the unknowns
     if hypothesis.settled is not None:
         value, covariance = hypothesis.settled(refined.adjustment)
         size = len(value)
