@@ -180,8 +180,11 @@ def _likeliest(standing: Standing) -> _Judged | None:
     judged = _screened(standing)
     tried = [_tried(standing, one) for one in judged[:MOST_TRIED]]
     tried = sorted((one for one in tried if one.odds > SURE), key=lambda one: -one.odds)
-    noisy = _as_noisy_as_it_is(standing) if tried else standing
+    noisy: Standing | None = None
     for one in tried[:MOST_DOUBTED]:
+        if one.after is not None and not asks(one.after):
+            return one  # it explains all: no noise is in question
+        noisy = noisy or _as_noisy_as_it_is(standing)
         if noisy is standing or _tried(noisy, one).odds > SURE:
             return one
     return None
