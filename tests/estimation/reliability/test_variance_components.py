@@ -9,6 +9,7 @@ from uavgram.estimation.reliability.variance_components import (
     Component,
     Linearised,
     of_one_group,
+    probability_at_boundary,
 )
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.solver.sparse.structure import Structure
@@ -110,3 +111,12 @@ def test_rows_make_components_of_their_own() -> None:
     found = linear.estimate((Component("pixels", worse), Component("pixels", rest)), np.ones(2))
 
     assert found.factor[0] / found.factor[1] == pytest.approx(4.0, rel=0.5)
+
+
+def test_a_variance_at_its_boundary_has_half_the_chance() -> None:
+    # Critical values of 5 % of the mixtures of chi-squares: 2.706 and 4.231 (Stoel et al. 2006,
+    # "Likelihood ratio testing in variance components models with constraints", Psychological
+    # Methods 11).
+    assert probability_at_boundary(2.706 / 2, 1) == pytest.approx(0.05, abs=1e-4)
+    assert probability_at_boundary(4.231 / 2, 2) == pytest.approx(0.05, abs=1e-4)
+    assert probability_at_boundary(0.0, 1) == 1.0

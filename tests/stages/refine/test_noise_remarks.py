@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from uavgram.model.result.noise import AreaNoise, Noise, PickNoise, SurfaceShape
@@ -39,6 +41,14 @@ def test_ground_that_is_no_plane_is_told_and_where_to_see_it(
     assert (message.level, message.code) == ("warning", "ground-not-plane")
     assert message.text.startswith(f"This ground is not a plane: its points lie {said}; the ")
     assert "drawing in the report shows where" in message.text
+
+
+def test_what_chance_makes_of_a_plane_is_not_told() -> None:
+    (told,) = noise(0.05).roughness
+    (picks,) = noise(0.05).picks
+    for probability, messages in ((0.0005, 1), (0.01, 0)):
+        area = replace(told, probability=probability)
+        assert len(list(noise_remarks(Noise(picks=(picks,), roughness=(area,))))) == messages
 
 
 def test_a_plane_and_picks_as_stated_are_no_news() -> None:

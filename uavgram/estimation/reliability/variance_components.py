@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
+from scipy.special import binom, chdtrc
 
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations
 from uavgram.estimation.solver.sparse.structure import Structure
@@ -77,6 +78,21 @@ def of_one_group(squares: float, redundancy: float, component: Component) -> Est
     weight = redundancy + component.weight
     factor = max(np.sqrt((squares + component.weight) / weight), component.smallest)
     return Estimated(np.array([factor]), np.array([1.0 / np.sqrt(2.0 * weight)]), float("nan"))
+
+
+def probability_at_boundary(gain: float, variances: int) -> float:
+    """Probability that so many variances bring so much log-likelihood where all are zero.
+
+    A variance that is zero is found larger in one of two surveys only: twice the gain is
+    distributed as the mixture of chi-squares of 0 to n degrees of freedom with binomial weights;
+    of one variance half and half (Self and Liang 1987, "Asymptotic properties of maximum
+    likelihood estimators and likelihood ratio tests under nonstandard conditions", cases 5, 7).
+    """
+    if gain <= 0.0:
+        return 1.0
+    degrees = np.arange(1, variances + 1)
+    weight = binom(variances, degrees) / 2.0**variances
+    return float(weight @ chdtrc(degrees, 2.0 * gain))
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,6 +45,8 @@ class AreaNoise:
         changes smoothly); ``plane``: nothing else.
     relief_m
         Size of these smooth departures (root mean square at the points) [m]; 0 for a plane.
+    probability
+        Of so uneven a ground by chance, where it is as stated.
     """
 
     area: str
@@ -53,6 +55,7 @@ class AreaNoise:
     sigma_m: float
     shape: SurfaceShape
     relief_m: float
+    probability: float = 0.0
 
     @property
     def size_m(self) -> float:

@@ -20,6 +20,7 @@ from uavgram.estimation.reliability.variance_components import (
     Estimated,
     Linearised,
     of_one_group,
+    probability_at_boundary,
 )
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
@@ -94,6 +95,11 @@ class _Fitted(NamedTuple):
     found: Estimated
     merit: float
 
+    @property
+    def log_likelihood(self) -> float:
+        """Without the price of the model."""
+        return self.merit + (0.0 if self.model.shape is None else PENALTY[self.model.shape])
+
 
 def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
     """The survey with sigmas as its residuals show them, and its adjustment.
@@ -123,10 +129,11 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
             return _picks_alone(model, adjustment, first)
         return _fitted(model, adjustment, few, first)
 
-    tried = (estimated(model, stated, None) for model in models)
+    tried = [estimated(model, stated, None) for model in models]
     fitted = max(tried, key=lambda one: one.merit)
+    chance = _chance(fitted, tried)
     if fitted.model.shape is None and np.abs(np.log(fitted.found.factor)).max() < SAME:
-        return survey, replace(refined, noise=_noise(fitted, stated, stated.survey))
+        return survey, replace(refined, noise=_noise(fitted, stated, stated.survey, chance))
     adjustment = stated
     for _ in range(PASSES):
         used = fitted
@@ -138,7 +145,7 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
         if np.abs(np.log(fitted.found.factor / used.found.factor)).max() < SAME:
             break
     # What is told is what the result was adjusted with.
-    noise = _noise(used, adjustment, stated.survey)
+    noise = _noise(used, adjustment, stated.survey, chance)
     return _learnt(used, survey), replace(
         refined, adjustment=adjustment, noise=noise, stated=stated
     )
@@ -303,8 +310,29 @@ def _learnt(fitted: _Fitted, survey: Survey) -> Survey:
     return replace(survey, pick_sigma_px=factor[0] * survey.pick_sigma_px, grounds=tuple(grounds))
 
 
-def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey) -> Noise:
-    """What was learnt, for people."""
+def _chance(fitted: _Fitted, tried: Sequence[_Fitted]) -> float:
+    """Probability that so uneven a ground is found by chance; the first of all is as stated."""
+    own = len(fitted.model.components) - len(tried[0].model.components)
+    if fitted.model.shape is None or own < 1:
+        return 1.0
+    gain = fitted.log_likelihood - tried[0].log_likelihood
+    return min(1.0, (len(tried) - 1) * probability_at_boundary(gain, own))
+
+
+def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey, chance: float) -> Noise:
+    """What was learnt, for people.
+
+    Parameters
+    ----------
+    fitted
+        The factors of the sigmas.
+    adjustment
+        With them.
+    stated
+        The survey as it was stated.
+    chance
+        Probability of so uneven a ground by chance.
+    """
     factor, sigma = fitted.found.factor, fitted.found.factor * fitted.found.sigma
     components = zip(fitted.model.components, fitted.model.areas, sigma.tolist(), strict=True)
     rough = {area: own for one, area, own in components if one.block == "roughness"}
@@ -323,6 +351,7 @@ def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey) -> Noise:
             sigma_m=rough.get(area, 0.0) * units[area].roughness_sigma_m,
             shape="plane" if ground.relief is None else ground.relief.kind,
             relief_m=adjustment.relief_m(area),
+            probability=chance,
         )
         for area, ground in enumerate(_learnt(fitted, stated).grounds)
     ]

@@ -10,6 +10,9 @@ from uavgram.model.result.noise import AreaNoise, Noise, PickNoise
 WORSE, BETTER = 1.3, 0.75
 """Factors of the stated sigma of picks beyond which it is worth a word."""
 
+BY_CHANCE = 0.001
+"""Level of a whole survey: so often a plane ground is told to be none."""
+
 SURE = 3.0
 """Sigmas by which the factor must differ from one."""
 
@@ -27,7 +30,7 @@ def noise_remarks(noise: Noise | None) -> Iterator[Message]:
 
 def _ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
     size = area.size_m
-    if size <= area.stated_m * WORSE:
+    if size <= area.stated_m * WORSE or area.probability > BY_CHANCE:
         return
     where = f"The ground of area {area.area!r}" if several else "This ground"
     shape = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -37,14 +38,14 @@ from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.causes.adapt import adapted
 from uavgram.stages.refine.causes.heights import back_on_the_ground
 from uavgram.stages.refine.causes.hypothesis import Standing
-from uavgram.stages.refine.causes.identify import identify
+from uavgram.stages.refine.causes.identify import Identified, identify
 from uavgram.stages.refine.continued import continued
+from uavgram.stages.refine.learnt import learnt_remarks
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
 from uavgram.stages.refine.off_ground.heights import found_free, with_free
 from uavgram.stages.refine.off_ground.remarks import off_ground_remarks
-from uavgram.stages.refine.other_zoom import with_other_zoom
 from uavgram.stages.refine.readout import with_sound_readout
 from uavgram.stages.refine.remarks import (
     contradiction,
@@ -59,6 +60,8 @@ MOST_MENDS = 24
 """Mends after which a survey is in disorder, and no more are made."""
 
 BEYOND_LENS = LeftOut(LeftOutCause.BEYOND_LENS, "the lens model cannot be inverted at that pixel")
+
+TAKEN = "The results take it into account."
 
 
 def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Message, ...]]:
@@ -109,6 +112,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     )
     told = (*(cause.message for cause in begun.causes), *begun.messages)
     told = (*told, *off_ground_remarks(refined), *readout, *noise_remarks(refined.noise))
+    told = (*told, *learnt_remarks(refined.adjustment))
     return refined, (*told, *remarks(survey, refined), *search)
 
 
@@ -118,7 +122,8 @@ class _Begun(NamedTuple):
     Attributes
     ----------
     given, survey
-        As it was handed over; with what was found of control, zoom and heights.
+        As it was handed over; with what was found of control and heights, and freed of prior
+        knowledge that is wrong.
     refined
         Its adjustment.
     off_ground
@@ -126,7 +131,7 @@ class _Begun(NamedTuple):
     causes
         What explains that it does not fit.
     messages
-        On control and zoom.
+        On control.
     """
 
     given: Survey
@@ -147,25 +152,56 @@ def _begun(given: Survey, removed: Bools, options: SolveOptions) -> _Begun:
     removed
         (P,) picks that were taken out.
     options
-        Whether the noise is to be learnt; where it is not, no zoom is.
+        Whether the noise is to be learnt; where it is not, no prior knowledge is given up.
     """
     keep, reason = _in_lens(given)
     keep &= ~removed
     survey, refined, left_out = _without_gross_control(given, keep, reason)
-    zoom: tuple[Message, ...] = ()
-    if options.noise == "estimate":
-        survey, refined, zoom = with_other_zoom(
-            survey, refined, lambda one: _without_gross_known(one, keep, reason)
-        )
     off_ground = found_free(survey, refined)
     survey = with_free(survey, off_ground)
     refined = replace(refined, pick_removed=removed)
-    causes = identify(Standing(_participants(survey, refined), refined, frozenset(off_ground)))
+    found = identify(Standing(_participants(survey, refined), refined, frozenset(off_ground)))
+    causes = found.causes
     if back := back_on_the_ground(survey, causes):
         before, off_ground = off_ground, [label for label in off_ground if label not in back]
         survey = with_free(survey, off_ground, before)
         refined = replace(best_minima(_participants(survey, refined)), pick_removed=removed)
-    return _Begun(given, survey, refined, off_ground, causes, (*left_out, *zoom))
+    if options.noise == "estimate":
+        survey, refined, causes = _freed(
+            survey, refined, found, lambda one: _without_gross_known(one, keep, reason)
+        )
+    return _Begun(given, survey, refined, off_ground, causes, tuple(left_out))
+
+
+def _freed(
+    survey: Survey, refined: Refined, found: Identified, adjust: Callable[[Survey], Refined]
+) -> tuple[Survey, Refined, tuple[Cause, ...]]:
+    """Adjusted anew without the prior knowledge that is wrong; as it was where that cannot be.
+
+    Parameters
+    ----------
+    survey
+        As it was adjusted.
+    refined
+        Its adjustment.
+    found
+        Causes, and what each gives up.
+    adjust
+        What makes an adjustment of a survey.
+    """
+    known_less = survey
+    causes = list(found.causes)
+    for k, freed in enumerate(found.freed):
+        if freed is not None:
+            known_less, message = freed(known_less), causes[k].message
+            causes[k] = replace(causes[k], message=replace(message, text=f"{message.text} {TAKEN}"))
+    if known_less is survey:
+        return survey, refined, found.causes
+    try:
+        after = adjust(known_less)
+    except GeometryError:
+        return survey, refined, found.causes
+    return known_less, replace(after, pick_removed=refined.pick_removed), tuple(causes)
 
 
 def _without_gross_control(

@@ -93,9 +93,15 @@ class Hypothesis:
         cause of its own to tell of, but what others are compared with: a single wrong pick or
         length, of which the tests of the residuals speak.
     mend
-        What would put it in order; None where only the linear test judges it.
+        What people should change; None where there is nothing of that kind.
+    freed
+        The survey with less prior knowledge, by which it is adjusted from then on: no reading is
+        changed by it. Where neither is there, only the linear test judges it.
     moved
         How its unknowns move the observations in the linear model; none where nothing is known.
+    settled
+        Its unknowns (q,) and their covariance (q, q) in the survey that was freed and adjusted,
+        for `tell`; left out, those of the linear test are told.
     value
         (q,) of the unknowns, where the hypothesis says it; None: any.
     unknowns
@@ -111,7 +117,9 @@ class Hypothesis:
 
     tell: Callable[[Explained | None], Message] | None
     mend: Mend | None = None
+    freed: Callable[[Survey], Survey] | None = None
     moved: tuple[Moved, ...] = ()
+    settled: Callable[[Adjustment], tuple[Floats, Floats]] | None = None
     value: Floats | None = None
     unknowns: int = 0
     price: float = 0.0

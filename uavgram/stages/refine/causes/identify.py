@@ -8,50 +8,38 @@ one is told, and the next is looked for in the survey without it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable
+from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.core import core_fit
-from uavgram.estimation.reliability.hypotheses import Explained, explained, log_probability
-from uavgram.estimation.reliability.test_statistics import falls_without
-from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.reliability.hypotheses import log_probability
 from uavgram.model.survey.mend import Cause
-from uavgram.stages.refine.blunders.misfit import trial_adjustment
-from uavgram.stages.refine.causes.common_lengths import common_misfit, common_to_lengths
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.camera import other_camera_file
+from uavgram.stages.refine.causes.common_lengths import common_to_lengths
+from uavgram.stages.refine.causes.detection import asks
 from uavgram.stages.refine.causes.elsewhere import elsewhere_in_a_photo
 from uavgram.stages.refine.causes.everywhere import swapped_everywhere
+from uavgram.stages.refine.causes.flight import stepped_places, turned_camera, wrong_clock
 from uavgram.stages.refine.causes.heights import off_the_ground, wrong_pick_on_the_ground
-from uavgram.stages.refine.causes.hypothesis import (
-    PRICE,
-    Hypothesis,
-    Standing,
-    lines_touched,
-    mended,
-    still_freed,
-)
+from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 from uavgram.stages.refine.causes.labels import swapped_in_a_photo, wrong_picks
 from uavgram.stages.refine.causes.length_ends import other_ends
 from uavgram.stages.refine.causes.lengths import wrong_lengths, wrong_readings
 from uavgram.stages.refine.causes.photos import (
-    against_the_log,
     photos_elsewhere,
     photos_in_disorder,
     turned_photos,
 )
+from uavgram.stages.refine.causes.trials import Judged, as_noisy_as_it_is, screened, tried
 
-MISFIT = 0.01
-"""Probability of the core's sum of squares below which a cause is looked for."""
-
-BY_CHANCE = float(np.log(0.001))
-"""Logarithm of the level of the whole survey: so often a cause is told where nothing is wrong."""
-
-MOST_CAUSES, MOST_TRIED = 6, 8
-"""Causes that are told, and hypotheses for which a mended survey is adjusted each time."""
+MOST_CAUSES, MOST_TRIED, MOST_DOUBTED = 6, 8, 3
+"""Causes that are told; hypotheses for which a mended survey is adjusted each time, and for which
+it is adjusted with the noise that would explain the misfit instead."""
 
 SURE = float(np.log(20.0))
-"""Logarithm of the odds against the next likeliest cause, from which on it is not told beside."""
+"""Logarithm of the odds from which on a hypothesis is told, and no longer than others tried."""
 
 PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     wrong_picks,
@@ -66,45 +54,31 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     off_the_ground,
     turned_photos,
     photos_in_disorder,
+    wrong_clock,
+    turned_camera,
+    stepped_places,
+    other_camera_file,
 )
 """What could be wrong, by kind: each looks at a survey that does not fit."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Judged:
-    """A hypothesis with what speaks for it.
+class Identified(NamedTuple):
+    """What was found.
 
     Attributes
     ----------
-    hypothesis, found
-        It, and what its linear test found.
-    gain
-        Fall of the weighted sum of squares.
-    odds
-        Logarithm of its odds against what stands.
-    after
-        The mended survey, adjusted; None where none was tried.
-    noise
-        Variance factor of its core, at least one.
+    causes
+        Likeliest first; none where everything fits.
+    freed
+        What of the prior knowledge each gives up, for the survey to go on without; None: nothing.
     """
 
-    hypothesis: Hypothesis
-    found: Explained | None
-    gain: float
-    odds: float
-    after: Standing | None = None
-    noise: float = 1.0
-
-    def at_noise(self, noise: float) -> _Judged:
-        """The same where noise of a variance factor is left, whichever is true."""
-        if self.after is None:
-            return self
-        gain = self.gain / noise
-        return replace(self, gain=gain, odds=gain / 2.0 - self.hypothesis.price)
+    causes: tuple[Cause, ...]
+    freed: tuple[Callable[[Survey], Survey] | None, ...]
 
 
-def identify(standing: Standing) -> tuple[Cause, ...]:
-    """Causes of the misfits of a survey, likeliest first; none where it fits.
+def identify(standing: Standing) -> Identified:
+    """Causes of the misfits of a survey.
 
     Parameters
     ----------
@@ -112,114 +86,54 @@ def identify(standing: Standing) -> tuple[Cause, ...]:
         The survey as it is adjusted at the stated noise.
     """
     causes: list[Cause] = []
+    freed: list[Callable[[Survey], Survey] | None] = []
     stated = standing
     for _ in range(MOST_CAUSES):
-        if not asks(standing):
-            break
-        best = _likeliest(standing)
+        best = _likeliest(standing) if asks(standing) else None
         if best is None:
             break
-        hypothesis = best.hypothesis
-        if hypothesis.tell is not None:
-            count = int(np.ceil(np.exp(min(hypothesis.price, 30.0))))
-            causes.append(
-                Cause(
-                    message=hypothesis.tell(best.found),
-                    mend=hypothesis.mend,
-                    gain=best.gain,
-                    log_probability=log_probability(best.gain, hypothesis.unknowns, count),
-                    settles=hypothesis.settles,
-                )
-            )
+        if best.hypothesis.tell is not None:
+            causes.append(_cause(best))
+            freed.append(best.hypothesis.freed)
         if best.after is None:
             break
         standing = best.after
-    return (*causes, *photos_elsewhere(stated, causes))
+    rest = photos_elsewhere(stated, causes)
+    return Identified((*causes, *rest), (*freed, *(None for _ in rest)))
 
 
-def asks(standing: Standing) -> bool:
-    """Whether something does not fit, or was left out for it."""
-    adjustment = standing.adjustment
-    if standing.left_out or not adjustment.minimum.converged:
-        return True
-    if core_fit(adjustment).probability < MISFIT or _worst(adjustment) < BY_CHANCE:
-        return True
-    return common_misfit(adjustment) or against_the_log(standing)
+def _cause(best: Judged) -> Cause:
+    """The hypothesis that was found likeliest, for people."""
+    hypothesis = best.hypothesis
+    assert hypothesis.tell is not None  # noqa: S101  (the caller asked)
+    count = int(np.ceil(np.exp(min(hypothesis.price, 30.0))))
+    return Cause(
+        message=hypothesis.tell(best.found),
+        mend=hypothesis.mend,
+        gain=best.gain,
+        log_probability=log_probability(best.gain, hypothesis.unknowns, count),
+        settles=hypothesis.settles,
+    )
 
 
-def _worst(adjustment: Adjustment) -> float:
-    """Logarithm of the probability of the worst observation, at the level of the survey."""
-    worst = 0.0
-    for name in ("pixels", "lengths", "known"):
-        if name in adjustment.minimum.blocks:
-            block = adjustment.minimum.blocks[name]
-            fall = falls_without(block, adjustment.covariance)
-            axes = block.residual.shape[1]
-            worst = min(worst, log_probability(float(fall.max(initial=0.0)), axes, len(fall)))
-    return worst
-
-
-def _likeliest(standing: Standing) -> _Judged | None:
-    """The likeliest hypothesis, if chance does not explain it as well."""
-    tried: list[_Judged] = []
-    for one in _screened(standing)[:MOST_TRIED]:
-        best = max((each.at_noise(each.noise).odds for each in tried), default=-np.inf)
+def _likeliest(standing: Standing) -> Judged | None:
+    """The likeliest hypothesis, if neither chance nor noise explains it as well."""
+    proposed = (one for propose in PROPOSALS for one in propose(standing))
+    trials: list[Judged] = []
+    for one in screened(standing, proposed)[:MOST_TRIED]:
+        best = max((each.odds for each in trials), default=-np.inf)
         if one.odds < 0.0 or best > one.odds + SURE:
             break  # what the linear model promises of the rest is less
-        tried.append(_tried(standing, one))
+        trials.append(tried(standing, one))
     # What is left may still be noisier than stated: noise grows last, but must not be blamed. It
     # is the same for all, or of two that explain nearly all, the noise would decide.
-    noise = min((one.noise for one in tried if one.after is not None), default=1.0)
-    sure = [one for one in (each.at_noise(noise) for each in tried) if one.odds > SURE]
-    return max(sure, key=lambda one: one.odds, default=None)
-
-
-def _screened(standing: Standing) -> list[_Judged]:
-    """All hypotheses with what the linear model says of them, most promising first."""
-    hypotheses = [one for propose in PROPOSALS for one in propose(standing)]
-    linear = [one for one in hypotheses if one.moved]
-    tests: Sequence[Explained] = ()
-    if standing.adjustment.minimum.converged:
-        tests = explained(standing.adjustment, [one.moved for one in linear])
-    found = dict(zip(map(id, linear), tests, strict=False))
-    judged = [_judged(standing, one, found.get(id(one))) for one in hypotheses]
-    return sorted(judged, key=lambda one: -one.odds)
-
-
-def _judged(standing: Standing, hypothesis: Hypothesis, found: Explained | None) -> _Judged:
-    gain = hypothesis.promise
-    if found is not None:
-        gain = found.gain if hypothesis.value is None else found.gain_of(hypothesis.value)
-    back = _brought_back(standing, hypothesis)
-    return _Judged(hypothesis, found, gain, gain / 2.0 + PRICE * back - hypothesis.price)
-
-
-def _brought_back(standing: Standing, hypothesis: Hypothesis) -> int:
-    """Numbers that had been left out, and that it accounts for."""
-    mend = hypothesis.mend
-    if mend is None:
-        return 0
-    picks = int(standing.spoilt[list(mend.picks | mend.without_picks)].sum())
-    lines = int((standing.refined.line_removed & lines_touched(standing.survey, mend)).sum())
-    return 2 * picks + lines
-
-
-def _tried(standing: Standing, judged: _Judged) -> _Judged:
-    """What an adjustment of the mended survey says of a hypothesis."""
-    hypothesis = judged.hypothesis
-    if hypothesis.mend is None:
-        return judged
-    taking = mended(standing, hypothesis.mend)
-    refined = trial_adjustment(taking)
-    if refined is None or not refined.adjustment.minimum.converged:
-        return _Judged(hypothesis, judged.found, 0.0, -np.inf)
-    after = Standing(taking, refined, still_freed(standing, hypothesis.mend))
-    fit = core_fit(refined.adjustment)
-    return _Judged(
-        hypothesis,
-        judged.found,
-        gain=standing.cost - after.cost,
-        odds=0.0,
-        after=after,
-        noise=max(1.0, fit.squares / max(fit.degrees, 1.0)),
-    )
+    noise = min((one.noise for one in trials if one.after is not None), default=1.0)
+    sure = [one for one in (each.at_noise(noise) for each in trials) if one.odds > SURE]
+    noisy: Standing | None = None
+    for one in sorted(sure, key=lambda one: -one.odds)[:MOST_DOUBTED]:
+        if one.after is not None and not asks(one.after):
+            return one  # it explains all: no noise is in question
+        noisy = noisy or as_noisy_as_it_is(standing)
+        if noisy is standing or tried(noisy, one).odds > SURE:
+            return one
+    return None

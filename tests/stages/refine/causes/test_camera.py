@@ -59,5 +59,22 @@ def test_labels_in_disorder_are_no_other_zoom() -> None:
 
 def test_stated_sigmas_stay_stated() -> None:
     scene = make_scene(3, frames=8, labels=24, lines=8)
-    _, messages = refine(stated_zoom(scene, 1.3), SolveOptions(noise="stated"))
-    assert "other-zoom" not in [message.code for message in messages]
+    refined, messages = refine(stated_zoom(scene, 1.3), SolveOptions(noise="stated"))
+    (message,) = [message for message in messages if message.code == "other-zoom"]
+    assert "into account" not in message.text
+    given = refined.adjustment.survey.calibration.covariance
+    assert (given == scene.survey.calibration.covariance).all()
+
+
+def test_a_file_with_another_middle_is_told_with_what_it_should_say() -> None:
+    scene = make_scene(3, frames=8, labels=24, lines=8)
+    stated = scene.survey.calibration
+    moved: Floats = stated.parameters + np.array([0.0, 0.0, 200.0, -150.0] + [0.0] * 5)
+    survey = replace(scene.survey, calibration=replace(stated, parameters=moved))
+    refined, messages = refine(survey, SolveOptions())
+    (message,) = [message for message in messages if message.level != "info"]
+    assert message.code == "camera-contradicted"
+    adjustment = refined.adjustment
+    found = adjustment.problem.intrinsics(adjustment.state)[2:4]
+    assert np.abs(found - stated.parameters[2:4]).max() < 60.0
+    assert f"cx {found[0]:.0f} ±" in message.text

@@ -1,0 +1,61 @@
+"""Whether a survey asks for a cause: something does not fit, or was left out for it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.reliability.core import core_fit, redundancy_of
+from uavgram.estimation.reliability.hypotheses import SMALLEST, explained, log_probability
+from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.stages.refine.causes.common_lengths import common_misfit
+from uavgram.stages.refine.causes.flight import strained_priors
+from uavgram.stages.refine.causes.hypothesis import Standing
+from uavgram.stages.refine.causes.photos import against_the_log
+
+MISFIT = 0.01
+"""Probability of the core's sum of squares below which a cause is looked for."""
+
+BY_CHANCE = float(np.log(0.001))
+"""Logarithm of the level of the whole survey: so often a cause is told where nothing is wrong."""
+
+
+def asks(standing: Standing) -> bool:
+    """Whether something does not fit, or was left out for it."""
+    adjustment = standing.adjustment
+    if standing.left_out or not adjustment.minimum.converged:
+        return True
+    if core_fit(adjustment).probability < MISFIT or _worst(adjustment) < BY_CHANCE:
+        return True
+    if _strained(adjustment) < BY_CHANCE:
+        return True
+    return common_misfit(adjustment) or bool(against_the_log(standing))
+
+
+def _strained(adjustment: Adjustment) -> float:
+    """Logarithm of the probability of the prior that fits worst, at the level of the survey.
+
+    Of what a flight and its camera have in common, and of the poses of the log together.
+    """
+    priors = list(strained_priors(adjustment))
+    found = explained(adjustment, priors)
+    worst = min((log_probability(f.gain, f.unknowns, len(priors) + 1) for f in found), default=0.0)
+    if "telemetry" in adjustment.minimum.blocks:
+        squares = float(np.sum(adjustment.minimum.blocks["telemetry"].residual ** 2))
+        degrees = redundancy_of(adjustment, "telemetry")
+        probability = upper_tail(squares, degrees) * (len(priors) + 1)
+        worst = min(worst, float(np.log(max(probability, SMALLEST))))
+    return worst
+
+
+def _worst(adjustment: Adjustment) -> float:
+    """Logarithm of the probability of the worst observation, at the level of the survey."""
+    worst = 0.0
+    for name in ("pixels", "lengths", "known"):
+        if name in adjustment.minimum.blocks:
+            block = adjustment.minimum.blocks[name]
+            fall = falls_without(block, adjustment.covariance)
+            axes = block.residual.shape[1]
+            worst = min(worst, log_probability(float(fall.max(initial=0.0)), axes, len(fall)))
+    return worst

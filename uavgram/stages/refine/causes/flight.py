@@ -1,0 +1,297 @@
+"""What could be wrong with a flight log: another clock, camera or compass turned, places that jump.
+
+What a whole flight has in common has priors; where the observations contradict one of them by more
+than its sigma explains, it is told by what it is, and freed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from uavgram.estimation.reliability.hypotheses import Explained, Moved
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.terms.telemetry_terms import TELEMETRY_PARTS
+from uavgram.geometry.motion.interpolation import SmoothPositions
+from uavgram.geometry.motion.telemetry_pose import CLOCK
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.photo_poses import PhotoExposures
+from uavgram.model.flight.pose import TelemetryPrior
+from uavgram.model.message import Message
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
+
+ANY_S, ANY_RAD = 60.0, float(np.radians(60.0))
+"""Prior sigmas of a clock that is wrong, and of a camera or a compass that is turned."""
+
+USUAL_S, USUAL_RAD = 20.0, float(np.radians(20.0))
+"""By which these are usually wrong: how likely it is, not how far it may go."""
+
+FARTHEST_S, STEP_S = 20.0, 0.5
+"""Corrections of the clock that are looked at."""
+
+ANY_M = 50.0
+"""Prior sigma of a frame's place beyond a step of the log."""
+
+MOST_STEPS = 8
+"""Moments at which the log's places may have jumped, that are looked at."""
+
+
+def wrong_clock(standing: Standing) -> Iterator[Hypothesis]:
+    """The camera's clock is off by more than was thought possible."""
+    prior = _telemetry(standing.adjustment)
+    if prior is None or isinstance(standing.adjustment.survey.track, PhotoExposures):
+        return
+    elsewhere_s, promise = _best_clock(standing, prior)
+    for shift_s in {0.0, elsewhere_s}:
+        yield Hypothesis(
+            tell=_clock_off,
+            moved=() if shift_s else (prior_moved(standing.adjustment, kind="clock"),),
+            settled=partial(_clock, prior),
+            freed=partial(_with_clock, shift_s),
+            unknowns=1,
+            promise=promise if shift_s else 0.0,
+            price=widened(1, USUAL_S, prior.clock_sigma_s),
+        )
+
+
+def _best_clock(standing: Standing, prior: TelemetryPrior) -> tuple[float, float]:
+    """Clock correction [s] by which the log's places fit the cameras best, and what it brings.
+
+    The adjustment looks for it from where the clock was thought to be, and a way that turns has
+    other minima. 0 where nothing lies far from what was found already.
+    """
+    adjustment, every = standing.adjustment, standing.survey.telemetry
+    survey, track = adjustment.survey, standing.survey.track
+    if every is None or track is None or isinstance(track, PhotoExposures):
+        return 0.0, 0.0
+    times = (track.position_time_s, track.attitude_time_s, track.gimbal_time_s)
+    known = [time for time in times if len(time)]
+    first, last = max(t[0] for t in known), min(t[-1] for t in known)
+    now_s = float(adjustment.state.telemetry[CLOCK][0])
+    tried = np.append(now_s, np.arange(-FARTHEST_S, FARTHEST_S + STEP_S / 2, STEP_S))
+    tried = tried[(tried >= every.time_s.max() - last) & (tried <= every.time_s.min() - first)]
+    if len(tried) < 2 or tried[0] != now_s:
+        return 0.0, 0.0
+    names = [survey.frame_id[k] for k in prior.frame_index]
+    path = SmoothPositions(track.position_time_s, track.position_world_m)
+    at_s = (prior.time_s[None] - tried[:, None]).ravel()
+    place = path.at(at_s)[0].reshape(len(tried), len(names), 3)
+    weight = 1.0 / prior.covariance[:, [0, 1, 2], [0, 1, 2]]
+    off = adjustment.state.center[prior.frame_index] - place
+    off = off - (np.sum(weight * off, axis=1) / weight.sum(axis=0))[:, None]
+    cost = np.sum(weight * off**2, axis=(1, 2))
+    best = int(cost.argmin())
+    is_near = abs(tried[best] - now_s) < STEP_S
+    return (0.0, 0.0) if is_near else (float(tried[best]), float(cost[0] - cost[best]))
+
+
+def turned_camera(standing: Standing) -> Iterator[Hypothesis]:
+    """The camera is turned in its mount, or all headings of the log are."""
+    prior = _telemetry(standing.adjustment)
+    if prior is None:
+        return
+    yield Hypothesis(
+        tell=_camera_turned,
+        moved=(prior_moved(standing.adjustment, kind="boresight"),),
+        settled=partial(_of_flight, kind="boresight"),
+        freed=partial(_with_prior, boresight_sigma_rad=ANY_RAD),
+        unknowns=3,
+        price=widened(3, USUAL_RAD, prior.boresight_sigma_rad),
+    )
+    yield Hypothesis(
+        tell=_compass_turned,
+        moved=(prior_moved(standing.adjustment, kind="heading_bias"),),
+        settled=partial(_of_flight, kind="heading_bias"),
+        freed=partial(_with_prior, heading_bias_sigma_rad=ANY_RAD),
+        unknowns=1,
+        price=widened(1, USUAL_RAD, prior.heading_bias_sigma_rad),
+    )
+
+
+def stepped_places(standing: Standing) -> Iterator[Hypothesis]:
+    """From a moment on, all places of the log are shifted; a steady drift is the competitor."""
+    adjustment = standing.adjustment
+    prior = _telemetry(adjustment)
+    if prior is None or len(prior.time_s) < 4:
+        return
+    order = np.argsort(prior.time_s, kind="stable")
+    by_place = adjustment.problem.telemetry_whitening[:, :, :3]
+    since = (prior.time_s - prior.time_s.mean()) / max(float(np.ptp(prior.time_s)), 1e-9)
+    everywhere = Moved("telemetry", np.arange(len(order)), by_place * since[:, None, None])
+    yield Hypothesis(tell=None, moved=(everywhere,), unknowns=3, price=3.0 * PRICE / 2.0)
+    gaps = _likely_gaps(adjustment, order, by_place)
+    for gap in gaps.tolist():
+        later = order[gap:]
+        few = later if 2 * len(later) <= len(order) else order[:gap]
+        yield Hypothesis(
+            tell=partial(_jumped, standing, (int(order[gap - 1]), int(order[gap]))),
+            moved=(Moved("telemetry", later, by_place[later]),),
+            freed=partial(_without_places, _names(adjustment, few)),
+            unknowns=3,
+            price=3.0 * PRICE / 2.0 + float(np.log(len(order) - 1)),
+        )
+
+
+def prior_moved(adjustment: Adjustment, *, kind: str) -> Moved:
+    """How prior knowledge of a group moves, if its mean is wrong by any amount in each row."""
+    block = adjustment.minimum.blocks[kind]
+    count = len(block.residual)
+    return Moved(kind, np.arange(count), -block.jacobian * np.eye(count)[:, None])
+
+
+def widened(count: int, wide: float, stated: float) -> float:
+    """Price of numbers of which less is known than was stated: the widths of both priors.
+
+    Parameters
+    ----------
+    count
+        Of numbers.
+    wide, stated
+        Prior sigmas.
+    """
+    return count * max(float(np.log(wide / max(stated, 1e-9 * wide))), 1.0)
+
+
+def strained_priors(adjustment: Adjustment) -> Iterator[tuple[Moved, ...]]:
+    """What is known beforehand of a flight and its camera, each as if it were wrong."""
+    names = [*TELEMETRY_PARTS, "calibration"]
+    for kind in names:
+        block = adjustment.minimum.blocks.get(kind)
+        if block is not None and len(block.residual):
+            yield (prior_moved(adjustment, kind=kind),)
+
+
+def _telemetry(adjustment: Adjustment) -> TelemetryPrior | None:
+    return adjustment.survey.telemetry
+
+
+def _of_flight(adjustment: Adjustment, *, kind: str) -> tuple[Floats, Floats]:
+    """What a flight has in common, less what was thought of it, and its covariance."""
+    problem, part = adjustment.problem, TELEMETRY_PARTS[kind]
+    value = adjustment.state.telemetry[part] - problem.telemetry_mean[part]
+    return value, adjustment.shared(problem.layout.first_telemetry + part.start, len(value))
+
+
+def _with_clock(shift_s: float, survey: Survey) -> Survey:
+    """A survey that knows nothing of the camera's clock, with another place to begin."""
+    prior = survey.telemetry
+    if prior is None:
+        return survey
+    at_s, middle_s = prior.time_s - shift_s, prior.middle_s - shift_s
+    moved = replace(prior, time_s=at_s, middle_s=middle_s, clock_sigma_s=ANY_S)
+    return replace(survey, telemetry=moved)
+
+
+def _clock(stated: TelemetryPrior, adjustment: Adjustment) -> tuple[Floats, Floats]:
+    """The clock's correction, from what was stated."""
+    value, covariance = _of_flight(adjustment, kind="clock")
+    prior = adjustment.survey.telemetry
+    assert prior is not None  # noqa: S101  (a clock is an unknown only with a log)
+    return value + stated.middle_s - prior.middle_s, covariance
+
+
+def _with_prior(survey: Survey, **sigma: float) -> Survey:
+    """A survey that knows less of what its flight has in common."""
+    if survey.telemetry is None:
+        return survey
+    return replace(survey, telemetry=replace(survey.telemetry, **sigma))  # type: ignore[arg-type]
+
+
+def _likely_gaps(adjustment: Adjustment, order: Ints, by_place: Floats) -> Ints:
+    """The gaps, by the index of the frame behind, in which a jump would explain most.
+
+    As if nothing but the log placed the frames: a cheap bound, for a choice.
+    """
+    residual = adjustment.minimum.blocks["telemetry"].residual
+    score = np.einsum("nra,nr->na", by_place, residual)[order].cumsum(axis=0)
+    own = np.einsum("nra,nrb->nab", by_place, by_place)[order].cumsum(axis=0)
+    # What all have in common is a bias of the flight: a step is what the earlier ones differ by.
+    apart = score[:-1] - own[:-1] @ np.linalg.solve(own[-1], score[-1])
+    between = own[:-1] - own[:-1] @ np.linalg.solve(own[-1], own[:-1])
+    gain = np.einsum("na,nab,nb->n", apart, np.linalg.pinv(between), apart)
+    return 1 + np.argsort(-gain, kind="stable")[:MOST_STEPS]
+
+
+def _names(adjustment: Adjustment, rows: Ints) -> frozenset[str]:
+    prior, survey = adjustment.survey.telemetry, adjustment.survey
+    assert prior is not None  # noqa: S101  (there are rows of it)
+    return frozenset(survey.frame_id[k] for k in prior.frame_index[rows])
+
+
+def _without_places(names: Iterable[str], survey: Survey) -> Survey:
+    """A survey that knows little of where some of its frames were."""
+    prior = survey.telemetry
+    if prior is None:
+        return survey
+    freed = np.array([survey.frame_id[k] in names for k in prior.frame_index])
+    covariance = np.array(prior.covariance)
+    covariance[freed, :3, :3] += ANY_M**2 * np.eye(3)
+    return replace(survey, telemetry=replace(prior, covariance=covariance))
+
+
+def _clock_off(found: Explained | None) -> Message:
+    assert found is not None  # noqa: S101  (it is judged by its linear test)
+    off, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
+    way = "fast" if off > 0 else "slow"
+    return Message(
+        "warning",
+        "clock-off",
+        f"The camera's clock is {abs(off):.1f} ± {sigma:.1g} s off, more than was said to be "
+        f"possible: change `time.offset_s` in the project by {off:+.1f} (the clock is {way}).",
+    )
+
+
+def _camera_turned(found: Explained | None) -> Message:
+    assert found is not None  # noqa: S101
+    about = ("the image's x axis", "the image's y axis", "the optical axis")
+    angle = np.degrees(found.value)
+    sigma = np.degrees(np.sqrt(found.covariance.diagonal()))
+    said = ", ".join(
+        f"{a:+.1f} ± {s:.1g} degrees about {axis}"
+        for a, s, axis in zip(angle, sigma, about, strict=True)
+        if np.isfinite(s)
+    )
+    return Message(
+        "warning",
+        "gimbal-off",
+        f"The camera is turned by {np.linalg.norm(angle):.0f} degrees against what mount and "
+        "gimbal say: look at `mount` in the project, and whether the log has the angles of the "
+        f"gimbal that the camera hung on ({said}).",
+    )
+
+
+def _compass_turned(found: Explained | None) -> Message:
+    assert found is not None  # noqa: S101
+    angle, sigma = np.degrees([-found.value[0], np.sqrt(found.covariance[0, 0])])
+    return Message(
+        "warning",
+        "gimbal-off",
+        f"All headings of the log are off by {abs(angle):.1f} ± {sigma:.1g} degrees: look at "
+        "`mount.yaw_deg` in the project, or at the compass of the vehicle. Directions "
+        "rest on it.",
+    )
+
+
+def _jumped(standing: Standing, between: tuple[int, int], found: Explained | None) -> Message:
+    assert found is not None  # noqa: S101
+    survey = standing.adjustment.survey
+    prior = survey.telemetry
+    assert prior is not None  # noqa: S101
+    before, after = (survey.frame_id[prior.frame_index[row]] for row in between)
+    size = float(np.linalg.norm(found.value))
+    toward = found.value / size if size else found.value
+    sigma = float(np.sqrt(toward @ found.covariance @ toward))
+    east, north, up = found.value
+    return Message(
+        "warning",
+        "log-position-jump",
+        f"The log's positions jump by {size:.1f} ± {sigma:.1g} m between {before!r} and {after!r} "
+        f"({east:+.1f} m east, {north:+.1f} m north, {up:+.1f} m up): the photos show it, the log "
+        "does not. Pick points that the photos before share with those behind, or leave out the "
+        "fewer ones.",
+        frames=(before, after),
+    )

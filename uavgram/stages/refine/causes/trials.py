@@ -1,0 +1,140 @@
+"""What speaks for a hypothesis: in the linear model, then by an adjustment of the mended survey."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.estimation.reliability.core import core_fit
+from uavgram.estimation.reliability.hypotheses import Explained, explained
+from uavgram.model.survey.mend import Mend
+from uavgram.stages.refine.blunders.misfit import trial_adjustment
+from uavgram.stages.refine.causes.detection import MISFIT
+from uavgram.stages.refine.causes.hypothesis import (
+    PRICE,
+    Hypothesis,
+    Standing,
+    lines_touched,
+    mended,
+    still_freed,
+)
+from uavgram.stages.refine.noise import with_noise_learnt
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A hypothesis with what speaks for it.
+
+    Attributes
+    ----------
+    hypothesis, found
+        It, and what its linear test found.
+    gain
+        Fall of the weighted sum of squares.
+    odds
+        Logarithm of its odds against what stands.
+    after
+        The mended survey, adjusted; None where none was tried.
+    noise
+        Variance factor of its core, where that does not fit; else one.
+    """
+
+    hypothesis: Hypothesis
+    found: Explained | None
+    gain: float
+    odds: float
+    after: Standing | None = None
+    noise: float = 1.0
+
+    def at_noise(self, noise: float) -> Judged:
+        """The same where noise of a variance factor is left, whichever is true."""
+        if self.after is None:
+            return self
+        gain = self.gain / noise
+        return replace(self, gain=gain, odds=gain / 2.0 - self.hypothesis.price)
+
+
+def screened(standing: Standing, hypotheses: Iterable[Hypothesis]) -> list[Judged]:
+    """Hypotheses with what the linear model says of them, most promising first.
+
+    Parameters
+    ----------
+    standing
+        The survey that they are to explain.
+    hypotheses
+        All that could be wrong with it.
+    """
+    every = list(hypotheses)
+    linear = [one for one in every if one.moved]
+    tests: Sequence[Explained] = ()
+    if standing.adjustment.minimum.converged:
+        tests = explained(standing.adjustment, [one.moved for one in linear])
+    found = dict(zip(map(id, linear), tests, strict=False))
+    judged = [_judged(standing, one, found.get(id(one))) for one in every]
+    return sorted(judged, key=lambda one: -one.odds)
+
+
+def _judged(standing: Standing, hypothesis: Hypothesis, found: Explained | None) -> Judged:
+    gain = hypothesis.promise
+    if found is not None:
+        gain = found.gain if hypothesis.value is None else found.gain_of(hypothesis.value)
+    back = _brought_back(standing, hypothesis)
+    return Judged(hypothesis, found, gain, gain / 2.0 + PRICE * back - hypothesis.price)
+
+
+def _brought_back(standing: Standing, hypothesis: Hypothesis) -> int:
+    """Numbers that had been left out, and that it accounts for."""
+    mend = hypothesis.mend
+    if mend is None:
+        return 0
+    picks = int(standing.spoilt[list(mend.picks | mend.without_picks)].sum())
+    lines = int((standing.refined.line_removed & lines_touched(standing.survey, mend)).sum())
+    return 2 * picks + lines
+
+
+def tried(standing: Standing, judged: Judged) -> Judged:
+    """What an adjustment of the mended survey says of a hypothesis.
+
+    Parameters
+    ----------
+    standing
+        The survey as it is.
+    judged
+        The hypothesis, as the linear model judges it.
+    """
+    hypothesis = judged.hypothesis
+    if hypothesis.mend is None and hypothesis.freed is None:
+        return judged
+    mend = hypothesis.mend or Mend()
+    taking = mended(standing, mend)
+    if hypothesis.freed is not None:
+        taking = replace(taking, survey=hypothesis.freed(taking.survey))
+    refined = trial_adjustment(taking)
+    if refined is None or not refined.adjustment.minimum.converged:
+        return Judged(hypothesis, judged.found, 0.0, -np.inf)
+    after = Standing(taking, refined, still_freed(standing, mend))
+    fit = core_fit(refined.adjustment)
+    noise = fit.squares / max(fit.degrees, 1.0) if fit.probability < MISFIT else 1.0
+    gain, found = standing.cost - after.cost, judged.found
+    if found is not None and hypothesis.freed is not None:
+        gain = min(gain, judged.gain)  # a survey may be freed of more than the unknowns
+    if hypothesis.settled is not None:
+        value, covariance = hypothesis.settled(refined.adjustment)
+        size = len(value)
+        found = Explained(gain, size, value, covariance, np.zeros(size), np.zeros((size, size)))
+    one = Judged(hypothesis, found, gain, 0.0, after, max(1.0, noise))
+    return one.at_noise(one.noise)
+
+
+def as_noisy_as_it_is(standing: Standing) -> Standing:
+    """The same with the noise of the picks, and the relief, that would explain the misfit.
+
+    What brings little then is no fault of its own: uneven ground bends all around it, and of many
+    picks and lengths one or the other eases that.
+    """
+    survey, refined = with_noise_learnt(standing.survey, standing.refined)
+    if survey is standing.survey:
+        return standing
+    return Standing(replace(standing.taking, survey=survey), refined, standing.freed)

@@ -1,0 +1,60 @@
+"""What a survey found of camera and ground that nobody stated: told where it is beyond chance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.ground_planes import PLANE_SIZE
+from uavgram.model.message import Message
+
+SURE = 3.0
+"""Sigmas from zero beyond which a value is told."""
+
+LEVEL_DEG = 2.0
+"""Slope up to which people call a ground level."""
+
+
+def learnt_remarks(adjustment: Adjustment) -> Iterator[Message]:
+    """A rolling shutter, and ground that slopes."""
+    if adjustment.minimum.converged:
+        yield from _shutter(adjustment)
+        yield from _slopes(adjustment)
+
+
+def _shutter(adjustment: Adjustment) -> Iterator[Message]:
+    rolling, layout = adjustment.survey.rolling, adjustment.problem.layout
+    if rolling is None or not layout.readout or rolling.readout.value_s:
+        return
+    found_s = float(adjustment.state.readout[0])
+    sigma_s = float(np.sqrt(adjustment.shared(layout.first_readout, 1)[0, 0]))
+    if abs(found_s) > SURE * sigma_s:
+        text = (
+            f"The camera reads its rows one after the other, in {1e3 * abs(found_s):.0f} ± "
+            f"{1e3 * sigma_s:.0f} ms (a rolling shutter): taken into account. Where the camera's "
+            "own time is known, state it in the camera file, as readout_ms."
+        )
+        yield Message("info", "shutter-found", text)
+
+
+def _slopes(adjustment: Adjustment) -> Iterator[Message]:
+    layout, survey = adjustment.problem.layout, adjustment.survey
+    if not layout.plane:
+        return
+    plane = adjustment.state.plane.reshape(-1, PLANE_SIZE)
+    fixed = len(plane) - layout.plane // PLANE_SIZE
+    for area in range(fixed, len(plane)):
+        slope = plane[area, 1:]
+        first = layout.first_plane + PLANE_SIZE * (area - fixed) + 1
+        size = float(np.linalg.norm(slope))
+        toward = slope / size if size else slope
+        sigma = float(np.sqrt(toward @ adjustment.shared(first, 2) @ toward))
+        angle, error = np.degrees([np.arctan(size), sigma / (1.0 + size**2)])
+        usual = np.degrees(SURE * survey.grounds[area].slope_sigma_rad)
+        if angle > min(LEVEL_DEG, usual) and angle > SURE * error:
+            name = survey.grounds[area].name
+            where = f"The ground of area {name!r}" if len(plane) > 1 else "The ground"
+            text = f"{where} slopes by {angle:.1f} ± {error:.1g} degrees: taken into account."
+            yield Message("info", "ground-slopes", text)
