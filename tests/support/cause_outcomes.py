@@ -1,0 +1,279 @@
+"""What the program says of a survey in which something is wrong, and what it measures then."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+import numpy as np
+from hostile_causes import CASES, Case
+from hostile_conditions import Condition
+from hostile_faults import Faulty, Sound, Wrong
+from hostile_project import write_project
+from hostile_surveys import make_survey
+from untreated import UNTREATED, WIDE_TAPE, nothing_treated
+
+from uavgram.errors import UavgramError
+from uavgram.model.message import Message
+from uavgram.model.result.result import Result
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import read_inputs
+
+REMOVED: Mapping[str, object] = {"solve.outliers": "remove"}
+TELLS = 4.0
+"""Sigmas of the tape's scale beyond which log or height can tell a common factor."""
+CANNOT_BE = 1e-4
+"""Probability of the lengths' misfit, whatever their factor, below which it can be told."""
+ALIKE = 0.5
+"""Sigmas by which no error may differ from the sound survey's, where all is mended."""
+BLAMES = ("line-", "lines-", "lengths-")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """One thing that was said, and of what."""
+
+    code: str
+    text: str
+    frames: tuple[str, ...] = ()
+    labels: tuple[str, ...] = ()
+    lengths: tuple[str, ...] = ()
+
+    def fits(self, codes: frozenset[str], wrong: Wrong) -> bool:
+        """Whether it is of such a code, and of nothing that is in order."""
+        pairs = [
+            (self.frames, wrong.frames),
+            (self.labels, wrong.labels),
+            (self.lengths, wrong.lengths or None),
+        ]
+        return self.code in codes and all(
+            truth is None or set(named) <= truth for named, truth in pairs
+        )
+
+    def accuses(self, wrong: Wrong) -> bool:
+        """Whether it blames a length that is right."""
+        return self.code.startswith(BLAMES) and bool(set(self.lengths) - wrong.lengths)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """One survey.
+
+    Attributes
+    ----------
+    case, seed
+        Which.
+    z, untreated_z
+        Root mean squares of error over sigma: as the program has it, and at the stated noise with
+        nothing left out, learnt or mended; infinite where that fails.
+    told
+        Warnings and errors, what is said first at the head.
+    first, exactly, anywhere, learnt
+        Whether the cause is named first and rightly, with the code that says most, or anywhere; or
+        is told by a learnt value.
+    accused
+        Whether what is said first blames a length that is right.
+    level
+        Of the verdict; empty where there is none yet.
+    tellable
+        Whether the survey can show what is wrong at all.
+    same
+        Whether all errors are those of the sound survey, within ALIKE.
+    cpu_s, clean_cpu_s
+        Reading and computing: this one, and without the fault.
+    failure
+        Why there is no result; empty where there is.
+    """
+
+    case: str
+    seed: int
+    z: float = float("nan")
+    untreated_z: float = float("nan")
+    told: tuple[Told, ...] = ()
+    first: bool = False
+    exactly: bool = False
+    anywhere: bool = False
+    learnt: bool = False
+    accused: bool = False
+    level: str = ""
+    tellable: bool = True
+    same: bool = False
+    cpu_s: float = float("nan")
+    clean_cpu_s: float = float("nan")
+    failure: str = ""
+    wrong: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    @property
+    def named(self) -> bool:
+        """Whether the cause is told as it has to be."""
+        return self.first or self.learnt
+
+
+def run_case(job: tuple[str, int], options: Mapping[str, object], *, compared: bool) -> Outcome:
+    """Make, run and judge the survey of a case and a seed.
+
+    Parameters
+    ----------
+    job
+        Case and seed.
+    options
+        Of the project.
+    compared
+        Whether it is run untreated, and without the fault, too.
+    """
+    name, seed = job
+    case = CASES[name]
+    faulty = make_faulty(case, seed)
+    own = Outcome(case=name, seed=seed, wrong=_names(faulty.wrong))
+    if compared:
+        own = replace(own, **_beside(case, seed, faulty, options)._asdict())
+    try:
+        result, cpu_s = run_survey(faulty, options)
+    except (UavgramError, np.linalg.LinAlgError) as fault:  # the latter is the program's own
+        return replace(own, failure=str(fault))
+    told = what_is_told(result)
+    fits = [one.fits(case.exact | case.also, faulty.wrong) for one in told]
+    errors = _errors(result, faulty.survey.truth)
+    return replace(
+        own,
+        z=z_of(result, faulty.survey.truth),
+        told=told,
+        first=fits[:1] == [True],
+        exactly=bool(told) and told[0].fits(case.exact, faulty.wrong),
+        anywhere=any(fits),
+        learnt=case.learnt is not None and case.learnt(result),
+        accused=bool(told) and told[0].accuses(faulty.wrong),
+        level=str(getattr(getattr(result, "verdict", None), "level", "")),
+        same=compared and _are_same(errors, _sound_errors(case.condition, seed)),
+        cpu_s=cpu_s,
+    )
+
+
+def make_faulty(case: Case, seed: int) -> Faulty:
+    """The survey of a case, with its fault."""
+    rng = np.random.default_rng([seed, 99])
+    return case.fault(Sound(make_survey(case.condition, seed), case.condition, seed, rng))
+
+
+def run_survey(faulty: Faulty, options: Mapping[str, object]) -> tuple[Result, float]:
+    """Its result, and the seconds that took."""
+    with TemporaryDirectory(prefix="causes") as folder:
+        project = write_project(faulty.survey, Path(folder), options)
+        for copy, original in faulty.copies.items():
+            shutil.copy(Path(folder) / f"{original}.jpg", Path(folder) / f"{copy}.jpg")
+        start = time.process_time()
+        result = compute(read_inputs(project), curved=False).result
+        return result, time.process_time() - start
+
+
+def z_of(result: Result, truth: Mapping[str, float]) -> float:
+    """Root mean square of error over sigma, of what has a value."""
+    measured = result.measurements
+    error = measured.value - np.array([truth[name] for name in measured.name])
+    z = (error / measured.sigma)[np.isfinite(error)]
+    return float(np.sqrt(np.mean(z**2))) if len(z) else float("nan")
+
+
+def what_is_told(result: Result) -> tuple[Told, ...]:
+    """Reasons of the verdict, where there is one, then all warnings and errors."""
+    verdict = getattr(result, "verdict", None)
+    reasons = [
+        Told(code=r.cause, text=r.text, frames=r.frames, labels=r.labels, lengths=r.lengths)
+        for r in getattr(verdict, "reasons", ())
+    ]
+    return (*reasons, *(_told(m) for m in result.messages if m.level != "info"))
+
+
+def _told(message: Message) -> Told:
+    return Told(
+        code=message.code,
+        text=message.text,
+        frames=message.frames,
+        labels=message.labels,
+        lengths=message.lengths,
+    )
+
+
+class _Beside(NamedTuple):
+    """What the survey is without any treatment, and without the fault."""
+
+    untreated_z: float
+    tellable: bool
+    clean_cpu_s: float
+
+
+def _beside(case: Case, seed: int, faulty: Faulty, options: Mapping[str, object]) -> _Beside:
+    try:
+        with nothing_treated():
+            untreated_z = z_of(run_survey(faulty, UNTREATED)[0], faulty.survey.truth)
+    except (UavgramError, np.linalg.LinAlgError):
+        untreated_z = float("inf")
+    clean = "clean" if case.condition.has_log else "clean_no_log"
+    return _Beside(
+        untreated_z,
+        not case.common or _shows(faulty),
+        _clean_cpu_s(clean, seed, tuple(options.items())),
+    )
+
+
+def _shows(faulty: Faulty) -> bool:
+    """Whether lengths that are all wrong alike contradict log or height, or each other."""
+    try:
+        with nothing_treated():
+            result, _ = run_survey(faulty, WIDE_TAPE)
+    except (UavgramError, np.linalg.LinAlgError):
+        return True
+    scale = next(iter(result.shared.tape_scale.values()))
+    strained = bool((np.abs(scale.value) > TELLS * scale.sigma).all())
+    lengths = [g.probability for g in result.solution.groups if g.name == "lengths"]
+    return strained or min(lengths, default=1.0) < CANNOT_BE
+
+
+@lru_cache(maxsize=64)
+def _clean_cpu_s(name: str, seed: int, options: tuple[tuple[str, object], ...]) -> float:
+    return run_survey(make_faulty(CASES[name], seed), dict(options))[1]
+
+
+class _Errors(NamedTuple):
+    """By the names of what is measured."""
+
+    error: Mapping[str, float]
+    sigma: Mapping[str, float]
+
+
+def _errors(result: Result, truth: Mapping[str, float]) -> _Errors:
+    rows = result.measurements
+    error = rows.value - np.array([truth[name] for name in rows.name])
+    return _Errors(
+        dict(zip(rows.name, error.tolist(), strict=True)),
+        dict(zip(rows.name, rows.sigma.tolist(), strict=True)),
+    )
+
+
+@lru_cache(maxsize=64)
+def _sound_errors(condition: Condition, seed: int) -> _Errors:
+    """Of the survey without the fault."""
+    faulty = make_faulty(Case(condition=condition), seed)
+    return _errors(run_survey(faulty, {})[0], faulty.survey.truth)
+
+
+def _are_same(found: _Errors, sound: _Errors) -> bool:
+    return all(
+        abs(error - sound.error[name]) < ALIKE * max(found.sigma[name], sound.sigma[name])
+        for name, error in found.error.items()
+        if name in sound.error
+    )
+
+
+def _names(wrong: Wrong) -> Mapping[str, tuple[str, ...]]:
+    return {
+        "frames": tuple(sorted(wrong.frames or ())),
+        "labels": tuple(sorted(wrong.labels or ())),
+        "lengths": tuple(sorted(wrong.lengths)),
+    }
