@@ -80,7 +80,7 @@ def row(outcomes: Sequence[Outcome]) -> str:
 
 def is_due(one: Outcome) -> bool:
     """Whether the cause matters and shows."""
-    return one.untreated_z > BAD_Z and one.tellable
+    return CASES[one.case].has_cause and one.tellable and one.untreated_z > BAD_Z
 
 
 def percent(holds: Sequence[bool]) -> str:
@@ -129,6 +129,9 @@ def main() -> None:
     for name, some in (("all", everything), ("promised", promised), ("nothing wrong", well)):
         if some:
             print(f"{name + f' ({len(some)})':38s}{row(some)}   {firsts(some)}")
+    if well:
+        red, misfits = sum(one.level == "red" for one in well), sum(one.misfits for one in well)
+        print(f"of {len(well)} with nothing wrong {red} red, {misfits} amber or red for a misfit")
     if given.json:
         given.json.write_text(json.dumps([asdict(one) for one in everything]))
 

@@ -32,6 +32,10 @@ CANNOT_BE = 1e-4
 """Probability of the lengths' misfit, whatever their factor, below which it can be told."""
 ALIKE = 0.5
 """Sigmas by which no error may differ from the sound survey's, where all is mended."""
+UNCHECKED = frozenset(
+    {"nothing-checks", "ambiguous-pose", "three-lengths", "three-known", "measurement-null"}
+)
+"""Codes of what is amber though nothing misfits."""
 BLAMES = ("line-", "lines-", "lengths-")
 
 
@@ -113,6 +117,11 @@ class Outcome:
     def named(self) -> bool:
         """Whether the cause is told as it has to be."""
         return self.first or self.learnt
+
+    @property
+    def misfits(self) -> bool:
+        """Whether something is said not to fit; that nothing checks a value is no misfit."""
+        return self.level != "green" and any(one.code not in UNCHECKED for one in self.told)
 
 
 def run_case(job: tuple[str, int], options: Mapping[str, object], *, compared: bool) -> Outcome:
