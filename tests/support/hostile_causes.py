@@ -111,11 +111,10 @@ _ELSEWHERE = Case(exact=_set("label-elsewhere"), also=_WRONG_PICK | _set("labels
 _RAISED = Case(exact=_set("point-off-ground"), must=True, mended=True)
 _RELIEF = Case(
     exact=_set("ground-not-plane"),
-    also=_set("point-off-ground"),
     learnt=learnt_relief,
     must=True,
 )
-_SHUTTER = Case(exact=_set("readout-learnt"), learnt=learnt_readout, must=True)
+_SHUTTER = Case(learnt=learnt_readout, must=True)
 _OTHER_CAMERA = Case(exact=_set("other-camera"), also=_set("other-zoom"), must=True)
 _GIMBAL = Case(exact=_set("gimbal-off", "mount-turned"), must=True)
 _CLOCK = Case(exact=_set("clock-off"))
@@ -203,7 +202,7 @@ _FLIGHT = {
 }
 _WORLD = {
     "rough_10cm": _under("rough_10cm", _RELIEF),
-    "bank_1m": _under("bank_1m", _RELIEF),
+    "bank_1m": _under("bank_1m", replace(_RELIEF, also=_set("point-off-ground"))),
     "crown_2": _under("crown_2", _RELIEF),
     "slope_break_4": _under("slope_break_4", _RELIEF),
     "slope_5deg": _under("slope_5deg", Case(learnt=learnt_slope, must=True)),
@@ -218,14 +217,19 @@ _WITHOUT_LOG = {
     for name, case in (_LABELS | _LENGTHS).items()
     if name in {"labels_swapped", "length_in_feet", "length_1m", "lengths_in_feet", "pick_60px"}
 }
+_UNTAPED = {
+    f"{name}_untaped": replace(case, fault=partial(lengths.untaped, fault=case.fault))
+    for name, case in _FLIGHT.items()
+}
 _WELL = {
     "clean": Case(),
     "clean_prior": _under("clean_prior", Case()),
     "clean_no_log": Case(condition=_NO_LOG),
+    "clean_untaped": Case(fault=partial(lengths.untaped, fault=faults.none)),
 }
 
 CASES: Mapping[str, Case] = MappingProxyType(
-    _WELL | _LABELS | _LENGTHS | _PHOTOS | _FLIGHT | _WORLD | _WITHOUT_LOG
+    _WELL | _LABELS | _LENGTHS | _PHOTOS | _FLIGHT | _UNTAPED | _WORLD | _WITHOUT_LOG
 )
 """By their names on the command line."""
 RIGHT: Mapping[str, frozenset[str]] = MappingProxyType(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from hostile_faults import Faulty, Sound, Wrong, length_names, often_seen
+from hostile_faults import Fault, Faulty, Sound, Wrong, length_names, often_seen
 
 FOOT_M = 0.3048
 APART_M = 0.5
@@ -85,3 +85,11 @@ def length_twice(sound: Sound) -> Faulty:
     length = np.append(survey.line_length_m, survey.line_length_m[k])
     wrong = Wrong(lengths=length_names([k, len(line) - 1]))
     return Faulty(survey=replace(survey, line=line, line_length_m=length), wrong=wrong)
+
+
+def untaped(sound: Sound, fault: Fault) -> Faulty:
+    """No length was taped: the log alone says how large everything is."""
+    faulty = fault(sound)
+    survey = faulty.survey
+    no_lines = replace(survey, line=survey.line[:0], line_length_m=survey.line_length_m[:0])
+    return replace(faulty, survey=no_lines)
