@@ -13,7 +13,7 @@ without the fault. One line for each cause, and one for all of them:
     tape     what is said first blames a length that is right, per cent of all
     red amber green  of the verdict, per cent of all
     wrongly  green though z is above 2: surveys, of those whose z is
-    same     all values are those without the fault, per cent of all: what `remove` is for
+    mended   just that was mended which is wrong, per cent of those that `remove` is to mend
     cpu, x   seconds for one survey, reading and computing; over that without the fault
 
     python tests/benchmarks/study_causes.py labels_swapped length_in_feet --surveys 8 --seed 3000
@@ -47,7 +47,7 @@ BAD_Z = 2.0
 LEVELS = ("red", "amber", "green")
 HEADS = (
     *("z", "raw z", "due", "first", "exact", "any", "tape", *LEVELS, "wrongly"),
-    *("same", "cpu", "x"),
+    *("mended", "cpu", "x"),
 )
 
 
@@ -73,7 +73,7 @@ def row(outcomes: Sequence[Outcome]) -> str:
         f"{percent([one.anywhere or one.learnt for one in due])} "
         f"{percent([one.accused for one in outcomes])} {levels} "
         f"{sum(one.level == 'green' for one in bad):3d}/{len(bad):3d} "
-        f"{percent([one.same for one in outcomes])} "
+        f"{percent([one.repaired for one in outcomes if CASES[one.case].mended])} "
         f"{np.mean([one.cpu_s for one in good]):7.2f} {times:7.1f}"
     )
 

@@ -13,16 +13,16 @@ from typing import NamedTuple
 
 import numpy as np
 from hostile_causes import CASES, Case
-from hostile_conditions import Condition
 from hostile_faults import Faulty, Sound, Wrong
 from hostile_project import write_project
 from hostile_surveys import make_survey
+from true_mends import is_repaired
 from untreated import UNTREATED, WIDE_TAPE, nothing_treated
 
 from uavgram.errors import UavgramError
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
-from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.compute import Computed, compute
 from uavgram.pipeline.measure.inputs import read_inputs
 
 REMOVED: Mapping[str, object] = {"solve.outliers": "remove"}
@@ -30,8 +30,6 @@ TELLS = 4.0
 """Sigmas of the tape's scale beyond which log or height can tell a common factor."""
 CANNOT_BE = 1e-4
 """Probability of the lengths' misfit, whatever their factor, below which it can be told."""
-ALIKE = 0.5
-"""Sigmas by which no error may differ from the sound survey's, where all is mended."""
 UNCHECKED = frozenset(
     {"nothing-checks", "ambiguous-pose", "three-lengths", "three-known", "measurement-null"}
 )
@@ -87,8 +85,8 @@ class Outcome:
         Of the verdict; empty where there is none yet.
     tellable
         Whether the survey can show what is wrong at all.
-    same
-        Whether all errors are those of the sound survey, within ALIKE.
+    repaired
+        Whether just that was mended which is wrong.
     cpu_s, clean_cpu_s
         Reading and computing: this one, and without the fault.
     failure
@@ -107,7 +105,7 @@ class Outcome:
     accused: bool = False
     level: str = ""
     tellable: bool = True
-    same: bool = False
+    repaired: bool = False
     cpu_s: float = float("nan")
     clean_cpu_s: float = float("nan")
     failure: str = ""
@@ -138,17 +136,17 @@ def run_case(job: tuple[str, int], options: Mapping[str, object], *, compared: b
     """
     name, seed = job
     case = CASES[name]
-    faulty = make_faulty(case, seed)
+    sound = make_sound(case, seed)
+    faulty = case.fault(sound)
     own = Outcome(case=name, seed=seed, wrong=_names(faulty.wrong))
     if compared:
         own = replace(own, **_beside(case, seed, faulty, options)._asdict())
     try:
-        result, cpu_s = run_survey(faulty, options)
+        (result, refined), cpu_s = run_survey(faulty, options)
     except (UavgramError, np.linalg.LinAlgError) as fault:  # the latter is the program's own
         return replace(own, failure=str(fault))
     told = what_is_told(result)
     fits = [one.fits(case.exact | case.also, faulty.wrong) for one in told]
-    errors = _errors(result, faulty.survey.truth)
     return replace(
         own,
         z=z_of(result, faulty.survey.truth),
@@ -159,26 +157,26 @@ def run_case(job: tuple[str, int], options: Mapping[str, object], *, compared: b
         learnt=case.learnt is not None and case.learnt(result),
         accused=bool(told) and told[0].accuses(faulty.wrong),
         level=str(getattr(getattr(result, "verdict", None), "level", "")),
-        same=compared and _are_same(errors, _sound_errors(case.condition, seed)),
+        repaired=case.mended and is_repaired(refined, faulty.survey, sound.survey),
         cpu_s=cpu_s,
     )
 
 
-def make_faulty(case: Case, seed: int) -> Faulty:
-    """The survey of a case, with its fault."""
+def make_sound(case: Case, seed: int) -> Sound:
+    """The survey of a case, before its fault."""
     rng = np.random.default_rng([seed, 99])
-    return case.fault(Sound(make_survey(case.condition, seed), case.condition, seed, rng))
+    return Sound(make_survey(case.condition, seed), case.condition, seed, rng)
 
 
-def run_survey(faulty: Faulty, options: Mapping[str, object]) -> tuple[Result, float]:
-    """Its result, and the seconds that took."""
+def run_survey(faulty: Faulty, options: Mapping[str, object]) -> tuple[Computed, float]:
+    """What is computed, and the seconds that took."""
     with TemporaryDirectory(prefix="causes") as folder:
         project = write_project(faulty.survey, Path(folder), options)
         for copy, original in faulty.copies.items():
             shutil.copy(Path(folder) / f"{original}.jpg", Path(folder) / f"{copy}.jpg")
         start = time.process_time()
-        result = compute(read_inputs(project), curved=False).result
-        return result, time.process_time() - start
+        computed = compute(read_inputs(project), curved=False)
+        return computed, time.process_time() - start
 
 
 def z_of(result: Result, truth: Mapping[str, float]) -> float:
@@ -220,7 +218,7 @@ class _Beside(NamedTuple):
 def _beside(case: Case, seed: int, faulty: Faulty, options: Mapping[str, object]) -> _Beside:
     try:
         with nothing_treated():
-            untreated_z = z_of(run_survey(faulty, UNTREATED)[0], faulty.survey.truth)
+            untreated_z = z_of(run_survey(faulty, UNTREATED)[0].result, faulty.survey.truth)
     except (UavgramError, np.linalg.LinAlgError):
         untreated_z = float("inf")
     clean = "clean" if case.condition.has_log else "clean_no_log"
@@ -235,7 +233,7 @@ def _shows(faulty: Faulty) -> bool:
     """Whether lengths that are all wrong alike contradict log or height, or each other."""
     try:
         with nothing_treated():
-            result, _ = run_survey(faulty, WIDE_TAPE)
+            result = run_survey(faulty, WIDE_TAPE)[0].result
     except (UavgramError, np.linalg.LinAlgError):
         return True
     scale = next(iter(result.shared.tape_scale.values()))
@@ -246,38 +244,8 @@ def _shows(faulty: Faulty) -> bool:
 
 @lru_cache(maxsize=64)
 def _clean_cpu_s(name: str, seed: int, options: tuple[tuple[str, object], ...]) -> float:
-    return run_survey(make_faulty(CASES[name], seed), dict(options))[1]
-
-
-class _Errors(NamedTuple):
-    """By the names of what is measured."""
-
-    error: Mapping[str, float]
-    sigma: Mapping[str, float]
-
-
-def _errors(result: Result, truth: Mapping[str, float]) -> _Errors:
-    rows = result.measurements
-    error = rows.value - np.array([truth[name] for name in rows.name])
-    return _Errors(
-        dict(zip(rows.name, error.tolist(), strict=True)),
-        dict(zip(rows.name, rows.sigma.tolist(), strict=True)),
-    )
-
-
-@lru_cache(maxsize=64)
-def _sound_errors(condition: Condition, seed: int) -> _Errors:
-    """Of the survey without the fault."""
-    faulty = make_faulty(Case(condition=condition), seed)
-    return _errors(run_survey(faulty, {})[0], faulty.survey.truth)
-
-
-def _are_same(found: _Errors, sound: _Errors) -> bool:
-    return all(
-        abs(error - sound.error[name]) < ALIKE * max(found.sigma[name], sound.sigma[name])
-        for name, error in found.error.items()
-        if name in sound.error
-    )
+    case = CASES[name]
+    return run_survey(case.fault(make_sound(case, seed)), dict(options))[1]
 
 
 def _names(wrong: Wrong) -> Mapping[str, tuple[str, ...]]:
