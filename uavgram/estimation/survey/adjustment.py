@@ -20,6 +20,7 @@ from uavgram.estimation.survey.within_survey import Placed, within_survey
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.noise import Noise
+from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
 
 
@@ -300,6 +301,8 @@ class Refined:
     off_ground
         Names of the labels whose heights are found, though nobody said that they are off the
         ground.
+    causes
+        What explains that the observations do not fit, likeliest first.
     """
 
     adjustment: Adjustment
@@ -318,6 +321,7 @@ class Refined:
     stated: Adjustment | None = None
     full_weight: Adjustment | None = None
     off_ground: frozenset[str] = frozenset()
+    causes: tuple[Cause, ...] = ()
 
     @property
     def tested(self) -> Adjustment:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from uavgram.model.message import Message
+
 
 class Ends(NamedTuple):
     """Labels between which a length is, by index."""
@@ -32,11 +34,8 @@ class Mend:
         Known length -> the labels between which it is.
     without_lines
         Known lengths to take out.
-    renamed
-        Label -> the label that its points should have, in all photos; lengths, known things and
-        control keep their labels.
     free
-        Labels whose heights are to be found.
+        Label -> whether its height is to be found, or it lies on the ground.
     """
 
     label_of_pick: Mapping[int, int] = field(default_factory=dict)
@@ -45,5 +44,39 @@ class Mend:
     length_m: Mapping[int, float] = field(default_factory=dict)
     ends: Mapping[int, Ends] = field(default_factory=dict)
     without_lines: frozenset[int] = frozenset()
-    renamed: Mapping[int, int] = field(default_factory=dict)
-    free: frozenset[int] = frozenset()
+    free: Mapping[int, bool] = field(default_factory=dict)
+
+    @property
+    def picks(self) -> frozenset[int]:
+        """Picks that it keeps but changes."""
+        return frozenset(self.label_of_pick) | frozenset(self.pixel_of_pick)
+
+    @property
+    def lines(self) -> frozenset[int]:
+        """Known lengths that it keeps but changes."""
+        return frozenset(self.length_m) | frozenset(self.ends)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """What explains misfits of a survey.
+
+    Attributes
+    ----------
+    message
+        What it is and what to do, for people.
+    mend
+        What would put it in order; None where only a person can.
+    gain
+        Fall of the weighted sum of squares, and of what was left out for it.
+    log_probability
+        Logarithm of the probability that one such explains as much where nothing is wrong.
+    settles
+        Lengths and frames, by name, of which it explains that they did not fit.
+    """
+
+    message: Message
+    mend: Mend | None
+    gain: float
+    log_probability: float
+    settles: frozenset[str] = frozenset()

@@ -32,6 +32,8 @@ from uavgram.stages.refine.blunders.gross_lengths import (
 from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.outstanding import outstanding, with_little_weight
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
+from uavgram.stages.refine.causes.hypothesis import Standing
+from uavgram.stages.refine.causes.identify import identify
 from uavgram.stages.refine.continued import continued
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
@@ -80,6 +82,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     off_ground = found_free(survey, refined)
     survey = with_free(survey, off_ground)
     refined = replace(refined, pick_removed=no_pick)
+    causes = identify(Standing(_participants(survey, refined), refined))
     survey, refined, readout = with_sound_readout(survey, refined)
     if options.noise == "estimate":
         survey, refined = with_noise_learnt(survey, refined)
@@ -92,8 +95,15 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         if options.noise == "estimate":
             refined = _with_little_weight(refined)
     refined = with_gross_lengths(survey, with_gross_known(survey, refined))
-    refined = replace(refined, off_ground=frozenset(off_ground))
-    told = (*left_out, *zoom, *off_ground_remarks(refined), *readout, *noise_remarks(refined.noise))
+    refined = replace(refined, off_ground=frozenset(off_ground), causes=causes)
+    told = (
+        *(cause.message for cause in causes),
+        *left_out,
+        *zoom,
+        *off_ground_remarks(refined),
+        *readout,
+        *noise_remarks(refined.noise),
+    )
     return refined, (*told, *remarks(survey, refined), *search)
 
 

@@ -60,12 +60,35 @@ class Outstanding(NamedTuple):
     located: Bools
 
 
-def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
-    """Rows of few observations that stand out of all noise; and whether everything else fits."""
-    blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
+class CoreFit(NamedTuple):
+    """How picks, lengths, ground and camera fit together, telemetry left aside.
+
+    Attributes
+    ----------
+    squares, degrees
+        Weighted sum of squares, and redundancy, of these groups.
+    probability
+        Of so large a sum by chance.
+    """
+
+    squares: float
+    degrees: float
+    probability: float
+
+
+def core_fit(adjustment: Adjustment) -> CoreFit:
+    """Sum of squares of the groups that say whether the model holds (see `CORE`)."""
+    blocks = adjustment.minimum.blocks
     core = [name for name in blocks if name in CORE or name.startswith("plane")]
     squares = sum(float(np.sum(blocks[name].residual ** 2)) for name in core)
     degrees = sum(redundancy_of(adjustment, name) for name in core)
+    return CoreFit(squares, degrees, upper_tail(squares, degrees))
+
+
+def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
+    """Rows of few observations that stand out of all noise; and whether everything else fits."""
+    blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
+    squares, degrees, _ = core_fit(adjustment)
     falls: list[_Fall] = []
     for name in ("pixels", "lengths", "known"):
         if name in blocks:

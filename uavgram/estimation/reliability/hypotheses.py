@@ -1,0 +1,184 @@
+"""Whether something that the model leaves out explains the misfits: tested without adjusting anew.
+
+Each hypothesis adds unknowns that move the predicted observations along known directions. In the
+linear model the fall of the weighted sum of squares, the values of these unknowns and what of them
+can be told follow from the residuals (Teunissen 2006, "Testing theory", ch. 3 to 5; Baarda's w-test
+is the case of one observation and one unknown).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import gammaincc, gammaln
+
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Floats, Ints
+
+CHECKED = 0.01
+"""Share of a direction that has to show in the residuals for its unknown to be tested."""
+
+SMALLEST = 1e-290
+"""Probability below which its logarithm is that of the leading term of the tail."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """How unknowns that the model leaves out move the predictions of a group of observations.
+
+    Attributes
+    ----------
+    kind
+        The group.
+    rows
+        (m,) its observations that are moved.
+    along
+        (m, r, q) derivatives of their whitened predictions by the q unknowns.
+    """
+
+    kind: str
+    rows: Ints
+    along: Floats
+
+
+class Explained(NamedTuple):
+    """What a hypothesis explains.
+
+    Attributes
+    ----------
+    gain
+        Fall of the weighted sum of squares.
+    unknowns
+        How many of its unknowns anything checks.
+    value
+        (q,) the unknowns; 0 along combinations that nothing checks.
+    covariance
+        (q, q) of them; infinite where nothing checks one of them.
+    score, information
+        (q,) and (q, q): slope and curvature of the sum of squares, halved (see `gain_of`).
+    """
+
+    gain: float
+    unknowns: int
+    value: Floats
+    covariance: Floats
+    score: Floats
+    information: Floats
+
+    def gain_of(self, value: Floats) -> float:
+        """Fall of the sum of squares where the unknowns (q,) are known to have a value."""
+        return float(-2.0 * value @ self.score - value @ self.information @ value)
+
+
+def explained(
+    adjustment: Adjustment, hypotheses: Sequence[Sequence[Moved]]
+) -> tuple[Explained, ...]:
+    """What each hypothesis explains of the misfits of an adjustment.
+
+    Parameters
+    ----------
+    adjustment
+        At rest.
+    hypotheses
+        Each by the groups that it moves, all with the same number of unknowns.
+
+    Notes
+    -----
+    With residuals v (predicted less observed), directions C and normal matrix N = A^T A, the
+    unknowns are x = -R^-1 C^T v with R = C^T (I - A N^-1 A^T) C, as A^T v = 0 at rest; the sum of
+    squares falls by x^T R x.
+    """
+    if not hypotheses:
+        return ()
+    blocks, size = adjustment.minimum.blocks, adjustment.problem.layout.size
+    counts = [moved[0].along.shape[2] for moved in hypotheses]
+    first = np.concatenate([[0], np.cumsum(counts)])
+    right = np.zeros((size, int(first[-1])))
+    scores, plain = [], []
+    for moved, start, count in zip(hypotheses, first, counts, strict=False):
+        score, own = np.zeros(count), np.zeros((count, count))
+        for part in moved:
+            block = blocks[part.kind]
+            by_unknown = np.einsum("mrq,mrk->mkq", part.along, block.jacobian[part.rows])
+            np.add.at(
+                right[:, start : start + count],
+                block.columns[part.rows].ravel(),
+                by_unknown.reshape(-1, count),
+            )
+            score += np.einsum("mrq,mr->q", part.along, block.residual[part.rows])
+            own += np.einsum("mrq,mrp->qp", part.along, part.along)
+        scores.append(score)
+        plain.append(own)
+    solved = adjustment.minimum.factor.solve(right)
+    found = []
+    for start, count, score, own in zip(first, counts, scores, plain, strict=False):
+        span = slice(int(start), int(start) + count)
+        found.append(_explained(score, own, own - right[:, span].T @ solved[:, span]))
+    return tuple(found)
+
+
+def _explained(score: Floats, plain: Floats, information: Floats) -> Explained:
+    """Of one hypothesis, from C^T v, C^T C and R."""
+    length = np.sqrt(np.maximum(plain.diagonal(), 0.0))
+    scale = np.where(length > 0, 1.0 / np.where(length > 0, length, 1.0), 0.0)
+    share, axes = np.linalg.eigh(information * np.outer(scale, scale))
+    checked = share > CHECKED
+    along = axes[:, checked]
+    inverse = scale[:, None] * along
+    value = -inverse @ ((inverse.T @ score) / share[checked])
+    covariance = (inverse / share[checked]) @ inverse.T
+    loose = np.abs(axes[:, ~checked]).max(axis=1, initial=0.0) > 1e-6
+    covariance[loose, loose] = np.inf
+    gain = float(np.sum((inverse.T @ score) ** 2 / share[checked]))
+    return Explained(gain, int(checked.sum()), value, covariance, score, information)
+
+
+def log_probability(gain: float, unknowns: int, count: int = 1) -> float:
+    """Logarithm of the probability that one of so many hypotheses explains as much by chance.
+
+    Parameters
+    ----------
+    gain
+        Fall of the weighted sum of squares.
+    unknowns
+        That the hypothesis adds; 0: a change of a known size.
+    count
+        Hypotheses of its kind that were possible.
+
+    Notes
+    -----
+    With unknowns, the tail of their chi-square; without, the likelihood ratio bounds it (its mean
+    is one where nothing is wrong: Markov's inequality). Times the count (Bonferroni), at most one.
+    """
+    if gain <= 0.0:
+        return 0.0
+    if unknowns == 0:
+        tail = -gain / 2.0
+    else:
+        half = unknowns / 2.0
+        probability = float(gammaincc(half, gain / 2.0))
+        if probability > SMALLEST:
+            tail = float(np.log(probability))
+        else:  # Abramowitz and Stegun 6.5.32
+            tail = -gain / 2.0 + (half - 1.0) * float(np.log(gain / 2.0)) - float(gammaln(half))
+    return min(0.0, tail + float(np.log(count)))
+
+
+def log_evidence(gain: float, unknowns: int, count: int, redundancy: float) -> float:
+    """Logarithm of the odds of a hypothesis against nothing being wrong, for comparing several.
+
+    The Bayesian information criterion (Schwarz 1978), with equal odds for each kind of cause, and
+    for each of those of a kind.
+
+    Parameters
+    ----------
+    gain, unknowns, count
+        As in `log_probability`.
+    redundancy
+        Of all observations together.
+    """
+    price = unknowns * np.log(max(redundancy, np.e))
+    return 0.5 * (gain - float(price)) - float(np.log(count))
