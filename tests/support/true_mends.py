@@ -28,7 +28,7 @@ def is_repaired(refined: Refined, faulty: HostileSurvey, sound: HostileSurvey) -
     faulty, sound
         As it was handed in, and as it should have been: the same picks and lengths, by number.
     """
-    mends = [one.mend for one in getattr(refined, "causes", ()) if one.mend is not None]
+    mends = [one.mend for one in refined.causes if one.mend is not None]
     raised = (faulty.height_m != 0) & ~faulty.off_ground
     if raised.any():
         sound = faulty
@@ -69,8 +69,8 @@ def _raised_labels(refined: Refined, mends: Sequence[Mend], faulty: HostileSurve
     names = _names(faulty)
     free = {int(name.removeprefix("P")) for name in refined.off_ground}
     for mend in mends:
-        for label in mend.free:
-            free.add(names[label])
+        free |= {names[label] for label, is_free in mend.free.items() if is_free}
+        free -= {names[label] for label, is_free in mend.free.items() if not is_free}
     return free
 
 
