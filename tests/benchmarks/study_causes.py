@@ -52,9 +52,11 @@ HEADS = (
 
 
 @with_one_blas_thread
-def judged(job: tuple[str, int], options: Mapping[str, object], *, compared: bool) -> Outcome:
+def judged(
+    job: tuple[str, int], options: Mapping[str, object], *, compared: bool, dense: bool
+) -> Outcome:
     """`run_case` in one thread."""
-    return run_case(job, options, compared=compared)
+    return run_case(job, options, compared=compared, dense=dense)
 
 
 def row(outcomes: Sequence[Outcome]) -> str:
@@ -106,13 +108,14 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--mode", choices=["report", "remove"], default="report")
     parser.add_argument("--alone", action="store_true", help="no untreated run, none without fault")
+    parser.add_argument("--dense", action="store_true", help="labels are picked wherever seen")
     parser.add_argument("--option", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--json", type=Path, help="every outcome, to look closer")
     parser.add_argument("--each", action="store_true", help="a line for each survey too")
     given = parser.parse_args()
     options = {key: yaml.safe_load(value) for key, value in (o.split("=", 1) for o in given.option)}
     options |= REMOVED if given.mode == "remove" else {}
-    run = partial(judged, options=options, compared=not given.alone)
+    run = partial(judged, options=options, compared=not given.alone, dense=given.dense)
     print(f"{'':38s}" + " ".join(f"{head:>7s}" for head in HEADS))
     everything: list[Outcome] = []
     with ProcessPoolExecutor(given.workers) as pool:

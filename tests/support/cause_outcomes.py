@@ -122,7 +122,9 @@ class Outcome:
         return self.level != "green" and any(one.code not in UNCHECKED for one in self.told)
 
 
-def run_case(job: tuple[str, int], options: Mapping[str, object], *, compared: bool) -> Outcome:
+def run_case(
+    job: tuple[str, int], options: Mapping[str, object], *, compared: bool, dense: bool = False
+) -> Outcome:
     """Make, run and judge the survey of a case and a seed.
 
     Parameters
@@ -133,9 +135,13 @@ def run_case(job: tuple[str, int], options: Mapping[str, object], *, compared: b
         Of the project.
     compared
         Whether it is run untreated, and without the fault, too.
+    dense
+        Whether every label is picked wherever it is seen: then all is checked by something.
     """
     name, seed = job
     case = CASES[name]
+    if dense:
+        case = replace(case, condition=replace(case.condition, picked_share=1.0))
     sound = make_sound(case, seed)
     faulty = case.fault(sound)
     own = Outcome(case=name, seed=seed, wrong=_names(faulty.wrong))
@@ -221,7 +227,9 @@ def _beside(case: Case, seed: int, faulty: Faulty, options: Mapping[str, object]
             untreated_z = z_of(run_survey(faulty, UNTREATED)[0].result, faulty.survey.truth)
     except (UavgramError, np.linalg.LinAlgError):
         untreated_z = float("inf")
-    clean = "clean" if case.condition.has_log else "clean_no_log"
+    is_dense = case.condition.picked_share == 1.0
+    with_log = "clean_dense" if is_dense else "clean"
+    clean = with_log if case.condition.has_log else "clean_no_log"
     return _Beside(
         untreated_z,
         not case.common or _shows(faulty),

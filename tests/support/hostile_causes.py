@@ -224,6 +224,7 @@ _UNTAPED = {
 _WELL = {
     "clean": Case(),
     "clean_prior": _under("clean_prior", Case()),
+    "clean_dense": Case(condition=replace(CLEAN, picked_share=1.0)),
     "clean_no_log": Case(condition=_NO_LOG),
     "clean_untaped": Case(fault=partial(lengths.untaped, fault=faults.none)),
 }
