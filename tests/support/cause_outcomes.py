@@ -11,13 +11,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+import hostile_faults as faults
 import numpy as np
 from hostile_causes import CASES, Case
 from hostile_faults import Faulty, Sound, Wrong
 from hostile_project import write_project
 from hostile_surveys import make_survey
 from true_mends import is_repaired
-from untreated import UNTREATED, WIDE_TAPE, nothing_treated
+from untreated import UNTREATED, nothing_treated
 
 from uavgram.errors import UavgramError
 from uavgram.model.message import Message
@@ -27,9 +28,7 @@ from uavgram.pipeline.measure.inputs import read_inputs
 
 REMOVED: Mapping[str, object] = {"solve.outliers": "remove"}
 TELLS = 4.0
-"""Sigmas of the tape's scale beyond which log or height can tell a common factor."""
-CANNOT_BE = 1e-4
-"""Probability of the lengths' misfit, whatever their factor, below which it can be told."""
+"""Sigmas of misfit from which on lengths that are all wrong alike contradict the rest."""
 UNCHECKED = frozenset(
     {"nothing-checks", "ambiguous-pose", "three-lengths", "three-known", "measurement-null"}
 )
@@ -146,7 +145,7 @@ def run_case(
     faulty = case.fault(sound)
     own = Outcome(case=name, seed=seed, wrong=_names(faulty.wrong))
     if compared:
-        own = replace(own, **_beside(case, seed, faulty, options)._asdict())
+        own = replace(own, **_beside(case, sound, faulty, options)._asdict())
     try:
         (result, refined), cpu_s = run_survey(faulty, options)
     except (UavgramError, np.linalg.LinAlgError) as fault:  # the latter is the program's own
@@ -221,33 +220,31 @@ class _Beside(NamedTuple):
     clean_cpu_s: float
 
 
-def _beside(case: Case, seed: int, faulty: Faulty, options: Mapping[str, object]) -> _Beside:
-    try:
-        with nothing_treated():
-            untreated_z = z_of(run_survey(faulty, UNTREATED)[0].result, faulty.survey.truth)
-    except (UavgramError, np.linalg.LinAlgError):
-        untreated_z = float("inf")
+def _beside(case: Case, sound: Sound, faulty: Faulty, options: Mapping[str, object]) -> _Beside:
+    untreated = _untreated(faulty)
     is_dense = case.condition.picked_share == 1.0
     with_log = "clean_dense" if is_dense else "clean"
     clean = with_log if case.condition.has_log else "clean_no_log"
     return _Beside(
-        untreated_z,
-        not case.common or _shows(faulty),
-        _clean_cpu_s(clean, seed, tuple(options.items())),
+        float("inf") if untreated is None else z_of(untreated, faulty.survey.truth),
+        not case.common or _cost(untreated) - _cost(_untreated(faults.none(sound))) > TELLS**2,
+        _clean_cpu_s(clean, sound.seed, tuple(options.items())),
     )
 
 
-def _shows(faulty: Faulty) -> bool:
-    """Whether lengths that are all wrong alike contradict log or height, or each other."""
+def _untreated(faulty: Faulty) -> Result | None:
     try:
         with nothing_treated():
-            result = run_survey(faulty, WIDE_TAPE)[0].result
+            return run_survey(faulty, UNTREATED)[0].result
     except (UavgramError, np.linalg.LinAlgError):
-        return True
-    scale = next(iter(result.shared.tape_scale.values()))
-    strained = bool((np.abs(scale.value) > TELLS * scale.sigma).all())
-    lengths = [g.probability for g in result.solution.groups if g.name == "lengths"]
-    return strained or min(lengths, default=1.0) < CANNOT_BE
+        return None
+
+
+def _cost(result: Result | None) -> float:
+    """Weighted sum of squares."""
+    if result is None:
+        return float("inf")
+    return result.solution.variance_factor * result.solution.degrees_of_freedom
 
 
 @lru_cache(maxsize=64)

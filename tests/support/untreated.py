@@ -25,8 +25,6 @@ UNTREATED: Mapping[str, object] = {
     "camera.readout_ms": 0.0,
 }
 """What the program takes for granted then."""
-WIDE_TAPE: Mapping[str, object] = dict(UNTREATED) | {"tape.scale_sigma": 0.09}
-"""The same, but for the lengths' common factor."""
 
 
 @contextmanager
