@@ -12,7 +12,7 @@ without the fault. One line for each cause, and one for all of them:
     any      of those: it is named rightly anywhere, per cent
     tape     what is said first blames a length that is right, per cent of all
     red amber green  of the verdict, per cent of all
-    wrongly  green though z is above 2: surveys, of those whose z is
+    wrongly  green though z is above 2: surveys, of those whose z is and whose cause can show
     mended   just that was mended which is wrong, per cent of those that `remove` is to mend
     cpu, x   seconds for one survey, reading and computing; over that without the fault
 
@@ -65,7 +65,7 @@ def row(outcomes: Sequence[Outcome]) -> str:
     if not good:
         return f"all {len(outcomes)} failed: {outcomes[0].failure[:90]}"
     due = [one for one in outcomes if is_due(one)]
-    bad = [one for one in good if one.z > BAD_Z]
+    bad = [one for one in good if one.tellable and one.z > BAD_Z]
     z = np.sqrt(np.nanmean([one.z**2 for one in good]))
     times = np.nanmean([one.cpu_s / one.clean_cpu_s for one in good])
     levels = " ".join(percent([one.level == level for one in good]) for level in LEVELS)
