@@ -101,7 +101,8 @@ def swapped_everywhere(sound: Sound, *, lengths: tuple[int, int]) -> Faulty:
     label = survey.pick_label.copy()
     label[survey.pick_label == a], label[survey.pick_label == b] = b, a
     touched = np.flatnonzero(np.isin(survey.line, [a, b]).any(axis=1) & (lengths[1] == 1))
-    wrong = Wrong(labels=_labels([a, b]), lengths=length_names(touched))
+    told = np.append(survey.line[touched].ravel(), [a, b])
+    wrong = Wrong(labels=_labels(told), lengths=length_names(touched))
     return Faulty(survey=replace(survey, pick_label=label), wrong=wrong)
 
 
