@@ -36,6 +36,13 @@ def test_the_clock_offset_is_found(result: Result) -> None:
     assert 0 < offset.sigma[0] < 0.15
 
 
+def test_one_taped_length_is_amber_and_the_next_one_is_told(result: Result) -> None:
+    verdict = result.verdict
+    assert verdict.level == "amber"
+    unchecked = [reason for reason in verdict.reasons if reason.cause == "nothing-checks"]
+    assert any("Tape next from" in reason.text for reason in unchecked)
+
+
 @pytest.mark.parametrize("name", TRUE_M)
 def test_lengths_agree_with_the_hand_positions(result: Result, name: str) -> None:
     value, sigma = values(result)[name]

@@ -25,6 +25,8 @@ class Condition:
         Fall to both sides of a line; rise behind a line; slope of the whole ground.
     identification_m
         In each photo another place is picked for a label, by so much east and north.
+    raised
+        Labels that stand off the ground though nobody says so, and by how much [m].
     readout_s
         Row v is exposed at time + readout (v - (height - 1) / 2) / height.
     zoom, other_camera_photos
@@ -72,6 +74,7 @@ class Condition:
     slope_break_percent: float = 0.0
     slope_deg: float = 0.0
     identification_m: float = 0.0
+    raised: tuple[tuple[int, float], ...] = ()
     readout_s: float = 0.0
     zoom: float = 1.0
     other_camera_photos: int = 0
@@ -168,6 +171,7 @@ _CAMERA = {
     "plane": PLANE,
     "shutter_40_plane": replace(PLANE, readout_s=0.04),
     "zoom_1.3": Condition(zoom=1.3),
+    "zoom_1.1": Condition(zoom=1.1),
     "two_other_photos": Condition(other_camera_photos=2),
     "focal_0.5": Condition(focal_error=0.005),
     "principal_10px": Condition(principal_error_px=10.0),

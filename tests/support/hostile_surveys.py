@@ -98,6 +98,10 @@ def make_survey(condition: Condition, seed: int) -> HostileSurvey:
     things_m, off = draw_things(condition, ground, thing_rng)
     world_m = np.concatenate([_labels(condition, ground, ground_rng), things_m])
     off = np.concatenate([np.zeros(condition.labels, dtype=np.bool_), off])
+    raised = np.zeros(len(world_m))
+    for one, above_m in condition.raised:
+        raised[one] = above_m
+    world_m[:, 2] += raised
     camera = SHARP if condition.sharp else ORDINARY
     scene = _Scene(condition, camera, ground, flight, world_m)
     frame, label, pixel = _picks(scene, readout_s, pick_rng)
@@ -127,7 +131,7 @@ def make_survey(condition: Condition, seed: int) -> HostileSurvey:
         truth={name: _value(kind, world_m[list(at)]) for name, (kind, at) in measure.items()},
         log=record(condition, flight, log_rng) if condition.has_log else None,
         world_m=world_m,
-        height_m=np.where(off, world_m[:, 2] - ground.up(world_m[:, :2]), 0.0),
+        height_m=np.where(off, world_m[:, 2] - ground.up(world_m[:, :2]), raised),
         off_ground=off,
         center_m=flight.camera(flight.exposure_s)[0][used],
     )
