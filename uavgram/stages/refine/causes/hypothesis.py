@@ -94,6 +94,8 @@ class Hypothesis:
         length, of which the tests of the residuals speak.
     mend
         What people should change; None where there is nothing of that kind.
+    remedy
+        What is to be done on request, where that is not what it is tested by; None: the mend.
     freed
         The survey with less prior knowledge, by which it is adjusted from then on: no reading is
         changed by it. Where neither is there, only the linear test judges it.
@@ -117,6 +119,7 @@ class Hypothesis:
 
     tell: Callable[[Explained | None], Message] | None
     mend: Mend | None = None
+    remedy: Mend | None = None
     freed: Callable[[Survey], Survey] | None = None
     moved: tuple[Moved, ...] = ()
     settled: Callable[[Adjustment], tuple[Floats, Floats]] | None = None

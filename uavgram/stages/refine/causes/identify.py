@@ -8,7 +8,8 @@ one is told, and the next is looked for in the survey without it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,6 +28,7 @@ from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 from uavgram.stages.refine.causes.labels import swapped_in_a_photo, wrong_picks
 from uavgram.stages.refine.causes.length_ends import other_ends
 from uavgram.stages.refine.causes.lengths import wrong_lengths, wrong_readings
+from uavgram.stages.refine.causes.other_camera import photos_of_another_zoom
 from uavgram.stages.refine.causes.photos import (
     photos_elsewhere,
     photos_in_disorder,
@@ -58,6 +60,7 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     turned_camera,
     stepped_places,
     other_camera_file,
+    photos_of_another_zoom,
 )
 """What could be wrong, by kind: each looks at a survey that does not fit."""
 
@@ -89,11 +92,12 @@ def identify(standing: Standing) -> Identified:
     freed: list[Callable[[Survey], Survey] | None] = []
     stated = standing
     for _ in range(MOST_CAUSES):
-        best = _likeliest(standing) if asks(standing) else None
-        if best is None:
+        found = _likeliest(standing) if asks(standing) else None
+        if found is None:
             break
+        best, rival = found
         if best.hypothesis.tell is not None:
-            causes.append(_cause(best))
+            causes.append(_cause(best, rival))
             freed.append(best.hypothesis.freed)
         if best.after is None:
             break
@@ -102,22 +106,28 @@ def identify(standing: Standing) -> Identified:
     return Identified((*causes, *rest), (*freed, *(None for _ in rest)))
 
 
-def _cause(best: Judged) -> Cause:
-    """The hypothesis that was found likeliest, for people."""
+def _cause(best: Judged, rival: Judged | None) -> Cause:
+    """The hypothesis that was found likeliest, for people, and one that explains as much."""
     hypothesis = best.hypothesis
     assert hypothesis.tell is not None  # noqa: S101  (the caller asked)
+    message = hypothesis.tell(best.found)
+    if rival is not None and rival.hypothesis.tell is not None:
+        other = rival.hypothesis.tell(rival.found).text.split(": ")[0]
+        message = replace(
+            message, text=f"{message.text} Or else, and nothing tells which: {other}."
+        )
     count = int(np.ceil(np.exp(min(hypothesis.price, 30.0))))
     return Cause(
-        message=hypothesis.tell(best.found),
-        mend=hypothesis.mend,
+        message=message,
+        mend=hypothesis.remedy or hypothesis.mend,
         gain=best.gain,
         log_probability=log_probability(best.gain, hypothesis.unknowns, count),
         settles=hypothesis.settles,
     )
 
 
-def _likeliest(standing: Standing) -> Judged | None:
-    """The likeliest hypothesis, if neither chance nor noise explains it as well."""
+def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:
+    """The likeliest hypothesis, if neither chance nor noise explains it as well; and its rival."""
     proposed = (one for propose in PROPOSALS for one in propose(standing))
     trials: list[Judged] = []
     for one in screened(standing, proposed)[:MOST_TRIED]:
@@ -132,8 +142,37 @@ def _likeliest(standing: Standing) -> Judged | None:
     noisy: Standing | None = None
     for one in sorted(sure, key=lambda one: -one.odds)[:MOST_DOUBTED]:
         if one.after is not None and not asks(one.after):
-            return one  # it explains all: no noise is in question
+            return _with_rival(one, sure)  # it explains all: no noise is in question
         noisy = noisy or as_noisy_as_it_is(standing)
         if noisy is standing or tried(noisy, one).odds > SURE:
-            return one
+            return _with_rival(one, sure)
     return None
+
+
+def _with_rival(best: Judged, sure: Sequence[Judged]) -> tuple[Judged, Judged | None]:
+    """The hypothesis to tell, and another one that leaves no larger misfit.
+
+    Where observations cannot part them, none that blames a tape comes first.
+    """
+    if best.after is None or best.hypothesis.tell is None:
+        return best, None
+    least = best.after.cost
+    rivals = [
+        one
+        for one in sure
+        if one is not best
+        and one.hypothesis.tell is not None
+        and one.after is not None
+        and one.after.cost < least + 2.0 * SURE
+    ]
+    if not rivals:
+        return best, None
+    rival = max(rivals, key=lambda one: (not _blames_a_tape(one), one.odds))
+    if _blames_a_tape(best) and not _blames_a_tape(rival):
+        return rival, best
+    return best, rival
+
+
+def _blames_a_tape(judged: Judged) -> bool:
+    mend = judged.hypothesis.mend
+    return mend is not None and bool(mend.lines | mend.without_lines)

@@ -82,7 +82,7 @@ def turned_photos(standing: Standing) -> Iterator[Hypothesis]:
     strained = against_the_log(standing)
     promise = dict.fromkeys(misplaced_photos(standing).tolist(), 0.0) | strained
     for frame, gain in promise.items():
-        picks = _picks(standing, frame)
+        picks = picks_of(standing, frame)
         for how, turn in (MIRRORED | TURNED).items():
             pixel = _put_back(survey.pixel_px[picks], turn, camera)
             if not _shows_the_ground(standing, frame, picks, pixel):
@@ -101,7 +101,7 @@ def photos_in_disorder(standing: Standing) -> Iterator[Hypothesis]:
     """Photos of which the picks fit under other labels."""
     survey = standing.survey
     for frame in misplaced_photos(standing).tolist():
-        picks = _picks(standing, frame)
+        picks = picks_of(standing, frame)
         label = right_labels(standing, frame, picks)
         known = np.flatnonzero(label >= 0)
         changed = known[label[known] != survey.pick_label[picks[known]]]
@@ -136,7 +136,7 @@ def photos_elsewhere(standing: Standing, causes: Sequence[Cause]) -> tuple[Cause
         name = survey.frame_id[frame]
         if name in settled:
             continue
-        picks = _picks(standing, frame)
+        picks = picks_of(standing, frame)
         found.append(
             Cause(
                 message=_elsewhere(name),
@@ -159,7 +159,7 @@ def _put_back(shown_px: Floats, turn: _Turn, camera: Calibration) -> Floats:
     return pixel
 
 
-def _picks(standing: Standing, frame: int) -> Ints:
+def picks_of(standing: Standing, frame: int) -> Ints:
     """Picks of a photo of the survey that take part, or were left out with it."""
     there = standing.spoilt
     there[standing.refined.pick_index] = True

@@ -1,0 +1,147 @@
+"""Single photos of another zoom, or of another camera, than all others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from uavgram.estimation.first_poses.homography import resect_from_plane
+from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.message import Message, Several
+from uavgram.model.survey.mend import Mend
+from uavgram.stages.refine.blunders.consensus import SMALLEST, seen_at
+from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
+from uavgram.stages.refine.causes.photos import against_the_log, misplaced_photos, picks_of
+from uavgram.stages.refine.causes.places import labels_of
+
+STRAINED, MOST_PHOTOS = 16.0, 4
+"""Fall of the sum of squares by a zoom of its own, from which on a photo is looked at; and how many
+photos are."""
+
+ZOOMS = np.exp(np.linspace(-1.0, 1.0, 101))
+"""Factors of the focal length that are tried for a photo."""
+
+LEAST = 0.03
+"""Share by which a focal length differs from that of all others, to be another zoom."""
+
+
+def photos_of_another_zoom(standing: Standing) -> Iterator[Hypothesis]:
+    """Photos of which the picks fit where their focal length is another one."""
+    survey, camera = standing.survey, standing.survey.calibration
+    middle = camera.parameters[2:4]
+    for frame, gain in _strained(standing).items():
+        picks = picks_of(standing, frame)
+        factor = _zoom(standing, frame, picks)
+        if factor is None or abs(factor - 1.0) < LEAST:
+            continue
+        pixel = middle + (survey.pixel_px[picks] - middle) / factor
+        places = {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
+        yield Hypothesis(
+            tell=partial(_told, survey.frame_id[frame], factor),
+            mend=Mend(pixel_of_pick=places),
+            remedy=Mend(without_picks=frozenset(picks.tolist())),
+            promise=gain,
+            unknowns=1,
+            price=PRICE + float(np.log(len(survey.frame_id))),
+            settles=frozenset([survey.frame_id[frame]]),
+        )
+
+
+def _strained(standing: Standing) -> dict[int, float]:
+    """Photos of the survey that ask for a zoom of their own, and what it would bring."""
+    adjustment = standing.adjustment
+    found = dict.fromkeys(misplaced_photos(standing).tolist(), 0.0) | against_the_log(standing)
+    if adjustment.minimum.converged:
+        small = adjustment.survey
+        middle = small.calibration.parameters[2:4]
+        away = (small.pixel_px - middle) / small.pick_sigma_px[:, None]
+        rows = [np.flatnonzero(small.pick_frame == k) for k in range(len(small.frame_id))]
+        tests = explained(adjustment, [(Moved("pixels", r, away[r, :, None]),) for r in rows])
+        index = {name: k for k, name in enumerate(standing.survey.frame_id)}
+        gains = {index[n]: t.gain for n, t in zip(small.frame_id, tests, strict=True)}
+        found |= {k: gain for k, gain in gains.items() if gain > max(STRAINED, found.get(k, 0.0))}
+    worst = sorted(found, key=lambda k: -found[k])[:MOST_PHOTOS]
+    return {k: found[k] for k in worst}
+
+
+def _zoom(standing: Standing, frame: int, picks: Ints) -> float | None:
+    """The factor of the focal length with which a photo fits points and log best; None: no pose.
+
+    Parameters
+    ----------
+    standing, frame
+        The survey, and one of its photos.
+    picks
+        (n,) its picks.
+    """
+    survey, camera = standing.survey, standing.survey.calibration
+    label = labels_of(standing)[survey.pick_label[picks]]
+    known = np.flatnonzero((label >= 0) & ~survey.off_ground[survey.pick_label[picks]])
+    if len(known) <= SMALLEST:
+        return None
+    world = standing.adjustment.state.point[label[known], :2]
+    ray = back_project(camera.model, camera.parameters, survey.pixel_px[picks[known]])
+    if not np.isfinite(ray).all():
+        return None
+    ray = ray / ray[:, 2:]
+    sigma = survey.pick_sigma_px[picks[known]] / camera.parameters[0]
+    center, whitening = _by_the_log(standing, frame)
+    cost = np.full(len(ZOOMS), np.inf)
+    for k, factor in enumerate(ZOOMS):
+        zoomed = ray * np.array([1.0 / factor, 1.0 / factor, 1.0])
+        pose = resect_from_plane(world, zoomed)
+        if pose is None or pose[0][2] <= 0:
+            continue
+        off = (seen_at(world, pose) - zoomed[:, :2]) * factor / sigma[:, None]
+        lifted = pose[0] + np.array([0.0, 0.0, standing.adjustment.state.plane[0]])
+        cost[k] = np.sum(off**2) + np.sum((whitening @ (lifted - center)) ** 2)
+    best = int(np.argmin(cost))
+    if not 0 < best < len(ZOOMS) - 1 or not np.isfinite(cost[best - 1 : best + 2]).all():
+        return None
+    # the vertex of the parabola through the three lowest
+    low, middle, high = cost[best - 1 : best + 2]
+    part = 0.5 * (low - high) / max(low - 2.0 * middle + high, 1e-12)
+    return float(np.exp(np.log(ZOOMS[best]) + part * np.log(ZOOMS[1] / ZOOMS[0])))
+
+
+def _by_the_log(standing: Standing, frame: int) -> tuple[Floats, Floats]:
+    """Where the log has a photo's camera (3,), with what all have in common; and its whitening.
+
+    All zeros where there is no log.
+    """
+    adjustment, survey = standing.adjustment, standing.survey
+    names = adjustment.survey.frame_id
+    block, telemetry = adjustment.minimum.blocks.get("telemetry"), adjustment.survey.telemetry
+    name = survey.frame_id[frame]
+    if block is None or telemetry is None or name not in names:
+        return np.zeros(3), np.zeros((3, 3))
+    at = names.index(name)
+    row = int(np.flatnonzero(telemetry.frame_index == at)[0])
+    white = adjustment.problem.telemetry_whitening[row]
+    off = np.linalg.solve(white, block.residual[row])[:3]
+    covariance = np.linalg.inv(white.T @ white)[:3, :3]
+    own = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=np.float64)
+    return adjustment.state.center[at] - off, own
+
+
+def _told(frame: str, factor: float, _: Explained | None) -> Message:
+    text = (
+        f"The photo {frame!r} was taken at another zoom, or with another camera, than the others: "
+        "take it out, or give photos of each camera a project of their own. It fits where its "
+        f"focal length is {factor:.2f} times that of the camera file."
+    )
+    return Message(
+        "warning",
+        "other-camera",
+        text,
+        frames=(frame,),
+        several=Several(
+            "{count} photos were taken at another zoom, or with another camera, than the others",
+            f"{frame!r} ({factor:.2f} times the focal length)",
+            ending="Take them out, or give photos of each camera a project of their own.",
+        ),
+    )
