@@ -106,7 +106,7 @@ def tried(standing: Standing, judged: Judged) -> Judged:
     """
     hypothesis = judged.hypothesis
     if hypothesis.mend is None and hypothesis.freed is None:
-        return judged
+        return screened(standing, [hypothesis])[0]
     mend = hypothesis.mend or Mend()
     taking = mended(standing, mend)
     if hypothesis.freed is not None:
