@@ -63,15 +63,15 @@ def test_a_long_list_is_cut_in_the_sentence_and_whole_in_the_data() -> None:
     assert f"'{MOST_LISTED}.jpg'" not in message.text
 
 
-def test_the_cause_comes_first_its_consequences_last_and_errors_before_all() -> None:
+def test_a_cause_that_was_found_comes_first_then_errors_and_consequences_last() -> None:
     codes = ("frame-left-out", "group-misfit", "log-note", "pick-suspect", "labels-swapped")
     given = [Message("warning", code, code) for code in codes]
     messages = in_order(
         Message("info", "own-columns", "x"), *given, Message("error", "not-converged", "x")
     )
     assert [m.code for m in messages] == [
-        "not-converged",
         "labels-swapped",
+        "not-converged",
         "pick-suspect",
         "log-note",
         "frame-left-out",

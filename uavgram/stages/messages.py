@@ -105,15 +105,22 @@ def in_order(*messages: Message) -> tuple[Message, ...]:
 
     Returns
     -------
-    Errors before warnings before choices; of one level causes first and their consequences last,
+    Causes that were found before errors, these before warnings, and choices last; of one level
+    causes first and their consequences last,
     else in the order in which they came. Doing it twice changes nothing.
     """
     groups: dict[object, list[Message]] = {}
     for message in dict.fromkeys(messages):
         groups.setdefault(_kind(message), []).append(message)
     joined = [_joined(group) for group in groups.values()]
-    joined.sort(key=lambda m: (LEVELS.index(m.level), _RANK.get(m.code, 0)))
+    joined.sort(key=lambda m: (_level(m), _RANK.get(m.code, 0)))
     return tuple(joined)
+
+
+def _level(message: Message) -> int:
+    """Of what is told first: a cause that was found stands before the errors that it makes."""
+    found = message.level == "warning" and any(message.code in codes for codes in IDENTIFIED)
+    return 0 if found else 1 + LEVELS.index(message.level)
 
 
 def _kind(message: Message) -> object:

@@ -8,6 +8,8 @@ on the ground under the wrong mount, and together under the right one.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -51,6 +53,9 @@ def turned_mount(survey: Survey) -> Message | None:
     stated = _scatter_m(survey, seeds, ray, np.eye(3))
     turned = {turn: _scatter_m(survey, seeds, ray, _rotation(*turn)) for turn in _TURNS}
     best = min(turned, key=turned.__getitem__)
+    heading = _turned_heading(survey, ray, min(stated, turned[best]))
+    if heading is not None:
+        return heading
     if not turned[best] < BETTER * stated:
         return None
     tilt, turn = best
@@ -62,6 +67,38 @@ def turned_mount(survey: Survey) -> Message | None:
         f"show one point, their rays meet the ground {apart} as it stands, and "
         f"{turned[best]:.1f} m apart with all photos turned by {' and '.join(how)}. Correct "
         "`mount`, or its gimbal."
+    )
+    return Message("warning", "mount-turned", text)
+
+
+def _turned_heading(survey: Survey, ray_camera: Floats, least_m: float) -> Message | None:
+    """Say so where other headings of all photos bring their points together far better.
+
+    Parameters
+    ----------
+    survey
+        With telemetry.
+    ray_camera
+        (P, 3) rays of the picks.
+    least_m
+        Scatter of the points under the best mount.
+    """
+    seeds = survey.seeds
+    assert seeds is not None  # noqa: S101  (the caller asked)
+    scatter = {}
+    for turn in (90, 180, -90):
+        world = np.asarray(Rotation.from_euler("z", -turn, degrees=True).as_matrix())
+        there = replace(seeds, world_from_camera=world @ seeds.world_from_camera)
+        scatter[turn] = _scatter_m(survey, there, ray_camera, np.eye(3))
+    best = min(scatter, key=scatter.__getitem__)
+    if not scatter[best] < BETTER * least_m:
+        return None
+    apart = f"{least_m:.1f} m apart" if np.isfinite(least_m) else "partly in the sky"
+    text = (
+        "All headings of the camera seem to be wrong by the same angle: correct the gimbal's yaw, "
+        "or `mount.yaw_deg`. Where several photos show one point, their rays meet the ground "
+        f"{apart} as it stands, and {scatter[best]:.1f} m apart with all headings turned by "
+        f"{best:+d} degrees."
     )
     return Message("warning", "mount-turned", text)
 

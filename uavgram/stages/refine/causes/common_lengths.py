@@ -76,7 +76,8 @@ def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
         yield Hypothesis(
             tell=partial(tell, standing, one.tape, found),
             mend=_mend(standing, one, found),
-            promise=found.gain,
+            moved=(one.moved,),
+            checked=CHECKED,
             unknowns=1,
             price=float(
                 np.log(len(common) / 2) + np.log(2.0 * largest / (sigma * np.sqrt(2.0 * np.pi)))

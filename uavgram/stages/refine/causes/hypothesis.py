@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import Explained, Moved
+from uavgram.estimation.reliability.hypotheses import CHECKED, Explained, Moved
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
@@ -101,6 +101,8 @@ class Hypothesis:
         changed by it. Where neither is there, only the linear test judges it.
     moved
         How its unknowns move the observations in the linear model; none where nothing is known.
+    checked
+        Share of its directions that has to show in the residuals (see `explained`).
     settled
         Its unknowns (q,) and their covariance (q, q) in the survey that was freed and adjusted,
         for `tell`; left out, those of the linear test are told.
@@ -122,6 +124,7 @@ class Hypothesis:
     remedy: Mend | None = None
     freed: Callable[[Survey], Survey] | None = None
     moved: tuple[Moved, ...] = ()
+    checked: float = CHECKED
     settled: Callable[[Adjustment], tuple[Floats, Floats]] | None = None
     value: Floats | None = None
     unknowns: int = 0

@@ -156,6 +156,9 @@ def _with_rival(best: Judged, sure: Sequence[Judged]) -> tuple[Judged, Judged | 
     """
     if best.after is None or best.hypothesis.tell is None:
         return best, None
+    single = [one for one in sure if one.hypothesis.tell is None and one.odds > best.odds - SURE]
+    if single:  # one wrong reading of any size does as well
+        return max(single, key=lambda one: one.odds), None
     least = best.after.cost
     rivals = [
         one

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,11 +67,12 @@ def screened(standing: Standing, hypotheses: Iterable[Hypothesis]) -> list[Judge
         All that could be wrong with it.
     """
     every = list(hypotheses)
-    linear = [one for one in every if one.moved]
-    tests: Sequence[Explained] = ()
-    if standing.adjustment.minimum.converged:
-        tests = explained(standing.adjustment, [one.moved for one in linear])
-    found = dict(zip(map(id, linear), tests, strict=False))
+    found: dict[int, Explained] = {}
+    for checked in {one.checked for one in every}:
+        linear = [one for one in every if one.moved and one.checked == checked]
+        if standing.adjustment.minimum.converged:
+            tests = explained(standing.adjustment, [one.moved for one in linear], checked)
+            found |= dict(zip(map(id, linear), tests, strict=True))
     judged = [_judged(standing, one, found.get(id(one))) for one in every]
     return sorted(judged, key=lambda one: -one.odds)
 
