@@ -15,7 +15,7 @@ pytestmark = pytest.mark.statistical
 NAMED, GREEN, MENDED = 0.8, 0.05, 0.95
 MOST_TIMES = 4.0
 BAD_Z, MENDED_Z = 2.0, 1.3
-CLEAN, MOST_AMBER = 24, 3  # more than 3 of 24 are due to chance at 3 % each once in 190 times
+CLEAN, MOST_AMBER = 24, 3  # at 3 % each more than 3 of 24 happen once in 190 times
 DUE = {
     "labels_swapped": 3000,
     "pick_60px": 3000,
