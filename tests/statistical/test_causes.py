@@ -40,11 +40,11 @@ DUE = {
     "zoom_1.3": 3000,
     "zoom_1.1": 3000,
 }
-"""Each promised cause, with the first survey from 3000 on in which it matters and shows; but for labels
-swapped everywhere, which take too long."""
+"""Each promised cause, with the first survey from 3000 on in which it matters and shows; but for
+labels swapped everywhere, which take too long."""
 MENDED_SURVEYS = tuple(
     (name, 3000 + k)
-    for name in ("labels_swapped", "length_in_feet", "raised_1_3m", "raised_40_100cm", "pick_60px")
+    for name in ("labels_swapped", "length_in_feet", "raised_1_3m", "pick_60px")
     for k in range(2)
 )
 
