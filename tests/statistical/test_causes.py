@@ -15,10 +15,9 @@ pytestmark = pytest.mark.statistical
 NAMED, GREEN, MENDED = 0.8, 0.05, 0.95
 MOST_TIMES = 4.0
 BAD_Z, MENDED_Z = 2.0, 1.3
-CLEAN, MOST_AMBER = 30, 3  # more than 3 of 30 are due to chance at 3 % each once in 80 times
+CLEAN, MOST_AMBER = 24, 3  # at 3 % each more than 3 of 24 happen once in 190 times
 DUE = {
     "labels_swapped": 3000,
-    "labels_swapped_everywhere": 3000,
     "pick_60px": 3000,
     "raised_1_3m": 3000,
     "raised_40_100cm": 3000,
@@ -41,10 +40,11 @@ DUE = {
     "zoom_1.3": 3000,
     "zoom_1.1": 3000,
 }
-"""Each promised cause, with the first survey from 3000 on in which it matters and shows."""
+"""Each promised cause, with the first survey from 3000 on in which it matters and shows; but for
+labels swapped everywhere, which take too long."""
 MENDED_SURVEYS = tuple(
     (name, 3000 + k)
-    for name in ("labels_swapped", "length_in_feet", "raised_1_3m", "raised_40_100cm", "pick_60px")
+    for name in ("labels_swapped", "length_in_feet", "raised_1_3m", "pick_60px")
     for k in range(2)
 )
 
