@@ -21,7 +21,8 @@ from uavgram.model.flight.second_opinions import FaultKind
 from uavgram.stages.judge.suspects import CODES
 from uavgram.stages.messages import CAUSES, CONSEQUENCES
 
-KINDS_REMOVED = get_args(get_type_hints(Removal)["kind"])
+KINDS_REMOVED = set(get_args(get_type_hints(Removal)["kind"])) - {"mend"}
+"""A mend has the code of the cause that it mends."""
 
 MADE = {
     "stages/judge/suspects.py: CODES.get(kind, 'prior-strained')": {
