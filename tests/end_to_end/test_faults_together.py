@@ -73,6 +73,8 @@ def test_the_photo_of_nonsense_is_left_out_by_name(faulty: Faulty) -> None:
     result, nonsense, *_ = faulty
     (text,) = texts_of(result, "frame-left-out")
     assert repr(nonsense) in text
+    (cause,) = [m for m in result.messages if m.code == "photo-elsewhere"]
+    assert (cause.level, cause.frames) == ("warning", (nonsense,))
 
 
 def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty: Faulty) -> None:
@@ -80,9 +82,12 @@ def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty: F
     warnings = [m for m in result.messages if m.level == "warning"]
     assert warnings[0].code == "labels-swapped"  # the cause first
     assert (warnings[0].frames, set(warnings[0].labels)) == ((swapped,), set(labels))
-    (said,) = [m for m in warnings if m.code == "pick-left-out"]
-    assert set(said.labels) == set(labels)
-    assert "all other picks of its frame contradict it" in said.text
+    assert "Each pick lies where the other belongs" in warnings[0].text
+    (said,) = [m for m in result.messages if m.code == "pick-left-out"]
+    assert (said.level, said.frames, set(said.labels)) == ("info", (swapped,), set(labels))
+    for label in labels:
+        assert f"{label!r} in {swapped!r}" in said.text
+    assert "(all other picks of its frame contradict it: look at its place and its" in said.text
     assert dict(zip(result.frames.frame_id, result.frames.status, strict=True))[swapped] == (
         "refined"
     )

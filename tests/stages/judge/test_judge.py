@@ -485,7 +485,7 @@ def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(
     assert survey.seeds is not None
     covariance = np.tile(np.diag([1.0, 1, 1.5, 0.03, 0.03, 0.04]) ** 2, (6, 1, 1))
     survey = replace(survey, seeds=replace(survey.seeds, covariance=covariance))
-    for factors, unit in (({2: 1000.0}, "in millimetres?"), ({1: 3.2808, 2: 3.2808}, "in feet?")):
+    for factors, unit in (({2: 1000.0}, "in millimetres,"), ({1: 3.2808, 2: 3.2808}, "in feet,")):
         length = np.array(survey.length_m)
         for line, factor in factors.items():
             length[line] *= factor
@@ -494,18 +494,22 @@ def test_a_length_left_out_beforehand_is_named_with_both_values_and_its_unit(
         lines = lines_of(wrong)
         given = examined(refined)
         found, _, _, messages = judge_lines(given, lines, np.arange(6))
-        assert [m.code for m in messages] == ["line-left-out"]
+        assert messages == ()  # the cause tells
+        ((message, mend),) = [(cause.message, cause.mend) for cause in refined.causes]
+        assert message.code == "line-wrong-unit"
         for line in factors:
+            right = survey.length_m[line]
             assert found.status[line] == "removed"
-            assert f"'L{line}'" in messages[0].text
-            assert f"{length[line]:.10g} m taped" in messages[0].text
-            assert f"{found.adjusted_m[line]:.4g} m" in messages[0].text
-            assert found.adjusted_m[line] == pytest.approx(survey.length_m[line], abs=0.1)
-        assert unit in messages[0].text
+            assert f"'L{line}'" in message.text
+            assert f"{right:.2f} m" in message.text
+            assert mend is not None
+            assert mend.length_m[line] == pytest.approx(right, rel=1e-4)
+            assert found.adjusted_m[line] == pytest.approx(right, abs=0.1)
+        assert f"{unit} not in metres" in message.text
         assert judge_suspects(given) == ()
         records = judge_removals(refined, lines, np.arange(6), WHOLE, NO_TIMES)
         assert [r.what for r in records] == [named(lines, line) for line in factors]
-        assert messages[0].lengths == tuple(f"L{line}" for line in factors)
+        assert message.lengths == tuple(f"L{line}" for line in factors)
         assert all(np.isnan([r.variance_factor_before, *r.change]).all() for r in records)
         assert 0.3 < records[0].variance_factor_after < 2.0
 

@@ -305,7 +305,9 @@ def crowded() -> Result:
     """Many measurements, nothing of them in doubt: every third pair of points."""
     labels = [f"P{i:02d}" for i in range(30)]
     pairs = list(combinations(labels, 2))[::3]
-    wanted = tuple((f"D{i}", "distance", p, "m") for i, p in enumerate(pairs))
+    wanted: tuple[survey.Measure, ...] = tuple(
+        (f"D{i}", "distance", p, "m") for i, p in enumerate(pairs)
+    )
     return with_status(survey.build(measures=wanted), "ok")
 
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from uavgram.estimation.reliability.core import core_fit
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE
 from uavgram.model.message import Message
@@ -20,17 +21,24 @@ LEVEL_DEG = 2.0
 def learnt_remarks(adjustment: Adjustment) -> Iterator[Message]:
     """A rolling shutter, and ground that slopes."""
     if adjustment.minimum.converged:
-        yield from _shutter(adjustment)
-        yield from _slopes(adjustment)
+        sure = SURE * _misfit(adjustment)
+        yield from _shutter(adjustment, sure)
+        yield from _slopes(adjustment, sure)
 
 
-def _shutter(adjustment: Adjustment) -> Iterator[Message]:
+def _misfit(adjustment: Adjustment) -> float:
+    """How many times as large errors are as stated, at least 1: a wrong pick may tilt the ground."""
+    fit = core_fit(adjustment)
+    return float(np.sqrt(max(fit.squares / max(fit.degrees, 1.0), 1.0)))
+
+
+def _shutter(adjustment: Adjustment, sure: float) -> Iterator[Message]:
     rolling, layout = adjustment.survey.rolling, adjustment.problem.layout
     if rolling is None or not layout.readout or rolling.readout.value_s:
         return
     found_s = float(adjustment.state.readout[0])
     sigma_s = float(np.sqrt(adjustment.shared(layout.first_readout, 1)[0, 0]))
-    if abs(found_s) > SURE * sigma_s:
+    if abs(found_s) > sure * sigma_s:
         text = (
             f"The camera reads its rows one after the other, in {1e3 * abs(found_s):.0f} ± "
             f"{1e3 * sigma_s:.0f} ms (a rolling shutter): taken into account. Where the camera's "
@@ -39,7 +47,7 @@ def _shutter(adjustment: Adjustment) -> Iterator[Message]:
         yield Message("info", "shutter-found", text)
 
 
-def _slopes(adjustment: Adjustment) -> Iterator[Message]:
+def _slopes(adjustment: Adjustment, sure: float) -> Iterator[Message]:
     layout, survey = adjustment.problem.layout, adjustment.survey
     if not layout.plane:
         return
@@ -53,7 +61,7 @@ def _slopes(adjustment: Adjustment) -> Iterator[Message]:
         sigma = float(np.sqrt(toward @ adjustment.shared(first, 2) @ toward))
         angle, error = np.degrees([np.arctan(size), sigma / (1.0 + size**2)])
         usual = np.degrees(SURE * survey.grounds[area].slope_sigma_rad)
-        if angle > min(LEVEL_DEG, usual) and angle > SURE * error:
+        if angle > min(LEVEL_DEG, usual) and angle > sure * error:
             name = survey.grounds[area].name
             where = f"The ground of area {name!r}" if len(plane) > 1 else "The ground"
             text = f"{where} slopes by {angle:.1f} ± {error:.1g} degrees: taken into account."

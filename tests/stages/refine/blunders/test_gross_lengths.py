@@ -53,7 +53,6 @@ def all_picks(survey: Survey) -> Bools:
 @pytest.mark.parametrize(
     ("factor", "options", "cause"),
     [
-        (1000.0, REMOVE, ("line-wrong-unit",)),
         (1000.0, REPORT, ("line-wrong-unit",)),
         (1 / 0.3048, REPORT, ("line-wrong-unit",)),
         (0.1, REPORT, ("line-wrong-digit",)),
@@ -78,6 +77,27 @@ def test_a_length_in_another_unit_is_left_out_alone_and_the_rest_is_as_without_i
     without = replace(survey, **{name: getattr(survey, name)[fewer] for name in columns})
     other, _ = refine(without, REPORT)
     np.testing.assert_array_equal(other.adjustment.state.point, refined.adjustment.state.point)
+
+
+def test_a_length_in_another_unit_is_put_right_on_request(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    survey = logged(scene_factory(2, frames=6, ends=PAIRS))
+    refined, messages = refine(times(survey, {1: 1000.0}), REMOVE)
+    assert not refined.line_removed.any()
+    (removal,) = refined.removals
+    assert removal.kind == "mend"
+    assert removal.before is not None
+    assert removal.before.line_removed.tolist() == [False, True, False, False, False, False]
+    (message,) = messages
+    assert message.code == "line-wrong-unit"
+    before, right = 1000.0 * survey.length_m[1], survey.length_m[1]
+    assert f"It was mended: length ('P1' to 'P7') {before:.3f} m; now" in message.text
+    assert message.text.endswith(f" {right:.3f} m.")
+    given, _ = refine(survey, REMOVE)
+    np.testing.assert_allclose(
+        refined.adjustment.state.point, given.adjustment.state.point, atol=1e-6
+    )
 
 
 @pytest.mark.parametrize(

@@ -55,7 +55,7 @@ def test_a_hook_is_told_with_its_size_and_sigma(
 ) -> None:
     survey = scene_factory(3, frames=4, ends=PAIRS).survey
     survey = replace(survey, line_name=tuple(f"L{k}" for k in range(9)))
-    cause = identify(standing(off_by(survey, 0.0, 0.5 * offset_m)))[0]
+    cause = identify(standing(off_by(survey, 0.0, 0.5 * offset_m))).causes[0]
     assert cause.message.code == "lengths-offset"
     assert ("long" if offset_m > 0 else "short") in cause.message.text
     assert ("subtract it from" if offset_m > 0 else "add it to") in cause.message.text
@@ -69,7 +69,7 @@ def test_nothing_common_is_told_of_right_lengths(scene_factory: Callable[..., Sc
     for seed in range(6):
         given = standing(scene_factory(seed, frames=3, ends=PAIRS).survey)
         assert not common_misfit(given.adjustment)
-        assert identify(given) == ()
+        assert identify(given).causes == ()
 
 
 def test_without_a_log_a_factor_is_checked_by_nothing(scene_factory: Callable[..., Scene]) -> None:

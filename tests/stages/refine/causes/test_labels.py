@@ -42,7 +42,7 @@ def picks_of(survey: Survey, frame: int) -> Ints:
 def causes_of(survey: Survey) -> tuple[Cause, ...]:
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), none, {})
-    return identify(Standing(taking, adjust_survey(taking)))
+    return identify(Standing(taking, adjust_survey(taking))).causes
 
 
 def test_labels_that_changed_places_in_a_photo_are_told_and_put_back(
@@ -136,7 +136,9 @@ def test_a_height_that_one_wrong_pick_called_for_is_taken_back(
     freed = with_free(replace(survey, pixel_px=pixel), [survey.label[label]])
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     taking = Participants(freed, np.ones(len(pixel), dtype=np.bool_), none, {})
-    (cause,) = identify(Standing(taking, best_minima(taking), frozenset([survey.label[label]])))
+    (cause,) = identify(
+        Standing(taking, best_minima(taking), frozenset([survey.label[label]]))
+    ).causes
     assert cause.message.code == "pick-suspect"
     assert cause.mend is not None
     assert dict(cause.mend.free) == {label: False}

@@ -69,7 +69,7 @@ def test_a_slip_is_named_and_its_mend_is_what_was_read(
     right = float(survey.length_m[3])
     wrong = reading(survey, {3: slip(right)})
     gross = abs(np.log(slip(right) / right)) > 0.4  # such a one is left out beforehand
-    (cause,) = identify(standing(wrong, (3,) if gross else ()))
+    (cause,) = identify(standing(wrong, (3,) if gross else ())).causes
     assert cause.message.code == code
     assert cause.message.lengths == ("L3",)
     assert cause.settles == {"L3"}
@@ -94,13 +94,13 @@ def test_an_error_of_any_amount_is_no_slip(survey: Survey) -> None:
         wrong = reading(survey, {3: float(survey.length_m[3]) + amount})
         assert list(wrong_readings(standing(wrong, (3,)))) == []
         if abs(amount) < 2.0:
-            assert identify(standing(wrong)) == ()
+            assert identify(standing(wrong)).causes == ()
 
 
 def test_exchanged_readings_are_swapped_back(survey: Survey) -> None:
     first, second = (float(survey.length_m[k]) for k in (0, 4))
     assert abs(first - second) > 0.2
-    (cause,) = identify(standing(reading(survey, {0: second, 4: first})))
+    (cause,) = identify(standing(reading(survey, {0: second, 4: first}))).causes
     assert cause.message.code == "lines-exchanged"
     assert cause.settles == {"L0", "L4"}
     assert cause.mend is not None
@@ -112,7 +112,7 @@ def test_a_length_between_other_labels_is_found_left_out_or_not(survey: Survey) 
     end[3] = 11  # the true end is 9
     wrong = replace(survey, line_end=end)
     for without in ((), (3,)):
-        (cause,) = identify(standing(wrong, without))
+        (cause,) = identify(standing(wrong, without)).causes
         assert cause.message.code == "line-other-ends"
         assert "('P3' to 'P11') seems to be from 'P3' to 'P9'" in cause.message.text
         assert cause.mend is not None
@@ -152,7 +152,7 @@ def test_what_the_rest_says_of_a_length_is_as_if_adjusted_without_it(survey: Sur
 
 def test_all_lengths_in_feet_are_one_cause(survey: Survey) -> None:
     wrong = replace(survey, length_m=survey.length_m / 0.3048)
-    causes: tuple[Cause, ...] = identify(standing(wrong, tuple(range(6))))
+    causes: tuple[Cause, ...] = identify(standing(wrong, tuple(range(6)))).causes
     assert [cause.message.code for cause in causes] == ["lengths-wrong-unit"]
     assert causes[0].message.text.startswith("All lengths seem to be in feet, not in metres: ")
     mend = causes[0].mend

@@ -33,7 +33,7 @@ def without_the_photo(survey: Survey) -> Standing:
 
 
 def cause_of(survey: Survey) -> Cause:
-    (cause,) = identify(without_the_photo(survey))
+    (cause,) = identify(without_the_photo(survey)).causes
     assert cause.message.frames == ("f2",)
     assert cause.settles == {"f2"}
     return cause

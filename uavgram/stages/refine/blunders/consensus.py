@@ -76,7 +76,21 @@ def _places(survey: Survey, picks: Ints, adjustment: Adjustment) -> tuple[Floats
 
 
 def consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
-    """(n,) which picks agree on the pose that most agree on."""
+    """(n,) which picks agree on the pose that most agree on.
+
+    Parameters
+    ----------
+    world
+        Points of the picks on the plane (n, 2), in metres.
+    ray
+        Their lines of sight in the camera's axes (n, 3), of depth 1.
+    sigma
+        (n,) sigmas of the picks, in normalised image coordinates.
+
+    Returns
+    -------
+    None where no pose can be found.
+    """
     best = None
     for chosen in _sets(len(ray)):
         agree = _agreeing(world, ray, sigma, np.array(chosen))

@@ -33,6 +33,8 @@ def wrong_pick_on_the_ground(standing: Standing) -> Iterator[Hypothesis]:
     """Labels whose heights were freed unasked: on the ground, and one of their picks is wrong."""
     adjustment, refined = standing.adjustment, standing.refined
     sigma = adjustment.survey.pick_sigma_px
+    found = strays(standing)
+    fall = dict(zip(found.pick.tolist(), found.fall.tolist(), strict=True))
     for name in sorted(standing.freed & set(adjustment.survey.label)):
         rows = np.flatnonzero(adjustment.survey.pick_label == adjustment.label_index(name))
         if len(rows) < LEAST_PICKS:
@@ -46,7 +48,8 @@ def wrong_pick_on_the_ground(standing: Standing) -> Iterator[Hypothesis]:
             yield Hypothesis(
                 tell=partial(_wrong_pick, standing.survey, pick),
                 mend=Mend(free={label: False}, without_picks=frozenset([pick])),
-                promise=free - on_it,
+                # A wrong pick bends the ground, and with it what the others seem to lose on it.
+                promise=max(free - on_it, fall.get(pick, 0.0)),
                 unknowns=1,  # two of the pick, less one of the height
                 price=PRICE + float(np.log(len(rows))),
                 settles=frozenset([standing.survey.frame_id[standing.survey.pick_frame[pick]]]),

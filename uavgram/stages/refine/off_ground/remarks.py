@@ -26,7 +26,17 @@ def off_ground_remarks(refined: Refined) -> Iterator[Message]:
 
 
 def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int) -> Message:
-    """The message on a label that fits at a height, as so many photos show it."""
+    """The message on a label that fits at a height.
+
+    Parameters
+    ----------
+    label
+        The point.
+    height_m, sigma_m
+        Its height above the ground and the sigma of it, in metres.
+    photos
+        How many photos show it.
+    """
     side = "above" if height_m > 0 else "below"
     digits = int(np.clip(1 - np.floor(np.log10(max(sigma_m, 1e-4))), 1, 3))
     size = f"{abs(height_m):.{digits}f} ± {sigma_m:.{digits}f} m {side} the ground"
