@@ -6,14 +6,12 @@ measured beyond twice its sigma where nothing is done of it (the study's raw z i
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 from cause_outcomes import REMOVED, Outcome, run_case
 
 pytestmark = pytest.mark.statistical
 
 NAMED, GREEN, MENDED = 0.8, 0.05, 0.95
-MOST_TIMES = 4.0
 BAD_Z, MENDED_Z = 2.0, 1.3
 CLEAN, MOST_AMBER = 24, 3  # at 3 % each more than 3 of 24 happen once in 190 times
 DUE = {
@@ -65,13 +63,10 @@ def test_causes_are_named_first_and_nothing_bad_is_green() -> None:
     assert len(green) <= GREEN * len(bad), green
 
 
-def test_clean_surveys_are_not_red_and_hardly_amber_and_misfits_take_little_longer() -> None:
+def test_clean_surveys_are_not_red_and_hardly_amber() -> None:
     found = [run_case(("clean_prior", 3000 + k), {}, compared=False) for k in range(CLEAN)]
     assert [said(one) for one in found if one.level == "red"] == []
     assert len([said(one) for one in found if one.misfits]) <= MOST_AMBER
-    some = ("labels_swapped", "pick_60px", "length_1m", "rough_10cm", "gimbal_tilt_10")
-    faulty = [run_case((name, 3000), {}, compared=False).cpu_s for name in some]
-    assert np.mean(faulty) < MOST_TIMES * np.mean([one.cpu_s for one in found])
 
 
 def test_what_remove_mends_is_as_it_was_without_the_fault() -> None:

@@ -139,7 +139,8 @@ def compute(
         *sampled_messages,
         *without_the_innocent(judged.messages, refined.causes),
     )
-    verdict, status = pass_verdict(messages, judged.fit, judged.examined, measured.table)
+    put_right = {one.cause.message.code for one in refined.removals if one.cause is not None}
+    verdict, status = pass_verdict(messages, judged.fit, judged.examined, measured.table, put_right)
     result = Result(
         name=inputs.project.name,
         provenance=_provenance(inputs, sampling),

@@ -37,8 +37,9 @@ CHECKED = 1e-5
 """Share of what is common to all lengths that has to show in the residuals: that of a factor is
 small where only a log speaks of the scale, as lengths are so much better."""
 
-NOT_CHANCE = 3.3
-"""Sigmas from which on something that all lengths have in common asks for a cause by itself."""
+NOT_CHANCE = 4.0
+"""Sigmas from which on something that all lengths have in common is told, and asks for a cause by
+itself: who is told that all his lengths are wrong can use none of them."""
 
 
 LOWEST_M, HIGHEST_M = 3.0, 150.0
@@ -69,7 +70,9 @@ def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
     tests = explained(adjustment, [[one.moved] for one in common], CHECKED)
     for one, found in zip(common, tests, strict=True):
         value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
-        if not np.isfinite(sigma) or (not one.is_factor and abs(value) > LARGEST_OFFSET_M):
+        if not np.isfinite(sigma) or abs(value) < NOT_CHANCE * sigma:
+            continue
+        if not one.is_factor and abs(value) > LARGEST_OFFSET_M:
             continue
         largest = LARGEST_FACTOR if one.is_factor else LARGEST_OFFSET_M
         tell = _off_by_a_factor if one.is_factor else _off_by_an_offset
