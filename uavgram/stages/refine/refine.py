@@ -46,6 +46,7 @@ from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
 from uavgram.stages.refine.off_ground.heights import found_free, with_free
 from uavgram.stages.refine.off_ground.remarks import off_ground_remarks
+from uavgram.stages.refine.off_ground.unseen import with_unseen_heights
 from uavgram.stages.refine.readout import with_sound_readout
 from uavgram.stages.refine.remarks import (
     contradiction,
@@ -131,7 +132,7 @@ class _Begun(NamedTuple):
     causes
         What explains that it does not fit.
     messages
-        On control.
+        On control, and on heights that nothing tells.
     """
 
     given: Survey
@@ -159,6 +160,7 @@ def _begun(given: Survey, removed: Bools, options: SolveOptions) -> _Begun:
     survey, refined, left_out = _without_gross_control(given, keep, reason)
     off_ground = found_free(survey, refined)
     survey = with_free(survey, off_ground)
+    survey, refined, unseen = with_unseen_heights(survey, refined, off_ground)
     refined = replace(refined, pick_removed=removed)
     found = identify(Standing(_participants(survey, refined), refined, frozenset(off_ground)))
     causes = found.causes
@@ -170,7 +172,7 @@ def _begun(given: Survey, removed: Bools, options: SolveOptions) -> _Begun:
         survey, refined, causes = _freed(
             survey, refined, found, lambda one: _without_gross_known(one, keep, reason)
         )
-    return _Begun(given, survey, refined, off_ground, causes, tuple(left_out))
+    return _Begun(given, survey, refined, off_ground, causes, (*left_out, *unseen))
 
 
 def _freed(
