@@ -92,7 +92,7 @@ def test_a_length_in_another_unit_is_put_right_on_request(
     (message,) = messages
     assert message.code == "line-wrong-unit"
     before, right = 1000.0 * survey.length_m[1], survey.length_m[1]
-    assert f"It was mended: length ('P1' to 'P7') {before:.3f} m; now" in message.text
+    assert f"It was mended: length 'P1' to 'P7' {before:.3f} m; now" in message.text
     assert message.text.endswith(f" {right:.3f} m.")
     given, _ = refine(survey, REMOVE)
     np.testing.assert_allclose(
