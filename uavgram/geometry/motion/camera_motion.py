@@ -22,6 +22,7 @@ def camera_motion(
     """(N, 6) velocity in the world [m/s] and angular rate in camera axes [rad/s].
 
     Central differences of the camera's own poses, so a gimbal's turns count and the body's do not.
+    None (0) of a frame that a corrected clock puts outside the track.
 
     Parameters
     ----------
@@ -33,11 +34,6 @@ def camera_motion(
         (N,) their names.
     shared
         (12,) unknowns of the telemetry, see `predict_pose`.
-
-    Raises
-    ------
-    ValueError
-        An instant lies outside the track.
     """
     at_s = corrected_time(shared, prior.time_s, prior.middle_s)
     times = [track.position_time_s, track.attitude_time_s]
@@ -51,4 +47,7 @@ def camera_motion(
     )
     end, from_end, _ = predict_pose(poses(after), prior.gimbal_from_camera, shared, since_middle)
     turn = log_so3(np.swapaxes(from_start, 1, 2) @ from_end)
-    return np.concatenate([end - start, turn], axis=1) / (after - before)[:, None]
+    span_s = (after - before)[:, None]
+    known = span_s > 0
+    moved = np.concatenate([end - start, turn], axis=1)
+    return np.asarray(np.where(known, moved, 0.0) / np.where(known, span_s, 1.0))
