@@ -27,7 +27,7 @@ def learnt_remarks(adjustment: Adjustment) -> Iterator[Message]:
 
 
 def _misfit(adjustment: Adjustment) -> float:
-    """How many times as large errors are as stated, at least 1: a wrong pick may tilt it all."""
+    """How many times as large errors are as stated, at least 1: a wrong pick may tilt a plane."""
     fit = core_fit(adjustment)
     return float(np.sqrt(max(fit.squares / max(fit.degrees, 1.0), 1.0)))
 
