@@ -124,6 +124,9 @@ def test_a_length_a_quarter_off_stays_and_is_the_only_suspect(solve: Solve) -> N
     (text,) = [text for text in suspects if "withheld" not in text]
     assert "'L2'" in text
     assert "Without it, everything else fits." in text
+    (misfit,) = [text for code, text in warned(result) if code == "misfit"]
+    assert "no single cause" not in misfit
+    assert result.verdict.level == "red"
     status = dict(zip(result.lines.name, result.lines.status, strict=True))
     assert [name for name, state in status.items() if state == "suspect"] == ["L2"]
 

@@ -97,10 +97,15 @@ def judge_fit(fit: Fit, refined: Refined) -> tuple[Message, ...]:
     contradicted = fit.core < CONTRADICTED
     what = "contradict each other" if contradicted else "do not fit together as they should"
     verb = "use" if contradicted else "rely on"
+    why = ", and no single cause explains it all"
+    look = (
+        "look at what the other messages name, at the labels, the unit of the lengths, the camera "
+        "file and whether the ground is plane"
+    )
+    if refined.accused_alone:
+        why, look = "", "one message names it, and without it everything else fits"
     text = (
-        f"Picks, lengths and ground {what}, and no single cause explains it all. Do not {verb} the "
-        "numbers before it is cleared up: look at what the other messages name, at the labels, "
-        "the unit of the lengths, the camera file and whether the ground is plane (probability by "
-        f"chance {fit.core:.1g})."
+        f"Picks, lengths and ground {what}{why}. Do not {verb} the numbers before it is cleared "
+        f"up: {look} (probability by chance {fit.core:.1g})."
     )
     return (Message("warning", "misfit", text),)

@@ -49,7 +49,7 @@ def test_a_factor_and_an_offset_are_found_within_their_sigmas(
         assert low < np.sum(square) < high
 
 
-@pytest.mark.parametrize("offset_m", [0.4, -0.25])
+@pytest.mark.parametrize("offset_m", [0.4, -0.4])
 def test_a_hook_is_told_with_its_size_and_sigma(
     scene_factory: Callable[..., Scene], offset_m: float
 ) -> None:
@@ -63,6 +63,15 @@ def test_a_hook_is_told_with_its_size_and_sigma(
     if cause.mend is not None:
         right = [cause.mend.length_m[k] for k in range(9)]
         np.testing.assert_allclose(right, survey.length_m, atol=0.2 * abs(offset_m))
+
+
+def test_an_offset_below_four_sigmas_is_not_told(scene_factory: Callable[..., Scene]) -> None:
+    survey = scene_factory(3, frames=4, ends=PAIRS).survey
+    given = standing(off_by(survey, 0.0, -0.125))
+    (one,) = (each for each in _common(given.adjustment) if not each.is_factor)
+    (found,) = explained(given.adjustment, [[one.moved]], CHECKED)
+    assert 3.0 < -found.value[0] / np.sqrt(found.covariance[0, 0]) < 4.0
+    assert identify(given).causes == ()
 
 
 def test_nothing_common_is_told_of_right_lengths(scene_factory: Callable[..., Scene]) -> None:
