@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
+from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.reliability.wrong_units import likely_unit_of_height
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.terms.tapes import taped_lines
@@ -41,6 +42,9 @@ NOT_CHANCE = 4.0
 """Sigmas from which on something that all lengths have in common is told, and asks for a cause by
 itself: who is told that all his lengths are wrong can use none of them."""
 
+
+STILL, MOST_DOUBTED = 3.0, 6
+"""The same without any single length; and lengths that are left aside for it, worst first."""
 
 LOWEST_M, HIGHEST_M = 3.0, 150.0
 """Heights from which most drones take photos of the ground: 120 m is the limit of most laws."""
@@ -74,6 +78,8 @@ def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
             continue
         if not one.is_factor and abs(value) > LARGEST_OFFSET_M:
             continue
+        if not _is_common(adjustment, one):
+            continue
         largest = LARGEST_FACTOR if one.is_factor else LARGEST_OFFSET_M
         tell = _off_by_a_factor if one.is_factor else _off_by_an_offset
         yield Hypothesis(
@@ -87,6 +93,23 @@ def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
             ),
             settles=frozenset(_names(standing, one.tape.rows)),
         )
+
+
+def _is_common(adjustment: Adjustment, one: _Common) -> bool:
+    """Whether it shows still where any single length is wrong by whatever it may."""
+    block = adjustment.minimum.blocks["lengths"]
+    worst = np.argsort(-falls_without(block, adjustment.covariance), kind="stable")[:MOST_DOUBTED]
+    single = [Moved("lengths", np.array([row]), np.ones((1, 1, 1))) for row in worst]
+    rows, along = one.moved.rows, one.moved.along
+    both = []
+    for row in worst:
+        every = np.union1d(rows, [row])
+        own = np.zeros((len(every), 1, 2))
+        own[np.isin(every, rows), :, :1], own[every == row, 0, 1] = along, 1.0
+        both.append(Moved("lengths", every, own))
+    alone = explained(adjustment, [[each] for each in single], CHECKED)
+    joint = explained(adjustment, [[each] for each in both], CHECKED)
+    return all(b.gain - a.gain > STILL**2 for a, b in zip(alone, joint, strict=True))
 
 
 def common_misfit(adjustment: Adjustment) -> bool:

@@ -36,9 +36,9 @@ from uavgram.stages.refine.causes.photos import (
 )
 from uavgram.stages.refine.causes.trials import Judged, as_noisy_as_it_is, screened, tried
 
-MOST_CAUSES, MOST_TRIED, MOST_DOUBTED = 6, 8, 3
-"""Causes that are told; hypotheses for which a mended survey is adjusted each time, and for which
-it is adjusted with the noise that would explain the misfit instead."""
+MOST_CAUSES, MOST_TRIED, MOST_OF_A_KIND, MOST_DOUBTED = 6, 10, 3, 3
+"""Causes that are told; hypotheses for which a mended survey is adjusted each time, and of each
+kind; and for which it is adjusted with the noise that would explain the misfit instead."""
 
 SURE = float(np.log(20.0))
 """Logarithm of the odds from which on a hypothesis is told, and no longer than others tried."""
@@ -128,9 +128,10 @@ def _cause(best: Judged, rival: Judged | None) -> Cause:
 
 def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:
     """The likeliest hypothesis, if neither chance nor noise explains it as well; and its rival."""
-    proposed = (one for propose in PROPOSALS for one in propose(standing))
+    kinds = [screened(standing, propose(standing))[:MOST_OF_A_KIND] for propose in PROPOSALS]
+    proposed = sorted((one for kind in kinds for one in kind), key=lambda one: -one.odds)
     trials: list[Judged] = []
-    for one in screened(standing, proposed)[:MOST_TRIED]:
+    for one in proposed[:MOST_TRIED]:
         best = max((each.odds for each in trials), default=-np.inf)
         if one.odds < 0.0 or best > one.odds + SURE:
             break  # what the linear model promises of the rest is less
