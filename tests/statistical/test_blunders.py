@@ -253,7 +253,10 @@ def test_a_wrong_length_is_taken_out_without_harm(
         given, wrong, _ = blundered(truth[0], rng)
         refined, _ = solved(given, "remove")
         removed = [(r.kind, r.index) for r in refined.removals]
-        right += removed[:1] == [("line", wrong)]
+        mends = [r.cause.mend for r in refined.removals if r.cause is not None]
+        # An error of about a metre may be a slip of a digit: then it is put right.
+        put_right = [set(mend.length_m) for mend in mends if mend is not None][:1] == [{wrong}]
+        right += removed[:1] == [("line", wrong)] or put_right
         after.append(check_errors(refined))
         if removed != [("line", wrong)]:
             refined = adjust_survey(Participants(given, EVERY_PICK, np.arange(6) == wrong, {}))
