@@ -42,6 +42,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
+from uavgram.model.survey.mend import Mend
 from uavgram.model.survey.survey import Ground, Survey
 from uavgram.stages.refine import minima, refine
 from uavgram.stages.refine.begin.starts import first_values
@@ -253,7 +254,10 @@ def test_a_wrong_length_is_taken_out_without_harm(
         given, wrong, _ = blundered(truth[0], rng)
         refined, _ = solved(given, "remove")
         removed = [(r.kind, r.index) for r in refined.removals]
-        right += removed[:1] == [("line", wrong)]
+        mends = [r.cause.mend for r in refined.removals if r.cause is not None]
+        # An error of about a metre may be a slip of a digit: then it is put right.
+        put_right = [set(mend.length_m) for mend in mends if mend is not None][:1] == [{wrong}]
+        right += removed[:1] == [("line", wrong)] or put_right
         after.append(check_errors(refined))
         if removed != [("line", wrong)]:
             refined = adjust_survey(Participants(given, EVERY_PICK, np.arange(6) == wrong, {}))
@@ -321,7 +325,7 @@ def test_a_pick_15_px_off_is_located_where_three_frames_see_every_point(
     assert located >= 0.98 * SEVERAL
 
 
-def test_two_swapped_labels_are_located_where_three_frames_see_every_point(
+def test_two_swapped_labels_are_swapped_back_where_three_frames_see_every_point(
     record_property: Callable[[str, object], None],
 ) -> None:
     located = 0
@@ -333,9 +337,10 @@ def test_two_swapped_labels_are_located_where_three_frames_see_every_point(
         label[[one, other]] = label[[other, one]]
         # At the stated noise: what is learnt from two gross picks of one frame hides one in forty.
         refined, _ = solved(replace(survey, pick_label=label), "remove", "stated")
-        # Left out beforehand where they spoil everything, else taken out one after the other.
-        out = [*refined.pick_reason, *(r.index for r in refined.removals)]
-        located += set(out[:2]) == {one, other}
+        mends = [r.cause.mend for r in refined.removals if r.cause is not None]
+        right = {int(k): int(survey.pick_label[k]) for k in (one, other)}
+        # Swapped back: nothing is left out, and nothing else is changed.
+        located += not refined.pick_reason and mends == [Mend(label_of_pick=right)]
     record_property("located", float(located / SWAPPED))
     assert located >= 0.98 * SWAPPED
 
