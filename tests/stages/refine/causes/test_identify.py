@@ -132,9 +132,9 @@ def on_rough_ground(make: Callable[..., Scene], seed: int) -> Survey:
     return replace(survey, grounds=(replace(ground, roughness_sigma_m=0.0),))
 
 
-@pytest.mark.parametrize("seed", [1, 4, 9])
-def test_on_rough_ground_no_length_or_pick_is_told(
-    scene_factory: Callable[..., Scene], seed: int
+def test_on_rough_ground_nothing_is_told(
+    scene_factory: Callable[..., Scene],
 ) -> None:
-    causes = identify(standing(on_rough_ground(scene_factory, seed))).causes
+    """Here the height of a point would be, were the noise not asked."""
+    causes = identify(standing(on_rough_ground(scene_factory, 1))).causes
     assert [one.message.code for one in causes] == []

