@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import pytest
+
 from uavgram.model.message import Message, Several
-from uavgram.stages.messages import MOST_LISTED, in_order
+from uavgram.model.survey.mend import Cause
+from uavgram.stages.messages import IDENTIFIED, MOST_LISTED, in_order, without_the_innocent
 
 OUT = "{count} frames were left out"
 
@@ -96,3 +101,55 @@ def test_the_same_message_is_told_once_and_telling_twice_changes_nothing() -> No
     messages = in_order(left_out("a.jpg"), left_out("a.jpg"), left_out("b.jpg"))
     assert len(messages) == 1
     assert in_order(*messages) == messages
+
+
+def accused(code: str, **subjects: tuple[str, ...]) -> Message:
+    return Message("warning", code, f"{code}: look there.", **subjects)  # type: ignore[arg-type]
+
+
+def cause_of(message: Message, *settles: str) -> Cause:
+    return Cause(
+        message=message, mend=None, gain=99.0, log_probability=-40.0, settles=frozenset(settles)
+    )
+
+
+FEET = cause_of(accused("line-wrong-unit", lengths=("north",)), "south")
+SWAPPED = cause_of(accused("labels-swapped", frames=("a.jpg",), labels=("P1", "P2")))
+
+
+@pytest.mark.parametrize(
+    ("message", "innocent"),
+    [
+        (accused("line-suspect", lengths=("north",)), True),
+        (accused("line-left-out", lengths=("south",)), True),
+        (accused("lengths-contradict", lengths=("north", "south")), True),
+        (accused("lengths-contradict", lengths=("north", "west")), False),
+        (accused("line-suspect", lengths=("west",)), False),
+        (accused("line-unseen", lengths=("north",)), False),  # accuses nothing
+        (accused("pick-suspect", frames=("a.jpg",), labels=("P1",)), True),
+        (accused("pick-suspect", frames=("a.jpg",), labels=("P3",)), False),
+        (accused("pick-suspect", frames=("b.jpg",), labels=("P1",)), False),
+        (accused("line-suspect"), False),
+    ],
+)
+def test_what_a_cause_explains_is_accused_no_longer(message: Message, innocent: bool) -> None:  # noqa: FBT001
+    (told,) = without_the_innocent([message], [FEET, SWAPPED])
+    assert told == (replace(message, level="info") if innocent else message)
+    assert list(without_the_innocent([message], [])) == [message]
+
+
+def test_a_photo_that_a_cause_settles_is_innocent_and_the_cause_itself_is_told() -> None:
+    found = cause_of(accused("frame-left-out", frames=("c.jpg",)), "c.jpg")
+    again = accused("frame-left-out", frames=("c.jpg",))
+    messages = list(without_the_innocent([found.message, again], [found]))
+    assert [one.level for one in messages] == ["warning", "info"]
+
+
+def test_no_error_comes_before_a_cause_that_was_found() -> None:
+    error = Message("error", "not-converged", "x")
+    for codes in IDENTIFIED:
+        for code in codes:
+            found = Message("warning", code, "y")
+            assert in_order(error, found) == (found, error)
+    assert in_order(accused("pick-suspect"), error)[0] == error
+    assert in_order(Message("info", "labels-swapped", "y"), error)[0] == error

@@ -7,7 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scenes import Scene, make_scene
+from scipy.stats import norm
 
+from uavgram.estimation.reliability.hypotheses import explained
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.flight.log import Track
@@ -16,6 +18,15 @@ from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
+from uavgram.stages.refine.causes.flight import (
+    USUAL_RAD,
+    USUAL_S,
+    stepped_places,
+    turned_camera,
+    wrong_clock,
+)
+from uavgram.stages.refine.causes.hypothesis import Standing
+from uavgram.stages.refine.minima import Participants, best_minima
 
 FLIGHT = {"clock-off", "gimbal-off", "log-position-jump"}
 
@@ -115,3 +126,67 @@ def test_sigmas_that_are_to_stay_stay_and_the_cause_is_told() -> None:
     kept = refined.adjustment.survey.telemetry
     assert kept is not None
     assert kept.boresight_sigma_rad == prior.boresight_sigma_rad
+
+
+def standing(survey: Survey) -> Standing:
+    every = np.ones(len(survey.pick_frame), dtype=np.bool_)
+    none = np.zeros(len(survey.line_start), dtype=np.bool_)
+    taking = Participants(survey, every, none, {})
+    return Standing(taking, best_minima(taking))
+
+
+def test_the_linear_test_finds_what_an_adjustment_without_the_prior_finds() -> None:
+    """What the mean is off by: its own variance comes on top of that of the value without it."""
+    scene, prior, _ = scene_of(4)
+    turned = prior.gimbal_from_camera @ exp_so3(np.radians([2.0, -1.0, 3.0]))
+    stands = standing(replace(scene.survey, telemetry=replace(prior, gimbal_from_camera=turned)))
+    hypotheses = (*turned_camera(stands), next(iter(wrong_clock(stands))))
+    own = prior.boresight_sigma_rad, prior.heading_bias_sigma_rad, prior.clock_sigma_s
+    for one, of_mean in zip(hypotheses, own, strict=True):
+        assert one.freed is not None
+        assert one.settled is not None
+        found = explained(stands.adjustment, [one.moved])[0]
+        value, covariance = one.settled(standing(one.freed(stands.survey)).adjustment)
+        sigma = np.sqrt(covariance.diagonal() + of_mean**2)
+        assert np.sqrt(found.covariance.diagonal()) == pytest.approx(sigma, rel=0.05)
+        assert (np.abs(found.value - value) < 0.15 * sigma + 0.02 * np.abs(value)).all()
+
+
+def test_giving_up_a_prior_costs_the_odds_of_its_mean() -> None:
+    """A wide prior has less at any place than a narrow one: by the densities of both."""
+    scene, prior, _ = scene_of(4)
+    stands = standing(scene.survey)
+    camera, compass = turned_camera(stands)
+    clocks = list(wrong_clock(stands))
+    for one, count, usual, stated in (
+        (camera, 3, USUAL_RAD, prior.boresight_sigma_rad),
+        (compass, 1, USUAL_RAD, prior.heading_bias_sigma_rad),
+        *((each, 1, USUAL_S, prior.clock_sigma_s) for each in clocks),
+    ):
+        odds = norm.logpdf(0.0, scale=stated) - norm.logpdf(0.0, scale=usual)
+        assert one.unknowns == count
+        assert one.price == pytest.approx(count * odds)
+
+
+@pytest.mark.parametrize("first", [1, 6])
+def test_the_likeliest_step_is_where_the_log_jumps(first: int) -> None:
+    scene, prior, track = scene_of(5)
+    place = np.array(track.position_world_m).reshape(len(prior.time_s), -1, 3)
+    place[first:] += [9.0, -6.0, 3.0]
+    survey = replace(scene.survey, track=replace(track, position_world_m=place.reshape(-1, 3)))
+    stands = standing(survey)
+    steps = [one for one in stepped_places(stands) if one.tell is not None]
+    found = explained(stands.adjustment, [one.moved for one in steps])
+    best = int(np.argmax([one.gain for one in found]))
+    assert best == 0  # the cheap bound has it first as well
+    tell, freed = steps[best].tell, steps[best].freed
+    assert tell is not None
+    assert freed is not None
+    assert tell(found[best]).frames == (f"f{first - 1}", f"f{first}")
+    assert found[best].value == pytest.approx([9.0, -6.0, 3.0], abs=3.0)
+    known_less = freed(survey).telemetry
+    assert known_less is not None
+    wide = known_less.covariance[:, 0, 0] > 100.0
+    behind = np.arange(len(wide)) >= first
+    assert wide.tolist() == (behind if behind.sum() <= 4 else ~behind).tolist()
+    assert len(steps) == len(wide) - 1

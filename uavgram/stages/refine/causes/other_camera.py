@@ -84,16 +84,17 @@ def _zoom(standing: Standing, frame: int, picks: Ints) -> float | None:
     if len(known) <= SMALLEST:
         return None
     world = standing.adjustment.state.point[label[known], :2]
-    ray = back_project(camera.model, camera.parameters, survey.pixel_px[picks[known]])
-    if not np.isfinite(ray).all():
-        return None
-    ray = ray / ray[:, 2:]
+    middle = camera.parameters[2:4]
+    # The lens bends what it shows, whatever its focal length: so it is scaled before.
+    pixel = middle + (survey.pixel_px[picks[known]] - middle) / ZOOMS[:, None, None]
+    ray = back_project(camera.model, camera.parameters, pixel.reshape(-1, 2))
+    every = (ray / ray[:, 2:]).reshape(*pixel.shape[:2], 3)
     sigma = survey.pick_sigma_px[picks[known]] / camera.parameters[0]
     center, whitening = _by_the_log(standing, frame)
     cost = np.full(len(ZOOMS), np.inf)
     for k, factor in enumerate(ZOOMS):
-        zoomed = ray * np.array([1.0 / factor, 1.0 / factor, 1.0])
-        pose = resect_from_plane(world, zoomed)
+        zoomed = every[k]
+        pose = resect_from_plane(world, zoomed) if np.isfinite(zoomed).all() else None
         if pose is None or pose[0][2] <= 0:
             continue
         off = (seen_at(world, pose) - zoomed[:, :2]) * factor / sigma[:, None]

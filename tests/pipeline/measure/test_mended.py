@@ -1,0 +1,153 @@
+"""What a run says of what was mended: in its tables, its record and its verdict."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hostile_conditions import Condition
+from hostile_project import write_project
+from hostile_surveys import make_survey
+from scenes import make_scene
+
+from uavgram.io.results.results_json import load_results, write_results
+from uavgram.model.arrays import Floats
+from uavgram.model.message import Message
+from uavgram.model.result.result import Result
+from uavgram.model.survey.mend import Cause, Ends, Mend
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import Inputs, read_inputs
+from uavgram.pipeline.measure.mended import with_mends
+from uavgram.stages.assemble import Assembled
+from uavgram.stages.refine.causes.hypothesis import Standing
+from uavgram.stages.refine.causes.identify import Identified
+
+SMALL = Condition(labels=9, photos=5, picked_share=1.0, radius_m=12.0)
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
+    """A project in which what is found to be wrong is mended."""
+    folder = write_project(make_survey(SMALL, 0), tmp_path_factory.mktemp("small"))
+    inputs = read_inputs(folder)
+    solve = replace(inputs.project.solve, outliers="remove", noise="stated")
+    return replace(inputs, project=replace(inputs.project, solve=solve))
+
+
+def result_of(inputs: Inputs) -> Result:
+    return compute(inputs, curved=False).result
+
+
+@pytest.fixture(scope="module")
+def right(small: Inputs) -> Result:
+    return result_of(small)
+
+
+def values_of(result: Result) -> Floats:
+    return np.asarray(result.measurements.value)
+
+
+def cause(mend: Mend | None) -> Cause:
+    message = Message("warning", "labels-swapped", "It is wrong.")
+    return Cause(message=message, mend=mend, gain=99.0, log_probability=-40.0)
+
+
+def swapped(inputs: Inputs, frame: int = 2) -> tuple[Inputs, list[int]]:
+    """Two labels in a photo, and the rows of their picks."""
+    picks = inputs.picks
+    name = sorted(set(picks.image))[frame]
+    one, other = [k for k, of in enumerate(picks.image) if of == name][:2]
+    label = list(picks.label)
+    label[one], label[other] = label[other], label[one]
+    return replace(inputs, picks=replace(picks, label=tuple(label))), [one, other]
+
+
+def test_tables_are_of_what_was_taken_wherever_the_survey_has_it(small: Inputs) -> None:
+    """The survey has picks and lengths in another order, and not all of them."""
+    survey = make_scene(1, frames=1, labels=7, lines=0).survey
+    picks, lines = len(small.picks.label), len(small.lines.name)
+    pick_at, line_at = np.arange(picks)[::-1] - 1, np.arange(lines)[::-1] - 1
+    assembled = Assembled(
+        survey=survey,
+        pick_index=pick_at,
+        line_index=line_at,
+        pick_sigma_px=np.ones(picks),
+    )
+    causes = [
+        cause(Mend(label_of_pick={0: 3}, length_m={1: 7.25})),
+        cause(None),
+        cause(Mend(pixel_of_pick={4: (12.0, 34.0)}, ends={0: Ends(5, 2)})),
+        cause(Mend(label_of_pick={0: 4})),
+    ]
+    found = with_mends(small, assembled, causes)
+    row = {int(k): i for i, k in enumerate(pick_at)}
+    label, pixel = list(small.picks.label), np.array(small.picks.pixel_px)
+    label[row[0]], pixel[row[4]] = survey.label[4], (12.0, 34.0)
+    assert found.picks.label == tuple(label)
+    assert found.picks.pixel_px.tolist() == pixel.tolist()
+    row = {int(k): i for i, k in enumerate(line_at)}
+    start, end = list(small.lines.start), list(small.lines.end)
+    length = np.array(small.lines.length_m)
+    start[row[0]], end[row[0]], length[row[1]] = survey.label[5], survey.label[2], 7.25
+    assert (found.lines.start, found.lines.end) == (tuple(start), tuple(end))
+    assert found.lines.length_m.tolist() == length.tolist()
+
+
+def test_labels_are_as_mended_picks_taken_out_are_removed_and_the_record_says_so(
+    small: Inputs, right: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A cause as it would be found: two labels to swap back, and the photo's third pick to go."""
+    wrong, rows = swapped(small)
+    out = rows[1] + 1
+
+    def found(standing: Standing) -> Identified:
+        survey = standing.survey
+        one, other, third = (
+            int(np.flatnonzero((survey.pixel_px == small.picks.pixel_px[k]).all(axis=1))[0])
+            for k in (*rows, out)
+        )
+        at = survey.pick_label
+        if survey.label[at[one]] == small.picks.label[rows[0]]:
+            return Identified((), ())
+        mend = Mend(
+            label_of_pick={one: int(at[other]), other: int(at[one])},
+            without_picks=frozenset([third]),
+        )
+        return Identified((cause(mend),), (None,))
+
+    stage = importlib.import_module("uavgram.stages.refine.refine")
+    monkeypatch.setattr(stage, "identify", found)
+    result = result_of(wrong)
+
+    (record,) = result.removals
+    assert record.cause == "labels-swapped"
+    one, other = (repr(small.picks.label[k]) for k in rows)
+    before, after = record.mended
+    assert before.index(other) < before.index(one)
+    assert after.index(one) < after.index(other)
+    assert result.picks.label == right.picks.label
+    assert [k for k, status in enumerate(result.picks.status) if status == "removed"] == [out]
+    assert result.messages[0].code == "labels-swapped"
+    assert result.messages[0].text.endswith(f" It was mended: {before}; now {after}.")
+    assert result.verdict.level == "amber"
+    assert "contradicted" not in result.measurements.status
+    write_results(result, tmp_path / "results.json")
+    assert load_results(tmp_path / "results.json").removals == result.removals
+
+
+def test_lengths_in_feet_that_were_mended_make_nothing_red(small: Inputs, right: Result) -> None:
+    feet = replace(small, lines=replace(small.lines, length_m=small.lines.length_m / 0.3048))
+    result = result_of(feet)
+    assert [one.cause for one in result.removals] == ["lengths-wrong-unit"]
+    assert result.verdict.level == "amber"
+    assert [one.cause for one in result.verdict.reasons] == ["lengths-wrong-unit"]
+    assert result.lines.length_m == pytest.approx(small.lines.length_m)
+    np.testing.assert_allclose(values_of(result), values_of(right), atol=1e-5)
+
+    solve = replace(feet.project.solve, outliers="report")
+    stays = result_of(replace(feet, project=replace(feet.project, solve=solve)))
+    assert stays.verdict.level == "red"
+    assert {one.cause for one in stays.removals} == {""}

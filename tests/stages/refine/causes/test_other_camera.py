@@ -1,0 +1,102 @@
+"""A photo of another zoom is named with its factor, and taken out on request."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import Scene
+
+from uavgram.model.options import SolveOptions
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine import refine
+from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
+from uavgram.stages.refine.causes.other_camera import LEAST, photos_of_another_zoom
+from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.robust_adjustment import MISPLACED
+
+OPTIONS: dict[str, Any] = {"frames": 6, "labels": 10, "lines": 4, "spread": 6.0, "tilt": 0.2}
+EXACT: dict[str, Any] = OPTIONS | {"noise": 0.1}
+
+
+def zoomed(survey: Survey, factor: float, frame: int = 2) -> Survey:
+    """The survey with a photo by a focal length of that many times the stated one.
+
+    Both focal lengths of a pinhole camera with Brown's distortion are factors of what is shown
+    about the principal point.
+    """
+    middle = survey.calibration.parameters[2:4]
+    pixel = np.array(survey.pixel_px)
+    own = survey.pick_frame == frame
+    pixel[own] = middle + factor * (pixel[own] - middle)
+    return replace(survey, pixel_px=pixel)
+
+
+def standing(survey: Survey, *, misplaced: bool) -> Standing:
+    """The survey adjusted, with or without the picks of f2 as they contradict the rest."""
+    none = np.zeros(len(survey.line_start), dtype=np.bool_)
+    taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), none, {})
+    taking = taking.without_frame(2, MISPLACED) if misplaced else taking
+    return Standing(taking, best_minima(taking))
+
+
+def factor_told(hypothesis: Hypothesis) -> tuple[str, float]:
+    """The photo, and the factor that its message tells."""
+    assert hypothesis.tell is not None
+    message = hypothesis.tell(None)
+    (frame,) = message.frames
+    return frame, float(message.text.split("focal length is ")[1].split(" ")[0])
+
+
+@pytest.mark.parametrize(("factor", "log"), [(1.3, True), (0.8, True), (1.8, True), (1.4, False)])
+def test_a_photo_of_another_zoom_is_found_with_its_factor(
+    scene_factory: Callable[..., Scene], factor: float, *, log: bool
+) -> None:
+    gauge = {} if log else {"telemetry": False, "gauge": "plane"}
+    survey = scene_factory(3001, **EXACT, **gauge).survey
+    wrong = zoomed(survey, factor)
+    found = list(photos_of_another_zoom(standing(wrong, misplaced=True)))
+    by_photo = dict(map(factor_told, found))
+    assert by_photo == {"f2": pytest.approx(factor, rel=0.02)}
+    (hypothesis,) = found
+    own = np.flatnonzero(survey.pick_frame == 2)
+    assert hypothesis.mend is not None
+    assert hypothesis.mend.pixel_of_pick.keys() == set(own.tolist())
+    assert hypothesis.remedy is not None
+    assert hypothesis.remedy.without_picks == frozenset(own.tolist())
+    middle = survey.calibration.parameters[2:4]
+    for k, place in hypothesis.mend.pixel_of_pick.items():
+        away = 0.02 * np.abs(survey.pixel_px[k] - middle)
+        assert (np.abs(survey.pixel_px[k] - place) <= away).all()
+
+
+def test_it_is_the_cause_that_is_told_and_no_other_photo_is(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    survey = zoomed(scene_factory(3003, **OPTIONS).survey, 0.6)
+    _, (message, *rest) = refine(survey, SolveOptions(noise="stated"))
+    assert (message.code, message.frames) == ("other-camera", ("f2",))
+    assert not [one for one in rest if one.frames and one.frames != ("f2",)]
+
+
+def test_a_zoom_within_what_cameras_differ_by_is_not_told(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    survey = zoomed(scene_factory(3001, **EXACT).survey, 1.0 + LEAST / 2)
+    assert list(photos_of_another_zoom(standing(survey, misplaced=True))) == []
+
+
+def test_on_request_its_picks_are_taken_out_and_the_rest_stays(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    survey = zoomed(scene_factory(3001, **OPTIONS).survey, 1.8)
+    refined, _ = refine(survey, SolveOptions(outliers="remove", noise="stated"))
+    own = survey.pick_frame == 2
+    assert refined.pick_removed.tolist() == own.tolist()
+    (removal,) = refined.removals
+    assert removal.cause is not None
+    assert removal.cause.message.code == "other-camera"
+    assert "f2" not in refined.adjustment.survey.frame_id
