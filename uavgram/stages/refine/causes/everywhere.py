@@ -101,6 +101,8 @@ def _gain_of(standing: Standing, first: Ints, second: Ints) -> Floats:
     world[at >= 0] = place
     gain = np.zeros(len(first))
     for line, (start, end) in enumerate(zip(survey.line_start, survey.line_end, strict=True)):
+        if at[start] < 0 or at[end] < 0:
+            continue  # it takes no part as it stands, so nothing shows how well it fits
         row = np.flatnonzero(np.isin(first, (start, end)) | np.isin(second, (start, end)))
         swapped = [_exchanged(label, first[row], second[row]) for label in (start, end)]
         apart = [np.linalg.norm(world[a] - world[b], axis=-1) for a, b in ((start, end), swapped)]
