@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
@@ -17,7 +17,7 @@ from uavgram.model.survey.mend import Mend
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes import identify as room
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
-from uavgram.stages.refine.causes.identify import MOST_TRIED, SURE, identify
+from uavgram.stages.refine.causes.identify import MOST_OF_A_KIND, MOST_TRIED, SURE, identify
 from uavgram.stages.refine.causes.trials import Judged
 from uavgram.stages.refine.minima import Participants, best_minima
 
@@ -114,15 +114,30 @@ def test_trials_end_where_the_rest_promises_less(
         tried.append(one.odds)
         return replace(one, odds=come[len(tried) - 1])
 
-    def proposed(_: Standing) -> Iterable[Hypothesis]:
-        return reversed(every)
-
     stands = standing(make_scene(3, frames=2, labels=8, lines=2).survey)
-    monkeypatch.setattr(room, "PROPOSALS", (proposed,))
+    kinds = [lambda _, one=one: [one] for one in reversed(every)]
+    monkeypatch.setattr(room, "PROPOSALS", kinds)
     monkeypatch.setattr(room, "as_noisy_as_it_is", lambda one: one)
     monkeypatch.setattr(room, "tried", try_one)
     room._likeliest(stands)
     assert tried == promised[:trials]
+
+
+def test_of_a_kind_only_the_most_promising_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    crowd = [Hypothesis(tell=told_as("a"), promise=80.0 + k) for k in range(9)]
+    other = Hypothesis(tell=told_as("b"), promise=20.0)
+    tried: list[Hypothesis] = []
+
+    def try_one(_: Standing, one: Judged) -> Judged:
+        tried.append(one.hypothesis)
+        return replace(one, odds=0.0)
+
+    stands = standing(make_scene(3, frames=2, labels=8, lines=2).survey)
+    monkeypatch.setattr(room, "PROPOSALS", (lambda _: crowd, lambda _: [other]))
+    monkeypatch.setattr(room, "as_noisy_as_it_is", lambda one: one)
+    monkeypatch.setattr(room, "tried", try_one)
+    room._likeliest(stands)
+    assert tried == [*reversed(crowd[-MOST_OF_A_KIND:]), other]
 
 
 def on_rough_ground(make: Callable[..., Scene], seed: int) -> Survey:
