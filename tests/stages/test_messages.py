@@ -129,6 +129,7 @@ SWAPPED = cause_of(accused("labels-swapped", frames=("a.jpg",), labels=("P1", "P
         (accused("pick-suspect", frames=("a.jpg",), labels=("P1",)), True),
         (accused("pick-suspect", frames=("a.jpg",), labels=("P3",)), False),
         (accused("pick-suspect", frames=("b.jpg",), labels=("P1",)), False),
+        (accused("pick-suspect", frames=("a.jpg", "b.jpg"), labels=("P1",)), False),
         (accused("line-suspect"), False),
     ],
 )
