@@ -36,7 +36,7 @@ from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
 from uavgram.stages.refine.blunders.outstanding import outstanding, with_little_weight
 from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.causes.adapt import adapted
-from uavgram.stages.refine.causes.heights import back_on_the_ground
+from uavgram.stages.refine.causes.heights import heights_by_causes
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.identify import Identified, identify
 from uavgram.stages.refine.continued import continued
@@ -164,8 +164,9 @@ def _begun(given: Survey, removed: Bools, options: SolveOptions) -> _Begun:
     refined = replace(refined, pick_removed=removed)
     found = identify(Standing(_participants(survey, refined), refined, frozenset(off_ground)))
     causes = found.causes
-    if back := back_on_the_ground(survey, causes):
-        before, off_ground = off_ground, [label for label in off_ground if label not in back]
+    back, up = (heights_by_causes(survey, causes, free=free) for free in (False, True))
+    if back or up:
+        before, off_ground = off_ground, sorted((set(off_ground) - back) | up)
         survey = with_free(survey, off_ground, before)
         refined = replace(best_minima(_participants(survey, refined)), pick_removed=removed)
     if options.noise == "estimate":

@@ -56,10 +56,22 @@ def wrong_pick_on_the_ground(standing: Standing) -> Iterator[Hypothesis]:
             )
 
 
-def back_on_the_ground(survey: Survey, causes: Sequence[Cause]) -> frozenset[str]:
-    """Names of labels that lie on the ground after all, by the causes that were found."""
+def heights_by_causes(survey: Survey, causes: Sequence[Cause], *, free: bool) -> frozenset[str]:
+    """Names of labels that stand off the ground, or lie on it after all, by what was found.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    causes
+        That were found.
+    free
+        Whether those whose heights are to be free, or those that are on the ground.
+    """
     mends = [cause.mend for cause in causes if cause.mend is not None]
-    return frozenset(survey.label[k] for mend in mends for k, free in mend.free.items() if not free)
+    return frozenset(
+        survey.label[k] for mend in mends for k, own in mend.free.items() if own == free
+    )
 
 
 def _wrong_pick(survey: Survey, pick: int, _: Explained | None) -> Message:
