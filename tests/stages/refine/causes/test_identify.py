@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scenes import Scene, make_scene
 
-from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.reliability.hypotheses import Explained, Moved
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Mend
 from uavgram.model.survey.survey import Survey
@@ -72,6 +72,14 @@ def test_a_single_wrong_reading_that_does_as_well_is_told_instead() -> None:
         first, rival = room._with_rival(best, [best, single])
         assert rival is None
         assert first is (single if odds > 50.0 - SURE else best)
+
+
+def test_all_tapes_are_not_blamed_where_another_cause_does_as_well() -> None:
+    moved = (Moved("lengths", np.array([0]), np.ones((1, 1, 1))),)
+    hook = Judged(Hypothesis(tell=told_as("hook"), moved=moved), None, 100.0, 50.0)
+    for odds in (50.0 - SURE + 0.1, 50.0 - SURE - 0.1):
+        first, _ = room._with_rival(hook, [hook, judged("zoom", LABELS, odds=odds)])
+        assert code_of(first) == ("zoom" if odds > 50.0 - SURE else "hook")
 
 
 def test_what_was_not_adjusted_has_no_rival() -> None:

@@ -155,28 +155,31 @@ def _with_rival(best: Judged, sure: Sequence[Judged]) -> tuple[Judged, Judged | 
 
     Where observations cannot part them, none that blames a tape comes first.
     """
-    if best.after is None or best.hypothesis.tell is None:
+    if best.hypothesis.tell is None:
         return best, None
-    single = [one for one in sure if one.hypothesis.tell is None and one.odds > best.odds - SURE]
-    if single:  # one wrong reading of any size does as well
-        return max(single, key=lambda one: one.odds), None
-    least = best.after.cost
-    rivals = [
-        one
-        for one in sure
-        if one is not best
-        and one.hypothesis.tell is not None
-        and one.after is not None
-        and one.after.cost < least + 2.0 * SURE
-    ]
+    others = [one for one in sure if one is not best]
+    single = [one for one in others if one.hypothesis.tell is None]
+    if best.after is not None and any(one.odds > best.odds - SURE for one in single):
+        return max(single, key=lambda one: one.odds), None  # one wrong reading does as well
+    rivals = [one for one in others if one.hypothesis.tell is not None and _does(one, best)]
     if not rivals:
         return best, None
-    rival = max(rivals, key=lambda one: (not _blames_a_tape(one), one.odds))
-    if _blames_a_tape(best) and not _blames_a_tape(rival):
+    rival = max(rivals, key=lambda one: (not _blames_tapes(one), one.odds))
+    if _blames_tapes(best) and not _blames_tapes(rival):
         return rival, best
-    return best, rival
+    return best, rival if best.after is not None else None
 
 
-def _blames_a_tape(judged: Judged) -> bool:
-    mend = judged.hypothesis.mend
+def _does(one: Judged, best: Judged) -> bool:
+    """Whether a hypothesis does as well as another one: by what is left, or else by its odds."""
+    if one.after is None or best.after is None:
+        return one.odds > best.odds - SURE
+    return one.after.cost < best.after.cost + 2.0 * SURE
+
+
+def _blames_tapes(judged: Judged) -> bool:
+    hypothesis = judged.hypothesis
+    if any(moved.kind == "lengths" for moved in hypothesis.moved):
+        return True
+    mend = hypothesis.mend
     return mend is not None and bool(mend.lines | mend.without_lines)
