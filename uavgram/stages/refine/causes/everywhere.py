@@ -53,7 +53,7 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
         yield Hypothesis(
             tell=partial(_swapped, standing, (a, b), lines),
             mend=Mend(label_of_pick=right),
-            promise=fall if none_left_out and fall < cost else easier,
+            promise=max(fall if fall < cost else 0.0, 0.0 if none_left_out else easier),
             price=float(np.log(labels * (labels - 1) / 2.0)) + alone,
             settles=frozenset(survey.line_name[k] for k in lines if survey.line_name),
         )

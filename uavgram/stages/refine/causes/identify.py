@@ -132,32 +132,33 @@ def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:
     proposed = sorted((one for kind in kinds for one in kind), key=lambda one: -one.odds)
     trials: list[Judged] = []
     for one in proposed[:MOST_TRIED]:
-        best = max((each.odds for each in trials), default=-np.inf)
+        best = max((each.odds for each in trials if not _blames_tapes(each)), default=-np.inf)
         if one.odds < 0.0 or best > one.odds + SURE:
             break  # what the linear model promises of the rest is less
         trials.append(tried(standing, one))
     # What is left may still be noisier than stated: noise grows last, but must not be blamed. It
     # is the same for all, or of two that explain nearly all, the noise would decide.
     noise = min((one.noise for one in trials if one.after is not None), default=1.0)
-    sure = [one for one in (each.at_noise(noise) for each in trials) if one.odds > SURE]
+    trials = [one.at_noise(noise) for one in trials]
+    sure = [one for one in trials if one.odds > SURE]
     noisy: Standing | None = None
     for one in sorted(sure, key=lambda one: -one.odds)[:MOST_DOUBTED]:
         if one.after is not None and not asks(one.after):
-            return _with_rival(one, sure)  # it explains all: no noise is in question
+            return _with_rival(one, trials)  # it explains all: no noise is in question
         noisy = noisy or as_noisy_as_it_is(standing)
         if noisy is standing or tried(noisy, one).odds > SURE:
-            return _with_rival(one, sure)
+            return _with_rival(one, trials)
     return None
 
 
-def _with_rival(best: Judged, sure: Sequence[Judged]) -> tuple[Judged, Judged | None]:
+def _with_rival(best: Judged, trials: Sequence[Judged]) -> tuple[Judged, Judged | None]:
     """The hypothesis to tell, and another one that leaves no larger misfit.
 
     Where observations cannot part them, none that blames a tape comes first.
     """
     if best.hypothesis.tell is None:
         return best, None
-    others = [one for one in sure if one is not best]
+    others = [one for one in trials if one is not best and one.odds > 0.0]
     single = [one for one in others if one.hypothesis.tell is None]
     if best.after is not None and any(one.odds > best.odds - SURE for one in single):
         return max(single, key=lambda one: one.odds), None  # one wrong reading does as well
