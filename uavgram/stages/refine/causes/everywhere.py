@@ -21,7 +21,7 @@ WRONG = 16.0
 BENT = 0.03
 """By which distances may be wrong, as a share, in a survey bent by lengths between wrong labels."""
 
-MOST_PAIRS = 100
+MOST_PAIRS = 3
 """Pairs of labels that are proposed: those that would ease misfits most, points as adjusted."""
 
 
@@ -53,7 +53,7 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
         yield Hypothesis(
             tell=partial(_swapped, standing, (a, b), lines),
             mend=Mend(label_of_pick=right),
-            promise=max(fall if fall < cost else 0.0, 0.0 if none_left_out else easier),
+            promise=max(min(fall, cost), 0.0 if none_left_out else easier),
             price=float(np.log(labels * (labels - 1) / 2.0)) + alone,
             settles=frozenset(survey.line_name[k] for k in lines if survey.line_name),
         )

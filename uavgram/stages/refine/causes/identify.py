@@ -158,7 +158,7 @@ def _with_rival(best: Judged, trials: Sequence[Judged]) -> tuple[Judged, Judged 
     """
     if best.hypothesis.tell is None:
         return best, None
-    others = [one for one in trials if one is not best and one.odds > 0.0]
+    others = [one for one in trials if one is not best and one.odds > -SURE]
     single = [one for one in others if one.hypothesis.tell is None]
     if best.after is not None and any(one.odds > best.odds - SURE for one in single):
         return max(single, key=lambda one: one.odds), None  # one wrong reading does as well
