@@ -53,6 +53,7 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
         yield Hypothesis(
             tell=partial(_swapped, standing, (a, b), lines),
             mend=Mend(label_of_pick=right),
+            is_clear=not alone,
             promise=max(min(fall, cost), 0.0 if none_left_out else easier),
             price=float(np.log(labels * (labels - 1) / 2.0)) + alone,
             settles=frozenset(survey.line_name[k] for k in lines if survey.line_name),

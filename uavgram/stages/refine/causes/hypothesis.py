@@ -96,6 +96,8 @@ class Hypothesis:
         What people should change; None where there is nothing of that kind.
     remedy
         What is to be done on request, where that is not what it is tested by; None: the mend.
+    is_clear
+        Whether nothing else would explain the same: else it is told, and not mended on request.
     freed
         The survey with less prior knowledge, by which it is adjusted from then on: no reading is
         changed by it. Where neither is there, only the linear test judges it.
@@ -122,6 +124,7 @@ class Hypothesis:
     tell: Callable[[Explained | None], Message] | None
     mend: Mend | None = None
     remedy: Mend | None = None
+    is_clear: bool = True
     freed: Callable[[Survey], Survey] | None = None
     moved: tuple[Moved, ...] = ()
     checked: float = CHECKED

@@ -119,7 +119,8 @@ def _cause(best: Judged, rival: Judged | None) -> Cause:
     count = int(np.ceil(np.exp(min(hypothesis.price, 30.0))))
     return Cause(
         message=message,
-        mend=hypothesis.remedy or hypothesis.mend,
+        # What could as well be something else is told, but mending it would be a guess.
+        mend=(hypothesis.remedy or hypothesis.mend) if hypothesis.is_clear and not rival else None,
         gain=best.gain,
         log_probability=log_probability(best.gain, hypothesis.unknowns, count),
         settles=hypothesis.settles,
