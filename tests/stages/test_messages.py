@@ -108,9 +108,7 @@ def accused(code: str, **subjects: tuple[str, ...]) -> Message:
 
 
 def cause_of(message: Message, *settles: str) -> Cause:
-    return Cause(
-        message=message, mend=None, gain=99.0, log_probability=-40.0, settles=frozenset(settles)
-    )
+    return Cause(message=message, mend=None, gain=99.0, settles=frozenset(settles))
 
 
 FEET = cause_of(accused("line-wrong-unit", lengths=("north",)), "south")

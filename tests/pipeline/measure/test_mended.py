@@ -52,7 +52,7 @@ def values_of(result: Result) -> Floats:
 
 def cause(mend: Mend | None) -> Cause:
     message = Message("warning", "labels-swapped", "It is wrong.")
-    return Cause(message=message, mend=mend, gain=99.0, log_probability=-40.0)
+    return Cause(message=message, mend=mend, gain=99.0)
 
 
 def swapped(inputs: Inputs, frame: int = 2) -> tuple[Inputs, list[int]]:

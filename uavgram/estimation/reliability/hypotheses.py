@@ -57,20 +57,12 @@ class Explained(NamedTuple):
         (q,) the unknowns; 0 along combinations that nothing checks.
     covariance
         (q, q) of them; infinite where nothing checks one of them.
-    score, information
-        (q,) and (q, q): slope and curvature of the sum of squares, halved (see `gain_of`).
     """
 
     gain: float
     unknowns: int
     value: Floats
     covariance: Floats
-    score: Floats
-    information: Floats
-
-    def gain_of(self, value: Floats) -> float:
-        """Fall of the sum of squares where the unknowns (q,) are known to have a value."""
-        return float(-2.0 * value @ self.score - value @ self.information @ value)
 
 
 def explained(
@@ -135,7 +127,7 @@ def _explained(score: Floats, plain: Floats, information: Floats, least: float) 
     loose = np.abs(axes[:, ~checked]).max(axis=1, initial=0.0) > 1e-6
     covariance[loose, loose] = np.inf
     gain = float(np.sum((inverse.T @ score) ** 2 / share[checked]))
-    return Explained(gain, int(checked.sum()), value, covariance, score, information)
+    return Explained(gain, int(checked.sum()), value, covariance)
 
 
 def log_probability(gain: float, unknowns: int, count: int = 1) -> float:
@@ -146,41 +138,20 @@ def log_probability(gain: float, unknowns: int, count: int = 1) -> float:
     gain
         Fall of the weighted sum of squares.
     unknowns
-        That the hypothesis adds; 0: a change of a known size.
+        That the hypothesis adds.
     count
         Hypotheses of its kind that were possible.
 
     Notes
     -----
-    With unknowns, the tail of their chi-square; without, the likelihood ratio bounds it (its mean
-    is one where nothing is wrong: Markov's inequality). Times the count (Bonferroni), at most one.
+    The tail of chi-square, times the count (Bonferroni), at most one.
     """
-    if gain <= 0.0:
+    if gain <= 0.0 or unknowns == 0:
         return 0.0
-    if unknowns == 0:
-        tail = -gain / 2.0
-    else:
-        half = unknowns / 2.0
-        probability = float(gammaincc(half, gain / 2.0))
-        if probability > SMALLEST:
-            tail = float(np.log(probability))
-        else:  # Abramowitz and Stegun 6.5.32
-            tail = -gain / 2.0 + (half - 1.0) * float(np.log(gain / 2.0)) - float(gammaln(half))
+    half = unknowns / 2.0
+    probability = float(gammaincc(half, gain / 2.0))
+    if probability > SMALLEST:
+        tail = float(np.log(probability))
+    else:  # Abramowitz and Stegun 6.5.32
+        tail = -gain / 2.0 + (half - 1.0) * float(np.log(gain / 2.0)) - float(gammaln(half))
     return min(0.0, tail + float(np.log(count)))
-
-
-def log_evidence(gain: float, unknowns: int, count: int, redundancy: float) -> float:
-    """Logarithm of the odds of a hypothesis against nothing being wrong, for comparing several.
-
-    The Bayesian information criterion (Schwarz 1978), with equal odds for each kind of cause, and
-    for each of those of a kind.
-
-    Parameters
-    ----------
-    gain, unknowns, count
-        As in `log_probability`.
-    redundancy
-        Of all observations together.
-    """
-    price = unknowns * np.log(max(redundancy, np.e))
-    return 0.5 * (gain - float(price)) - float(np.log(count))

@@ -69,8 +69,6 @@ class Cause:
         What would put it in order; None where only a person can.
     gain
         Fall of the weighted sum of squares, and of what was left out for it.
-    log_probability
-        Logarithm of the probability that one such explains as much where nothing is wrong.
     settles
         Lengths and frames, by name, of which it explains that they did not fit.
     """
@@ -78,5 +76,4 @@ class Cause:
     message: Message
     mend: Mend | None
     gain: float
-    log_probability: float
     settles: frozenset[str] = frozenset()

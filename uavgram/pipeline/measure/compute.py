@@ -115,8 +115,8 @@ def compute(
     world = _world(inputs.project, posed.world, assembled.survey.gauge)
     survey, heading_messages = find_headings(assembled.survey)
     refined, refine_messages = _refined(survey, inputs.project.solve)
-    if inputs.project.solve.outliers == "remove":
-        inputs = with_mends(inputs, assembled, refined.causes)
+    mended = [one.cause for one in refined.removals if one.cause is not None]
+    inputs = with_mends(inputs, assembled, mended)
     adjustment = refined.adjustment
     values = propagate(adjustment, inputs.requests, posed.frames, set(inputs.picks.label))
     measured = _measured(inputs, posed.frames, refined, values, curved=curved)
@@ -139,7 +139,8 @@ def compute(
         *sampled_messages,
         *without_the_innocent(judged.messages, refined.causes),
     )
-    put_right = {one.cause.message.code for one in refined.removals if one.cause is not None}
+    still = {cause.message.code for cause in refined.causes if cause not in mended}
+    put_right = {cause.message.code for cause in mended} - still
     verdict, status = pass_verdict(messages, judged.fit, judged.examined, measured.table, put_right)
     result = Result(
         name=inputs.project.name,

@@ -30,7 +30,7 @@ stage = importlib.import_module("uavgram.stages.refine.refine")
 
 def cause(mend: Mend | None, gain: float = 100.0) -> Cause:
     message = Message("warning", "labels-swapped", "It is wrong: mend it.")
-    return Cause(message=message, mend=mend, gain=gain, log_probability=-40.0)
+    return Cause(message=message, mend=mend, gain=gain)
 
 
 @pytest.fixture(scope="module")

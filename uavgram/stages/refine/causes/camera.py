@@ -40,7 +40,6 @@ def other_camera_file(standing: Standing) -> Iterator[Hypothesis]:
             moved=(calibration_moved(adjustment, unknowns),),
             settled=partial(_found, unknowns=unknowns),
             freed=partial(freed_camera, unknowns),
-            unknowns=unknowns.shape[1],
             price=unknowns.shape[1] * PRICE,
         )
 

@@ -87,7 +87,6 @@ def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
             mend=_mend(standing, one, found),
             moved=(one.moved,),
             checked=CHECKED,
-            unknowns=1,
             price=float(
                 np.log(len(common) / 2) + np.log(2.0 * largest / (sigma * np.sqrt(2.0 * np.pi)))
             ),

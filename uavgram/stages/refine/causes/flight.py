@@ -52,7 +52,6 @@ def wrong_clock(standing: Standing) -> Iterator[Hypothesis]:
             moved=() if shift_s else (prior_moved(standing.adjustment, kind="clock"),),
             settled=partial(_clock, prior),
             freed=partial(_with_clock, shift_s),
-            unknowns=1,
             promise=promise if shift_s else 0.0,
             price=widened(1, USUAL_S, prior.clock_sigma_s),
         )
@@ -99,7 +98,6 @@ def turned_camera(standing: Standing) -> Iterator[Hypothesis]:
         moved=(prior_moved(standing.adjustment, kind="boresight"),),
         settled=partial(_of_flight, kind="boresight"),
         freed=partial(_with_prior, boresight_sigma_rad=ANY_RAD),
-        unknowns=3,
         price=widened(3, USUAL_RAD, prior.boresight_sigma_rad),
     )
     yield Hypothesis(
@@ -107,7 +105,6 @@ def turned_camera(standing: Standing) -> Iterator[Hypothesis]:
         moved=(prior_moved(standing.adjustment, kind="heading_bias"),),
         settled=partial(_of_flight, kind="heading_bias"),
         freed=partial(_with_prior, heading_bias_sigma_rad=ANY_RAD),
-        unknowns=1,
         price=widened(1, USUAL_RAD, prior.heading_bias_sigma_rad),
     )
 
@@ -122,7 +119,7 @@ def stepped_places(standing: Standing) -> Iterator[Hypothesis]:
     by_place = adjustment.problem.telemetry_whitening[:, :, :3]
     since = (prior.time_s - prior.time_s.mean()) / max(float(np.ptp(prior.time_s)), 1e-9)
     everywhere = Moved("telemetry", np.arange(len(order)), by_place * since[:, None, None])
-    yield Hypothesis(tell=None, moved=(everywhere,), unknowns=3, price=3.0 * PRICE / 2.0)
+    yield Hypothesis(tell=None, moved=(everywhere,), price=3.0 * PRICE / 2.0)
     gaps = _likely_gaps(adjustment, order, by_place)
     for gap in gaps.tolist():
         later = order[gap:]
@@ -131,7 +128,6 @@ def stepped_places(standing: Standing) -> Iterator[Hypothesis]:
             tell=partial(_jumped, standing, (int(order[gap - 1]), int(order[gap]))),
             moved=(Moved("telemetry", later, by_place[later]),),
             freed=partial(_without_places, _names(adjustment, few)),
-            unknowns=3,
             price=3.0 * PRICE / 2.0 + float(np.log(len(order) - 1)),
         )
 

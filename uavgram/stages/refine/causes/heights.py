@@ -50,7 +50,6 @@ def wrong_pick_on_the_ground(standing: Standing) -> Iterator[Hypothesis]:
                 mend=Mend(free={label: False}, without_picks=frozenset([pick])),
                 # A wrong pick bends the ground, and with it what the others seem to lose on it.
                 promise=max(free - on_it, fall.get(pick, 0.0)),
-                unknowns=1,  # two of the pick, less one of the height
                 price=PRICE + float(np.log(len(rows))),
                 settles=frozenset([standing.survey.frame_id[standing.survey.pick_frame[pick]]]),
             )
@@ -112,7 +111,6 @@ def off_the_ground(standing: Standing) -> Iterator[Hypothesis]:
             tell=partial(_off_ground, adjustment.survey.label[k], int(picks[k])),
             mend=Mend(free={index[k]: True}),
             moved=(one,),
-            unknowns=1,
             price=PRICE + float(np.log(len(adjustment.survey.label))),
         )
 

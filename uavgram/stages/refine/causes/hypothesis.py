@@ -108,10 +108,6 @@ class Hypothesis:
     settled
         Its unknowns (q,) and their covariance (q, q) in the survey that was freed and adjusted,
         for `tell`; left out, those of the linear test are told.
-    value
-        (q,) of the unknowns, where the hypothesis says it; None: any.
-    unknowns
-        That a survey so mended has more than the one that stands.
     price
         Logarithm of the number of its kind that are possible, and of the range of its unknowns
         over what is known of them afterwards (see `PRICE`).
@@ -129,8 +125,6 @@ class Hypothesis:
     moved: tuple[Moved, ...] = ()
     checked: float = CHECKED
     settled: Callable[[Adjustment], tuple[Floats, Floats]] | None = None
-    value: Floats | None = None
-    unknowns: int = 0
     price: float = 0.0
     promise: float = 0.0
     settles: frozenset[str] = frozenset()

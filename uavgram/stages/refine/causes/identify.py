@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import log_probability
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.camera import other_camera_file
@@ -116,13 +115,11 @@ def _cause(best: Judged, rival: Judged | None) -> Cause:
         message = replace(
             message, text=f"{message.text} Or else, and nothing tells which: {other}."
         )
-    count = int(np.ceil(np.exp(min(hypothesis.price, 30.0))))
     return Cause(
         message=message,
         # What could as well be something else is told, but mending it would be a guess.
         mend=(hypothesis.remedy or hypothesis.mend) if hypothesis.is_clear and not rival else None,
         gain=best.gain,
-        log_probability=log_probability(best.gain, hypothesis.unknowns, count),
         settles=hypothesis.settles,
     )
 

@@ -52,7 +52,6 @@ def wrong_picks(standing: Standing) -> Iterator[Hypothesis]:
             tell=None,
             mend=Mend(without_picks=frozenset([int(pick)])),
             promise=float(fall),
-            unknowns=2,
             price=2.0 * PRICE + float(np.log(number)),
         )
 

@@ -62,7 +62,6 @@ def wrong_lengths(standing: Standing) -> Iterator[Hypothesis]:
             tell=None,
             mend=Mend(without_lines=frozenset([int(lines[row])])),
             promise=float(fall[row]),
-            unknowns=1,
             price=PRICE + float(np.log(len(lines))),
         )
 

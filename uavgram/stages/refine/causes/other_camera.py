@@ -45,7 +45,6 @@ def photos_of_another_zoom(standing: Standing) -> Iterator[Hypothesis]:
             mend=Mend(pixel_of_pick=places),
             remedy=Mend(without_picks=frozenset(picks.tolist())),
             promise=gain,
-            unknowns=1,
             price=PRICE + float(np.log(len(survey.frame_id))),
             settles=frozenset([survey.frame_id[frame]]),
         )

@@ -142,7 +142,6 @@ def photos_elsewhere(standing: Standing, causes: Sequence[Cause]) -> tuple[Cause
                 message=_elsewhere(name),
                 mend=Mend(without_picks=frozenset(picks.tolist())),
                 gain=4.0 * PRICE * len(picks),
-                log_probability=-np.inf,
                 settles=frozenset([name]),
             )
         )

@@ -78,9 +78,7 @@ def screened(standing: Standing, hypotheses: Iterable[Hypothesis]) -> list[Judge
 
 
 def _judged(standing: Standing, hypothesis: Hypothesis, found: Explained | None) -> Judged:
-    gain = hypothesis.promise
-    if found is not None:
-        gain = found.gain if hypothesis.value is None else found.gain_of(hypothesis.value)
+    gain = hypothesis.promise if found is None else found.gain
     back = _brought_back(standing, hypothesis)
     return Judged(hypothesis, found, gain, gain / 2.0 + PRICE * back - hypothesis.price)
 
@@ -123,8 +121,7 @@ def tried(standing: Standing, judged: Judged) -> Judged:
         gain = min(gain, judged.gain)  # a survey may be freed of more than the unknowns
     if hypothesis.settled is not None:
         value, covariance = hypothesis.settled(refined.adjustment)
-        size = len(value)
-        found = Explained(gain, size, value, covariance, np.zeros(size), np.zeros((size, size)))
+        found = Explained(gain, len(value), value, covariance)
     one = Judged(hypothesis, found, gain, 0.0, after, max(1.0, noise))
     return one.at_noise(one.noise)
 
