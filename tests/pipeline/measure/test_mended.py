@@ -118,7 +118,7 @@ def test_labels_are_as_mended_picks_taken_out_are_removed_and_the_record_says_so
         )
         return Identified((cause(mend),), (None,))
 
-    stage = importlib.import_module("uavgram.stages.refine.refine")
+    stage = importlib.import_module("uavgram.stages.refine.at_stated_noise")
     monkeypatch.setattr(stage, "identify", found)
     result = result_of(wrong)
 

@@ -21,7 +21,7 @@ from uavgram.model.message import Message, Several
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.gross_lengths import odd_in_view, ratios_in_view
-from uavgram.stages.refine.causes.common_lengths import odd_scale
+from uavgram.stages.refine.causes.lengths.common import odd_scale
 
 LOWEST_M, HIGHEST_M = 0.3, 1000.0
 """Heights of a drone's camera above the ground, beyond which lengths or log are in question."""

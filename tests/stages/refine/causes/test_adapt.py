@@ -25,7 +25,8 @@ BEFORE = cast("Refined", object())
 
 OPTIONS = {"frames": 6, "labels": 10, "lines": 8, "spread": 6.0, "tilt": 0.2}
 REMOVE = SolveOptions(outliers="remove", noise="stated")
-stage = importlib.import_module("uavgram.stages.refine.refine")
+stage = importlib.import_module("uavgram.stages.refine.at_stated_noise")
+whole = importlib.import_module("uavgram.stages.refine.refine")
 
 
 def cause(mend: Mend | None, gain: float = 100.0) -> Cause:
@@ -129,7 +130,7 @@ def test_a_mended_survey_is_adjusted_as_if_nothing_had_been_wrong(
 def test_mends_without_end_end(monkeypatch: pytest.MonkeyPatch, survey: Survey, most: int) -> None:
     """Each adjustment finds something: one that changes nothing."""
     idle = cause(Mend(length_m={1: float(survey.length_m[1])}))
-    monkeypatch.setattr(stage, "MOST_MENDS", most)
+    monkeypatch.setattr(whole, "MOST_MENDS", most)
     monkeypatch.setattr(stage, "identify", lambda _: Identified((idle,), (None,)))
     refined, _ = refine(survey, REMOVE)
     assert [removal.kind for removal in refined.removals] == ["mend"] * most

@@ -9,10 +9,10 @@ from uavgram.estimation.reliability.hypotheses import SMALLEST, explained, log_p
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.stages.refine.causes.common_lengths import common_misfit
-from uavgram.stages.refine.causes.flight import strained_priors
+from uavgram.stages.refine.causes.flight.log import strained_priors
 from uavgram.stages.refine.causes.hypothesis import Standing
-from uavgram.stages.refine.causes.photos import against_the_log
+from uavgram.stages.refine.causes.lengths.common import common_misfit
+from uavgram.stages.refine.causes.photos.turned import against_the_log
 
 MISFIT = 0.01
 """Probability of the core's sum of squares below which a cause is looked for."""

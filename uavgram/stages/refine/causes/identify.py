@@ -16,19 +16,19 @@ import numpy as np
 
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.causes.camera import other_camera_file
-from uavgram.stages.refine.causes.common_lengths import common_to_lengths
 from uavgram.stages.refine.causes.detection import asks
-from uavgram.stages.refine.causes.elsewhere import elsewhere_in_a_photo
-from uavgram.stages.refine.causes.everywhere import swapped_everywhere
-from uavgram.stages.refine.causes.flight import stepped_places, turned_camera, wrong_clock
-from uavgram.stages.refine.causes.heights import off_the_ground, wrong_pick_on_the_ground
+from uavgram.stages.refine.causes.flight.camera import other_camera_file
+from uavgram.stages.refine.causes.flight.log import stepped_places, turned_camera, wrong_clock
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
-from uavgram.stages.refine.causes.labels import swapped_in_a_photo, wrong_picks
-from uavgram.stages.refine.causes.length_ends import other_ends
-from uavgram.stages.refine.causes.lengths import wrong_lengths, wrong_readings
-from uavgram.stages.refine.causes.other_camera import photos_of_another_zoom
-from uavgram.stages.refine.causes.photos import (
+from uavgram.stages.refine.causes.labels.elsewhere import elsewhere_in_a_photo
+from uavgram.stages.refine.causes.labels.everywhere import swapped_everywhere
+from uavgram.stages.refine.causes.labels.heights import off_the_ground, wrong_pick_on_the_ground
+from uavgram.stages.refine.causes.labels.in_a_photo import swapped_in_a_photo, wrong_picks
+from uavgram.stages.refine.causes.lengths.common import common_to_lengths
+from uavgram.stages.refine.causes.lengths.ends import other_ends
+from uavgram.stages.refine.causes.lengths.readings import wrong_lengths, wrong_readings
+from uavgram.stages.refine.causes.photos.other_camera import photos_of_another_zoom
+from uavgram.stages.refine.causes.photos.turned import (
     photos_elsewhere,
     photos_in_disorder,
     turned_photos,

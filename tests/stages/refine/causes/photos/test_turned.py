@@ -16,7 +16,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.hypothesis import Standing, mended_survey
 from uavgram.stages.refine.causes.identify import identify
-from uavgram.stages.refine.causes.photos import turned_photos
+from uavgram.stages.refine.causes.photos.turned import turned_photos
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.robust_adjustment import MISPLACED
 

@@ -15,7 +15,7 @@ from uavgram.geometry.camera.projection import project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.stages.refine.blunders.consensus import AGREES, SMALLEST, consensus, seen_at
 from uavgram.stages.refine.causes.hypothesis import Standing
-from uavgram.stages.refine.causes.places import labels_of
+from uavgram.stages.refine.causes.labels.places import labels_of
 
 REACH = 0.2
 """Distance of a pick from where the log has its label, as a share of the photo's width."""

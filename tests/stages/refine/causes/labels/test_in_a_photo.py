@@ -13,9 +13,9 @@ from uavgram.estimation.reliability.hypotheses import explained
 from uavgram.model.arrays import Ints
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.causes.heights import off_the_ground
 from uavgram.stages.refine.causes.hypothesis import Standing, mended_survey
 from uavgram.stages.refine.causes.identify import identify
+from uavgram.stages.refine.causes.labels.heights import off_the_ground
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.off_ground.heights import with_free
 from uavgram.stages.refine.robust_adjustment import adjust_survey

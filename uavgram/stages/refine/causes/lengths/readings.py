@@ -15,8 +15,8 @@ from uavgram.estimation.reliability.wrong_units import CONVERSIONS, DECIMALS, UN
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Mend
-from uavgram.stages.refine.causes.doubted_lengths import FARTHEST, Doubted, Told, doubted
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
+from uavgram.stages.refine.causes.lengths.doubted import FARTHEST, Doubted, Told, doubted
 
 MOST_WRONG = 4
 """Single wrong lengths that are proposed."""

@@ -12,7 +12,7 @@ from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.mend import Mend
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
-from uavgram.stages.refine.causes.places import labels_of, strays
+from uavgram.stages.refine.causes.labels.places import labels_of, strays
 
 SAME = 8.0
 """Distance of two picks of a photo, in sigmas of one, up to which they are of the same point."""

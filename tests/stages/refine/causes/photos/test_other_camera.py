@@ -14,7 +14,7 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
-from uavgram.stages.refine.causes.other_camera import LEAST, photos_of_another_zoom
+from uavgram.stages.refine.causes.photos.other_camera import LEAST, photos_of_another_zoom
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.robust_adjustment import MISPLACED
 

@@ -14,7 +14,7 @@ from uavgram.model.message import Message, Several
 from uavgram.model.survey.mend import Cause, Mend
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
-from uavgram.stages.refine.causes.places import STRAYS, labels_of, strays
+from uavgram.stages.refine.causes.labels.places import STRAYS, labels_of, strays
 from uavgram.stages.refine.off_ground.remarks import off_ground_message
 from uavgram.stages.refine.off_ground.rivals import least_squares
 from uavgram.stages.refine.off_ground.search import LEAST_HEIGHT_M

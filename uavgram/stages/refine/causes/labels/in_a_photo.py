@@ -13,7 +13,7 @@ from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.mend import Mend
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
-from uavgram.stages.refine.causes.places import Strays, frames_of, strays
+from uavgram.stages.refine.causes.labels.places import Strays, frames_of, strays
 
 MOST_WRONG = 4
 """Single wrong picks that are proposed."""

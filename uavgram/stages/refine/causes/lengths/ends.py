@@ -14,7 +14,8 @@ from uavgram.estimation.survey.names import named_ends
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Ends, Mend
-from uavgram.stages.refine.causes.doubted_lengths import (
+from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
+from uavgram.stages.refine.causes.lengths.doubted import (
     FARTHEST,
     MOST,
     NOT_LINEAR,
@@ -22,7 +23,6 @@ from uavgram.stages.refine.causes.doubted_lengths import (
     Told,
     doubted,
 )
-from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 
 NEAR_M, NEAR = 0.5, 0.05
 """Difference from what another pair of labels would read, in metres and as a share, up to which

@@ -15,8 +15,8 @@ from uavgram.model.message import Message, Several
 from uavgram.model.survey.mend import Mend
 from uavgram.stages.refine.blunders.consensus import SMALLEST, seen_at
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
-from uavgram.stages.refine.causes.photos import against_the_log, misplaced_photos, picks_of
-from uavgram.stages.refine.causes.places import labels_of
+from uavgram.stages.refine.causes.labels.places import labels_of
+from uavgram.stages.refine.causes.photos.turned import against_the_log, misplaced_photos, picks_of
 
 STRAINED, MOST_PHOTOS = 16.0, 4
 """Fall of the sum of squares by a zoom of its own, from which on a photo is looked at; and how many

@@ -12,9 +12,9 @@ from scipy.stats import chi2
 
 from uavgram.estimation.reliability.hypotheses import explained
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.causes.common_lengths import CHECKED, _common, common_misfit, odd_scale
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.identify import identify
+from uavgram.stages.refine.causes.lengths.common import CHECKED, _common, common_misfit, odd_scale
 from uavgram.stages.refine.minima import Participants, best_minima
 
 PAIRS = (*((k, k + 6) for k in range(6)), (0, 1), (2, 3), (4, 5))

@@ -13,7 +13,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.mend import Mend
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
-from uavgram.stages.refine.causes.places import labels_of
+from uavgram.stages.refine.causes.labels.places import labels_of
 
 WRONG = 16.0
 """Fall of the sum of squares without a length, from which on its ends are looked at."""

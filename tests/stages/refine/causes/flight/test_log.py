@@ -18,7 +18,7 @@ from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.causes.flight import (
+from uavgram.stages.refine.causes.flight.log import (
     USUAL_RAD,
     USUAL_S,
     stepped_places,
