@@ -67,7 +67,7 @@ def row(outcomes: Sequence[Outcome]) -> str:
     due = [one for one in outcomes if is_due(one)]
     bad = [one for one in good if one.tellable and one.z > BAD_Z]
     z = np.sqrt(np.nanmean([one.z**2 for one in good]))
-    times = np.nanmean([one.cpu_s / one.clean_cpu_s for one in good])
+    times = np.mean([one.cpu_s / one.clean_cpu_s for one in good])  # NaN with --alone
     levels = " ".join(percent([one.level == level for one in good]) for level in LEVELS)
     return (
         f"{z:7.2f} {np.median([one.untreated_z for one in outcomes]):7.2f} {len(due):7d} "

@@ -91,7 +91,8 @@ def pass_verdict(
     told |= LEARNT if fit.stated < UNCLEAR else frozenset()
     if any(m.code == "misfit" for m in messages):
         told -= {"group-misfit"}  # the same, of parts of it
-    reasons = tuple(_reason(m) for m in messages if m.code in told)
+    # What a cause explains is told as information, and is no reason of its own.
+    reasons = tuple(_reason(m) for m in messages if m.code in told and m.level != "info")
     level: VerdictLevel = "amber" if reasons or any(one != "ok" for one in status) else "green"
     if bent or fit.checks < CONTRADICTED:
         level = "red"

@@ -194,8 +194,10 @@ def _removal(removal: Removal, before: Refined) -> Message:
 
 def _mended(cause: Cause, before: str, after: str) -> Message:
     """The message on a cause, with what was done about it."""
-    text = f"{cause.message.text} It was mended: {before}; now {after}."
-    return replace(cause.message, text=text, several=None)
+    first, _, rest = cause.message.text.removesuffix(".").partition(". ")
+    done = f"It was mended, look whether rightly: {before}; now {after}"
+    text = ". ".join(filter(None, (first, done, rest)))
+    return replace(cause.message, text=f"{text}.", several=None)
 
 
 def not_located(refined: Refined, suspicion: Suspicion) -> Message:

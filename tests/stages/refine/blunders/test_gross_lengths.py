@@ -92,8 +92,8 @@ def test_a_length_in_another_unit_is_put_right_on_request(
     (message,) = messages
     assert message.code == "line-wrong-unit"
     before, right = 1000.0 * survey.length_m[1], survey.length_m[1]
-    assert f"It was mended: length 'P1' to 'P7' {before:.3f} m; now" in message.text
-    assert message.text.endswith(f" {right:.3f} m.")
+    done = f"length 'P1' to 'P7' {before:.3f} m; now length 'P1' to 'P7' {right:.3f} m."
+    assert f"It was mended, look whether rightly: {done}" in message.text
     given, _ = refine(survey, REMOVE)
     np.testing.assert_allclose(
         refined.adjustment.state.point, given.adjustment.state.point, atol=1e-6
