@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
@@ -32,12 +33,12 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
     free = np.flatnonzero(survey.is_free)
     if not len(free):
         return values
-    frame, label = survey.pick_frame, survey.pick_label
+    frame, label, ray, sigma_px = _with_chains(survey, ray)
     rows = np.flatnonzero(survey.is_free[label] & np.isfinite(values.center[frame, 0]))
     center, owner = values.center[frame[rows]], label[rows]
     direction = np.einsum("nij,nj->ni", values.rotation[frame[rows]], ray[rows])
     direction /= np.linalg.norm(direction, axis=1)[:, None]
-    sigma = survey.pick_sigma_px[rows] / survey.calibration.parameters[0]
+    sigma = sigma_px[rows] / survey.calibration.parameters[0]
     met, spread = rays_meet(center, direction, sigma, owner, len(survey.label))
     plane = np.array([values.height_m, 0.0, 0.0])
     ground = intersect_ground(center, direction, plane, np.zeros(2), np.zeros(len(rows)))
@@ -55,6 +56,18 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
     point_m[free] = point[free, :2]
     departure_m[free] = np.nan_to_num(point[free, 2] - values.height_m)
     return values._replace(point_m=point_m, departure_m=departure_m)
+
+
+def _with_chains(survey: Survey, ray: Floats) -> tuple[Ints, Ints, Floats, Floats]:
+    """Frames, labels, rays and sigmas [px] of the picks and of the matches found from them."""
+    matches, camera = survey.matches, survey.calibration
+    found = back_project(camera.model, camera.parameters, matches.pixel_px)
+    return (
+        np.concatenate([survey.pick_frame, matches.frame]),
+        np.concatenate([survey.pick_label, survey.pick_label[matches.pick][matches.point]]),
+        np.concatenate([ray, found]),
+        np.concatenate([survey.pick_sigma_px, matches.sigma_px]),
+    )
 
 
 def rays_meet(
