@@ -364,7 +364,6 @@ def ends_apart(scene: Scene) -> Scene:
         pick_label=np.append(survey.pick_label, copies),
         pixel_px=survey.pixel_px[picks],
         pick_sigma_px=survey.pick_sigma_px[picks],
-        pick_is_target=survey.pick_is_target[picks],
         line_start=new.reshape(ends.shape)[:, 0],
         line_end=new.reshape(ends.shape)[:, 1],
     )

@@ -39,7 +39,6 @@ def test_a_frame_that_does_not_fit_places_no_points_for_others(
         pick_label=label[keep],
         pixel_px=pixel[keep],
         pick_sigma_px=survey.pick_sigma_px[keep],
-        pick_is_target=survey.pick_is_target[keep],
     )
     network = grown(survey, scene)
     good = [0, 2, 3]

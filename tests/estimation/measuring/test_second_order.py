@@ -138,7 +138,6 @@ def test_a_time_that_is_short_for_its_sigma_makes_a_speed_doubtful() -> None:
         pick_label=survey.pick_label[keep],
         pixel_px=survey.pixel_px[keep],
         pick_sigma_px=survey.pick_sigma_px[keep],
-        pick_is_target=survey.pick_is_target[keep],
     )
     request = MeasurementRequest(name="v", kind="speed", points=tuple(names))
     found = compared(survey, (request,))

@@ -189,7 +189,6 @@ def test_a_point_in_one_photo_is_not_checked_however_small_its_sigma() -> None:
         pick_frame=survey.pick_frame[keep],
         pixel_px=survey.pixel_px[keep],
         pick_sigma_px=survey.pick_sigma_px[keep],
-        pick_is_target=survey.pick_is_target[keep],
     )
     lines = (few.line_start == 0) | (few.line_end == 0)
     assert not lines.all()

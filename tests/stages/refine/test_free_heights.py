@@ -78,7 +78,6 @@ def test_a_free_point_that_one_photo_shows_is_left_out_by_name() -> None:
         pick_label=survey.pick_label[rows],
         pixel_px=survey.pixel_px[rows],
         pick_sigma_px=survey.pick_sigma_px[rows],
-        pick_is_target=survey.pick_is_target[rows],
         line_start=np.zeros(0, int),
         line_end=np.zeros(0, int),
         length_m=np.zeros(0),

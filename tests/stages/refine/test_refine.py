@@ -290,7 +290,6 @@ def test_a_pick_above_the_horizon_is_left_out_and_the_rest_solved(
         pick_label=np.append(survey.pick_label, len(survey.label)),
         pixel_px=np.vstack([survey.pixel_px, [1000.0, -6000.0]]),
         pick_sigma_px=np.append(survey.pick_sigma_px, 0.7),
-        pick_is_target=np.append(survey.pick_is_target, False),
     )
     refined, messages = refine(survey, REPORT)
 
@@ -318,7 +317,6 @@ def test_a_sky_pick_and_a_lost_frame_each_get_their_own_reason(
         pick_label=np.append(survey.pick_label, len(survey.label)),
         pixel_px=np.vstack([survey.pixel_px, [1000.0, -6000.0]]),
         pick_sigma_px=np.append(survey.pick_sigma_px, 0.7),
-        pick_is_target=np.append(survey.pick_is_target, False),
     )
     refined, _ = refine(survey, REPORT)
     sky = len(survey.pick_frame) - 1

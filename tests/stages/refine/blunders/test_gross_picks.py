@@ -67,7 +67,6 @@ def test_of_two_picks_of_a_point_nothing_tells_which_is_wrong() -> None:
         pick_label=survey.pick_label[keep],
         pixel_px=survey.pixel_px[keep],
         pick_sigma_px=survey.pick_sigma_px[keep],
-        pick_is_target=survey.pick_is_target[keep],
     )
     refined, _ = refine(two, SolveOptions())
 

@@ -29,7 +29,6 @@ def explained(*, stands: bool, wrong_px: float, photos: int) -> bool:
         height_sigma_m=np.where(np.arange(16) == LABEL, 3.0, 0.01),
         pixel_px=pixel[keep],
         pick_sigma_px=(sigma * weight)[keep],
-        pick_is_target=scene.survey.pick_is_target[keep],
         pick_frame=scene.survey.pick_frame[keep],
         pick_label=scene.survey.pick_label[keep],
     )

@@ -71,7 +71,6 @@ def test_a_swap_is_found_where_a_point_is_seen_in_that_photo_only(
         pick_label=whole.pick_label[rows],
         pixel_px=whole.pixel_px[rows],
         pick_sigma_px=whole.pick_sigma_px[rows],
-        pick_is_target=whole.pick_is_target[rows],
     )
     picks = np.searchsorted(rows, [one, other])
     wrong = relabelled(survey, picks, survey.pick_label[picks][::-1])
@@ -96,7 +95,6 @@ def test_a_pick_where_another_label_belongs_is_told(
         pick_label=survey.pick_label[rows],
         pixel_px=pixel[rows],
         pick_sigma_px=survey.pick_sigma_px[rows],
-        pick_is_target=survey.pick_is_target[rows],
     )
     at = int(np.searchsorted(rows, one))
     (cause,) = causes_of(wrong)
