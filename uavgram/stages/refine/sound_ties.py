@@ -46,8 +46,11 @@ is beyond it in one of 20,000."""
 MEDIAN = 2.0 * float(np.log(2.0))
 """Of the chi-square distribution of two degrees of freedom."""
 
-ROUNDS = 8
+ROUNDS = 12
 """In each, the worst sighting of every point that has a wrong one is left out."""
+
+BENT = 0.2
+"""Share of the largest fall below which a sighting may only look wrong, as worse ones bend all."""
 
 STATED_WEIGHT = 20.0
 """Of their stated sigmas, as so many residuals."""
@@ -135,7 +138,7 @@ def _wrong(adjustment: Adjustment, group: Group) -> Bools:
     worst = order[np.unique(sightings.point[order], return_index=True)[1]]
     scatter = max(1.0, float(np.median(fall[fall > 0])) / MEDIAN) if (fall > 0).any() else 1.0
     wrong = np.zeros(len(fall), dtype=np.bool_)
-    wrong[worst] = fall[worst] > WRONG * scatter
+    wrong[worst] = fall[worst] > max(WRONG * scatter, BENT * float(fall.max(initial=0.0)))
     return wrong
 
 
