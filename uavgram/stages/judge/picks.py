@@ -53,6 +53,8 @@ def judge_picks(
         w=w,
         redundancy=redundancy,
         status=tuple(status),
+        source=tuple(map(picks.source_of, range(count))),
+        score=picks.score,
     )
     return results, examined.effects("pixels", row)
 
