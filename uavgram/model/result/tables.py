@@ -255,18 +255,6 @@ class PickResults(FrozenArrays):
             object.__setattr__(self, "score", np.full(len(self.image), np.nan))
         super().__post_init__()
 
-    def of_source(self, source: Source) -> Bools:
-        """(P,) which were made by one."""
-        return np.array([one == source for one in self.source], dtype=np.bool_)
-
-    def sources_of_labels(self) -> dict[str, tuple[Source, ...]]:
-        """Who made the picks of each label that took part, in the order in which they stand."""
-        found: dict[str, dict[Source, None]] = {}
-        for label, source, status in zip(self.label, self.source, self.status, strict=True):
-            if status in ("used", "suspect"):
-                found.setdefault(label, {})[source] = None
-        return {label: tuple(sources) for label, sources in found.items()}
-
 
 def _none() -> Floats:
     return np.zeros(0)

@@ -9,7 +9,7 @@ const SAME_PLACE_PX = 0.01; // as the server has it: a match is of a pick that l
 // The mark of each: the shape says it without its colour.
 export const SHAPES = {
   hand: "M-9 0H-3M3 0H9M0 -9V-3M0 3V9",
-  match: "M-7 -7L-2.5 -2.5M2.5 2.5L7 7M-7 7L-2.5 2.5M2.5 -2.5L7 -7",
+  match: "M-9 -9L-2.5 -2.5M2.5 2.5L9 9M-9 9L-2.5 2.5M2.5 -2.5L9 -9",
   target: "M-9 -4V-9H-4M4 -9H9V-4M9 4V9H4M-4 9H-9V4M-2.5 0H2.5M0 -2.5V2.5",
 };
 
