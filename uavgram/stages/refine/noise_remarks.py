@@ -16,14 +16,6 @@ BY_CHANCE = 0.001
 SURE = 3.0
 """Sigmas by which the factor must differ from one."""
 
-MADE_BY = {
-    "hand": "picks made by hand",
-    "target": "targets",
-    "match": "matches",
-    "tie": "tie points",
-}
-"""What each source of picks is called where a survey has several."""
-
 LOOK = {
     "hand": "Look whether each label is at the same place in all photos.",
     "target": "Look whether the plates lay flat and still.",
@@ -41,7 +33,7 @@ def noise_remarks(noise: Noise | None) -> Iterator[Message]:
         yield from _ground(area, several=len(noise.roughness) > 1)
     for picks in noise.picks:
         if abs(picks.factor - 1.0) > SURE * picks.sigma:
-            yield from _picks(picks, several=len(noise.picks) > 1)
+            yield from _picks(picks, noise.called(picks))
 
 
 def _ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
@@ -66,10 +58,9 @@ def _length(size_m: float) -> str:
     return f"{100 * size_m:.2g} cm" if size_m < 1.0 else f"{size_m:.2g} m"
 
 
-def _picks(picks: PickNoise, *, several: bool) -> Iterator[Message]:
+def _picks(picks: PickNoise, what: str) -> Iterator[Message]:
     """Of what the program found by likeness, that it is more exact is no news."""
     by_likeness = picks.source in ("match", "tie")
-    what = MADE_BY[picks.source] if several or by_likeness else "picks"
     stated = f"{picks.stated_px:.2g} px stated"
     found = f"{picks.stated_px * picks.factor:.2g} ± {picks.stated_px * picks.sigma:.1g} px found"
     if picks.factor > WORSE:
