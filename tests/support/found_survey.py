@@ -45,7 +45,7 @@ def found(result: Result, ties: TieCloud) -> Result:
         ties=TieSummary(points=TIES, sightings=len(ties.frame), rms_px=0.234),
         noise=Noise(
             picks=tuple(
-                PickNoise(source=source, stated_px=stated, factor=1.21, sigma=0.05)
+                PickNoise(source=source, stated_px=stated, factor=1.24, sigma=0.05)
                 for source, stated in (
                     ("hand", 0.8),
                     ("target", 0.05),
@@ -62,7 +62,7 @@ def tie_cloud(result: Result) -> TieCloud:
     """Tie points all over the ground, in the photos that show them."""
     rng = np.random.default_rng(5)
     low, high = (f(result.points.position_world_m, axis=0) for f in (np.min, np.max))
-    world = rng.uniform(low, high + [0.0, 0.0, 1.0], (TIES, 3))
+    world = rng.uniform(low, high + np.array([0.0, 0.0, 1.0]), (TIES, 3))
     frames, pixels = [], []
     for frame in np.flatnonzero(result.has_refined).tolist():
         pixel = project_from(result, row_poses(result, frame), world)

@@ -79,6 +79,6 @@ class Noise:
     roughness: tuple[AreaNoise, ...]
 
     def called(self, picks: PickNoise) -> str:
-        """What one source of picks is called beside the others: where people made all, just that."""
+        """What picks of one source are called; just picks where people made all."""
         people_alone = [one.source for one in self.picks] == ["hand"]
         return "picks" if people_alone else PICKED[picks.source]

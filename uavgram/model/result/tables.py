@@ -255,6 +255,11 @@ class PickResults(FrozenArrays):
             object.__setattr__(self, "score", np.full(len(self.image), np.nan))
         super().__post_init__()
 
+    @property
+    def by_hand(self) -> Bools:
+        """(P,) which picks a person made."""
+        return np.array([source == "hand" for source in self.source], dtype=np.bool_)
+
 
 def _none() -> Floats:
     return np.zeros(0)

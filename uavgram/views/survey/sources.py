@@ -20,7 +20,7 @@ ONLY_PROGRAM = "only the program's picks"
 
 def has_found(result: Result) -> bool:
     """Whether the program made any of the picks."""
-    return any(source != "hand" for source in result.picks.source)
+    return not result.picks.by_hand.all()
 
 
 def counts_text(counts: Mapping[Source, int]) -> str:
