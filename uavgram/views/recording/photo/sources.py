@@ -22,7 +22,7 @@ MARKS: dict[Source, tuple[Floats, ...]] = {
 }
 """Lines of the mark of each source, in halves of its size: a cross that lies down, and a square."""
 
-MARK_SHARE = 0.006
+MARK_SHARE = 0.009
 """Half size of a mark, as a share of the photo's width."""
 
 FOUND_PICKS = "picked_by_program"
