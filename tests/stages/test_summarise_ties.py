@@ -1,4 +1,4 @@
-"""Tie points and matches of a whole run, counted and projected anew."""
+"""Tie points, matches and targets of a whole run, counted and projected anew."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from hostile_surveys import make_survey
 from uavgram.geometry.ground.row_projection import project_rows, row_poses
 from uavgram.model.result.result import Result
 from uavgram.model.result.ties import TieCloud
+from uavgram.model.survey.observations import Source
 from uavgram.model.survey.ties import TiePicks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
@@ -30,7 +31,15 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     survey = make_survey(Condition(ties=40, matched=True, photos=4, labels=10), 5)
     path = write_project(survey, tmp_path_factory.mktemp("tied"))
     ties = tie_picks(survey)
-    result, refined = compute(replace(read_inputs(path), ties=ties), curved=False)
+    inputs = read_inputs(path)
+    picks, plates = inputs.picks, inputs.requests[0].points
+    made: list[Source] = [picks.source_of(i) for i in range(len(picks.image))]
+    made = [
+        "target" if s == "hand" and n in plates else s
+        for s, n in zip(made, picks.label, strict=True)
+    ]
+    inputs = replace(inputs, picks=replace(picks, source=tuple(made)), ties=ties)
+    result, refined = compute(inputs, curved=False)
     cloud = tie_cloud(refined.adjustment, result.frames.frame_id)
     assert cloud is not None
     return result, cloud, ties
@@ -92,4 +101,14 @@ def test_a_point_has_the_photos_in_which_it_was_matched(run: Run) -> None:
 def test_each_source_has_its_noise(run: Run) -> None:
     result, _, _ = run
     assert result.noise is not None
-    assert [one.source for one in result.noise.picks] == ["hand", "match", "tie"]
+    assert [one.source for one in result.noise.picks] == ["hand", "target", "match", "tie"]
+
+
+def test_a_value_that_no_person_picked_is_told_by_name(run: Run) -> None:
+    result, _, _ = run
+    (told,) = (one for one in result.messages if one.code == "only-program-picks")
+    rows = result.measurements
+    plates = set(rows.points[0])
+    alone = tuple(n for n, ends in zip(rows.name, rows.points, strict=True) if set(ends) <= plates)
+    assert told.measurements == alone
+    assert len(alone) < len(rows.name)

@@ -17,14 +17,14 @@ class Tied(NamedTuple):
 
     Attributes
     ----------
-    count, rms_px
+    ties, rms_px
         (F,) tie points that each photo shows, and the root mean square of their residuals in each
         coordinate; NaN where it shows none.
     together
         All of them; None where none takes part.
     """
 
-    count: Ints
+    ties: Ints
     rms_px: Floats
     together: TieSummary | None
 

@@ -154,7 +154,7 @@ def compute(
         areas=summarise_areas(adjustment),
         frames=replace(
             _frames(inputs, posed, assembled, refined, duplicates),
-            ties=tied.count,
+            ties=tied.ties,
             ties_rms_px=tied.rms_px,
         ),
         points=reconstruct(adjustment, world, refined.off_ground),
