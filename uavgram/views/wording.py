@@ -91,6 +91,7 @@ GROUP_WORDS = {
     "clock": "camera clock",
     "clock_drift": "drift of the camera clock",
     "readout": "readout time of the camera",
+    "turning": "turn of the camera while a photo was read",
     "plane": "plane of the ground",
     "roughness": "unevenness of the ground",
     "relief": "shape of the ground",
