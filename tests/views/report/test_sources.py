@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from functools import cache
 from html import unescape
 
@@ -67,6 +68,12 @@ def test_points_and_photos_say_who_made_their_picks() -> None:
         for source in ("hand", "match", "target")
     ]
     assert rows()[photo][3] == "{}{} by hand, {} matched, {} targets".format(sum(counts), *counts)
+
+
+def test_all_picks_together_are_counted_by_who_made_them() -> None:
+    made = Counter(result().picks.source)
+    told = f"Picks: {made['hand']} by hand, {made['match']} matched, {made['target']} targets."
+    assert told in html()
 
 
 def test_ties_of_each_photo_stand_in_the_table_of_photos() -> None:
