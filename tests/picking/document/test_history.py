@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,7 +13,7 @@ from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import Command
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.refused import RefusedError
-from uavgram.picking.document.state import State
+from uavgram.picking.document.state import Pick, State, observations_of, state_of
 
 LABELS = st.sampled_from(["A", "B", "C", "D"])
 IMAGES = st.sampled_from(["1.jpg", "2.jpg"])
@@ -176,6 +178,74 @@ def test_moving_a_pick_keeps_its_sigma_and_height() -> None:
     session = apply(session, c.SetHeight(label="A", height_m=1.0))
     moved = place(session, "A", u=9.0).state.picks[0]
     assert (moved.u_px, moved.sigma_px, moved.height_m) == (9.0, 0.3, 1.0)
+
+
+def with_matches() -> Session:
+    """A is picked in 1.jpg and was found from there in 2.jpg and 3.jpg; B is in 1.jpg, too."""
+    session = place(place(Session(state=State()), "A"), "B", u=1.0, v=2.0)
+    for image in ("2.jpg", "3.jpg"):
+        found = c.Place(image=image, label="A", u_px=7.0, v_px=8.0, sigma_px=0.06, source="match")
+        found = replace(found, from_image="1.jpg", from_u_px=1.0, from_v_px=2.004, score=0.9)
+        session = apply(session, found)
+    return session
+
+
+def photos_of(session: Session, label: str) -> list[str]:
+    return [pick.image for pick in session.state.picks if pick.label == label]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        c.Place(image="1.jpg", label="A", u_px=1.02, v_px=2.0),
+        c.Unpick(image="1.jpg", label="A"),
+    ],
+)
+def test_what_was_found_from_a_pick_goes_with_it_and_undo_brings_all_back(change: Command) -> None:
+    before = with_matches()
+    after = apply(before, change)
+    assert photos_of(after, "A") == ([] if isinstance(change, c.Unpick) else ["1.jpg"])
+    assert photos_of(after, "B") == ["1.jpg"]
+    assert apply(after, c.Undo()).state == before.state
+
+
+def test_what_was_found_from_another_pick_at_the_same_place_stays() -> None:
+    gone = apply(with_matches(), c.Unpick(image="1.jpg", label="B"))
+    assert photos_of(gone, "A") == ["1.jpg", "2.jpg", "3.jpg"]
+
+
+def test_a_whole_drag_of_a_pick_is_undone_with_its_matches() -> None:
+    before = with_matches()
+    after = place(place(before, "A", u=1.5, step=7), "A", u=1.0, step=7)
+    assert photos_of(after, "A") == ["1.jpg"]
+    assert apply(after, c.Undo()).state == before.state
+
+
+def test_another_sigma_of_a_pick_leaves_its_matches() -> None:
+    before = with_matches()
+    session = apply(before, c.SetSigma(image="1.jpg", label="A", sigma_px=0.3))
+    session = apply(session, c.Place(image="1.jpg", label="A", u_px=1.0, v_px=2.0, sigma_px=0.4))
+    assert photos_of(session, "A") == ["1.jpg", "2.jpg", "3.jpg"]
+
+
+def test_a_match_that_is_moved_is_a_persons_pick() -> None:
+    moved = place(with_matches(), "A", u=7.5, v=8.0, image="2.jpg").state.pick("2.jpg", "A")
+    assert moved == Pick(image="2.jpg", label="A", u_px=7.5, v_px=8.0)  # nor the matching's sigma
+    one_gone = apply(with_matches(), c.Unpick(image="2.jpg", label="A"))
+    assert photos_of(one_gone, "A") == ["1.jpg", "3.jpg"]
+
+
+def test_the_program_never_changes_a_persons_pick() -> None:
+    found = c.Place(image="1.jpg", label="A", u_px=7.0, v_px=8.0, source="match")
+    with pytest.raises(RefusedError, match="a person picked"):
+        apply(with_matches(), found)
+
+
+def test_who_made_a_pick_goes_to_the_adjustment_and_back() -> None:
+    state = with_matches().state
+    picks, lines = observations_of(state)
+    assert picks.source == ("hand", "hand", "match", "match")
+    assert state_of(picks, lines, ()) == state
 
 
 def test_forgetting_a_label_takes_its_lengths_and_measurements_along() -> None:

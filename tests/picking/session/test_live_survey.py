@@ -55,7 +55,11 @@ def only(observed: Observed, rows: Ints | Bools) -> Observed:
             height_m=picks.height_m[rows],
             height_sigma_m=picks.height_sigma_m[rows],
             is_free=picks.is_free[rows],
+            score=picks.score[rows],
+            from_px=picks.from_px[rows],
             area=(),
+            source=(),
+            from_image=(),
             line=(),
         ),
     )

@@ -13,20 +13,29 @@ from dataclasses import dataclass
 from typing import Literal
 
 from uavgram.model.camera.calibration import LensModel
-from uavgram.model.survey.observations import Along, MeasurementKind
+from uavgram.model.survey.observations import Along, MeasurementKind, Source
 
 Target = Literal["corner", "circle"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Pick a label in a photo, or move the pick that is there; a sigma of None keeps its own."""
+    """Pick a label in a photo, or move the pick that is there; a sigma of None keeps its own.
+
+    Whoever places it made it: a match that a person moves is a person's pick. `source` and what
+    follows are of what the program found, as in `Picks`.
+    """
 
     image: str
     label: str
     u_px: float
     v_px: float
     sigma_px: float | None = None
+    source: Source = "hand"
+    score: float | None = None
+    from_image: str = ""
+    from_u_px: float | None = None
+    from_v_px: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -114,9 +114,7 @@ def changed(state: State, change: c.Change) -> State:
 def _place(state: State, do: c.Place) -> State:
     there = state.pick(do.image, do.label)
     if there is not None:
-        sigma = there.sigma_px if do.sigma_px is None else do.sigma_px
-        moved = replace(there, u_px=do.u_px, v_px=do.v_px, sigma_px=sigma)
-        return _with_pick(state, there, moved)
+        return _placed_anew(state, there, do)
     same = next((pick for pick in state.picks if pick.label == do.label), None)
     new = Pick(**vars(do))
     if same is not None:
@@ -124,9 +122,45 @@ def _place(state: State, do: c.Place) -> State:
     return replace(state, picks=(*state.picks, new))
 
 
+def _placed_anew(state: State, there: Pick, do: c.Place) -> State:
+    """With a pick where it is placed now; where that is elsewhere, it is of whoever placed it.
+
+    Parameters
+    ----------
+    state, there
+        Before, and the pick.
+    do
+        Where it is placed.
+
+    Raises
+    ------
+    RefusedError
+        A person's own pick is nothing that the program may change.
+    """
+    if (do.u_px, do.v_px, do.source) == (there.u_px, there.v_px, "hand"):
+        stays = there.sigma_px if do.sigma_px is None else do.sigma_px
+        return _with_pick(state, there, replace(there, sigma_px=stays))
+    if there.source == "hand" != do.source:
+        raise RefusedError(f"a person picked {do.label!r} in {do.image!r} already")
+    # The sigma of a match is the matching's, not that of a person's hand.
+    own = there.sigma_px if there.source == do.source else None
+    sigma = own if do.sigma_px is None else do.sigma_px
+    # What a person noted of an own pick in columns that the program reads too stays.
+    made = {} if there.source == do.source == "hand" else vars(do)
+    new = replace(there, **made | {"u_px": do.u_px, "v_px": do.v_px, "sigma_px": sigma})
+    return _with_pick(_without_matches(state, there), there, new)
+
+
 def _unpick(state: State, do: c.Unpick) -> State:
     there = _required(state, do.image, do.label)
-    return replace(state, picks=tuple(pick for pick in state.picks if pick is not there))
+    kept = tuple(pick for pick in state.picks if pick is not there)
+    return _without_matches(replace(state, picks=kept), there)
+
+
+def _without_matches(state: State, there: Pick) -> State:
+    """Without what the program found from a pick: it showed what is no longer picked."""
+    kept = tuple(pick for pick in state.picks if not pick.is_match_of(there))
+    return replace(state, picks=kept)
 
 
 def _forget(state: State, do: c.Forget) -> State:

@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from uavgram.model.survey.observations import Along, KnownLines, MeasurementRequest, Picks
+from uavgram.model.survey.observations import (
+    Along,
+    KnownLines,
+    MeasurementRequest,
+    Picks,
+    Source,
+)
+
+SAME_PLACE_PX = 0.01
+"""A match is of a pick that lies no further than that from where the match was found from."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,7 +26,8 @@ class Pick:
     """One picked pixel of the original, unrotated photo `image` (a file name).
 
     `sigma_px`, `height_m` and `height_sigma_m` are None, and `area` is empty, where the file gives
-    none; `is_free` where the file says that the height is to be found.
+    none; `is_free` where the file says that the height is to be found. `source` and what follows
+    say who made it, as in `Picks`: None and empty where a person did.
     """
 
     image: str
@@ -28,6 +39,11 @@ class Pick:
     height_sigma_m: float | None = None
     is_free: bool = False
     area: str = ""
+    source: Source = "hand"
+    score: float | None = None
+    from_image: str = ""
+    from_u_px: float | None = None
+    from_v_px: float | None = None
 
     @property
     def key(self) -> tuple[str, str]:
@@ -38,6 +54,14 @@ class Pick:
     def height(self) -> dict[str, Any]:
         """What it says of its label's height, by field."""
         return {name: getattr(self, name) for name in ("height_m", "height_sigma_m", "is_free")}
+
+    def is_match_of(self, other: Pick) -> bool:
+        """Whether the program found it from another pick, as that stands now."""
+        if self.from_u_px is None or self.from_v_px is None:
+            return False
+        aside = math.hypot(self.from_u_px - other.u_px, self.from_v_px - other.v_px)
+        own = self.source == "match" and self.label == other.label
+        return own and self.from_image == other.image and aside <= SAME_PLACE_PX
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,6 +120,11 @@ def state_of(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRequ
                 height_sigma_m=_or_none(picks.height_sigma_m[i]),
                 is_free=bool(picks.is_free[i]),
                 area=areas[i],
+                source=picks.source_of(i),
+                score=_or_none(picks.score[i]),
+                from_image=picks.from_image[i] if picks.from_image else "",
+                from_u_px=_or_none(picks.from_px[i, 0]),
+                from_v_px=_or_none(picks.from_px[i, 1]),
             )
             for i in range(len(picks.image))
         ),
@@ -129,6 +158,12 @@ def observations_of(state: State) -> tuple[Picks, KnownLines]:
             height_sigma_m=np.array([_or_nan(pick.height_sigma_m) for pick in picks]),
             is_free=np.array([pick.is_free for pick in picks], dtype=np.bool_),
             area=tuple(pick.area for pick in picks),
+            source=tuple(pick.source for pick in picks),
+            score=np.array([_or_nan(pick.score) for pick in picks]),
+            from_image=tuple(pick.from_image for pick in picks),
+            from_px=np.array(
+                [(_or_nan(pick.from_u_px), _or_nan(pick.from_v_px)) for pick in picks]
+            ).reshape(-1, 2),
         ),
         KnownLines(
             name=tuple(line.name for line in lines),

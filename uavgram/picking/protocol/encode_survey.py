@@ -75,7 +75,12 @@ def difference_json(before: State, after: State, index: Mapping[str, int]) -> Js
 
 
 def _pick(pick: Pick, index: Mapping[str, int]) -> Json:
-    return {**vars(pick), "image": index[pick.image]}
+    """Who made it is left out where a person did."""
+    told = {**vars(pick), "image": index[pick.image], "from_image": index.get(pick.from_image)}
+    if pick.source == "hand":
+        for name in ("source", "score", "from_image", "from_u_px", "from_v_px"):
+            del told[name]
+    return told
 
 
 def _request(request: MeasurementRequest) -> Json:

@@ -29,7 +29,7 @@ from uavgram.model.limits import (
     sigma_fault,
     unshowable,
 )
-from uavgram.model.survey.observations import Along, MeasurementKind
+from uavgram.model.survey.observations import Along, MeasurementKind, Source
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.refused import RefusedError
 
@@ -214,12 +214,29 @@ class _Fields:
             return None
         return self.number(name, fault_of)
 
-    def photo(self) -> PhotoSize:
-        index = self.integer("image")
+    def photo(self, name: str = "image") -> PhotoSize:
+        index = self.integer(name)
         if index >= len(self._photos):
             _refuse(f"there is no photo {index}")
         self.size = self._photos[index]
         return self.size
+
+    def other_photo(self, name: str) -> str:
+        """Name of a photo, empty where none is given; what follows is in that photo."""
+        if self._data.get(name) is None:
+            self._data.pop(name, None)
+            return ""
+        return self.photo(name).name
+
+    def place(self, name: str, size: float) -> float:
+        """A coordinate in a photo of such a size."""
+        return self.between(name, -0.5, size - 0.5)
+
+    def optional_place(self, name: str, size: float) -> float | None:
+        if self._data.get(name) is None:
+            self._data.pop(name, None)
+            return None
+        return self.place(name, size)
 
     def measurement_kind(self) -> MeasurementKind:
         self.kind = self.choice("kind", tuple(POINT_COUNTS))
@@ -243,13 +260,22 @@ class _Fields:
         return found
 
 
+def _score_fault(value: float) -> str:
+    return "" if 0.0 <= value <= 1.0 else "must lie between 0 and 1"
+
+
 _MODELS: tuple[LensModel, ...] = ("brown", "fisheye")
 
 # A field of a message has the name of the command's field, and means the same in all of them.
 _READERS: dict[str, Callable[[_Fields], object]] = {
     "image": lambda f: f.photo().name,
-    "u_px": lambda f: f.between("u_px", -0.5, f.size.width_px - 0.5),
-    "v_px": lambda f: f.between("v_px", -0.5, f.size.height_px - 0.5),
+    "u_px": lambda f: f.place("u_px", f.size.width_px),
+    "v_px": lambda f: f.place("v_px", f.size.height_px),
+    "source": lambda f: f.choice("source", get_args(Source)) if f.has("source") else "hand",
+    "score": lambda f: f.optional("score", _score_fault),
+    "from_image": lambda f: f.other_photo("from_image"),
+    "from_u_px": lambda f: f.optional_place("from_u_px", f.size.width_px),
+    "from_v_px": lambda f: f.optional_place("from_v_px", f.size.height_px),
     "label": _Fields.label,
     "new": lambda f: f.label("new"),
     "start": lambda f: f.label("start"),

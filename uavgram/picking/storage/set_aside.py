@@ -13,7 +13,7 @@ from typing import Any
 
 from uavgram.errors import UavgramError
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.picking.document.state import Line, State
+from uavgram.picking.document.state import Line, Pick, State
 from uavgram.picking.storage.journal import JOURNAL, left_in
 
 Json = dict[str, Any]
@@ -103,9 +103,8 @@ def _picks(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
         if earlier.get(pick.key) == pick:
             continue
         which = {"image": index.get(pick.image, -1), "label": pick.label}
-        changes.append(
-            {"t": "place", **which, "u_px": pick.u_px, "v_px": pick.v_px, "sigma_px": pick.sigma_px}
-        )
+        place = {"u_px": pick.u_px, "v_px": pick.v_px, "sigma_px": pick.sigma_px}
+        changes.append({"t": "place", **which, **place, **_made_by(pick, index)})
         there = now.pick(*pick.key)
         if pick.sigma_px is None and there is not None and there.sigma_px is not None:
             changes.append({"t": "sigma", **which, "sigma_px": None})
@@ -113,6 +112,15 @@ def _picks(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
             heights[pick.label] = pick.height
             changes.append({"t": "height", "label": pick.label, **pick.height})
     return tuple(changes)
+
+
+def _made_by(pick: Pick, index: Mapping[str, int]) -> Json:
+    """Who made a pick; nothing of a person's own."""
+    if pick.source == "hand":
+        return {}
+    names = ("source", "score", "from_u_px", "from_v_px")
+    told = {name: getattr(pick, name) for name in names}
+    return told | {"from_image": index.get(pick.from_image)}
 
 
 def _put(kind: str, before: Named, after: Named, now: Named) -> Changes:

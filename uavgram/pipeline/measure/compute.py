@@ -45,7 +45,7 @@ from uavgram.stages.assemble import Assembled, Observations, assemble
 from uavgram.stages.camera.assume import ASSUMED_CAMERA, UNKNOWN_CAMERA
 from uavgram.stages.camera.learn import what_was_learnt
 from uavgram.stages.duplicates import Duplicates
-from uavgram.stages.judge import pass_verdict
+from uavgram.stages.judge import judge_makers, pass_verdict
 from uavgram.stages.measure import measure, measurement_results
 from uavgram.stages.messages import in_order, without_the_innocent
 from uavgram.stages.monte_carlo import compare, sample
@@ -63,6 +63,7 @@ from uavgram.stages.summarise import (
     summarise_shared,
     summarise_solution,
 )
+from uavgram.stages.summarise_ties import summarise_ties
 
 _GUESSED = (ASSUMED_CAMERA, UNKNOWN_CAMERA)
 PACKAGES = ("numpy", "scipy", "opencv-python-headless", "pymavlink", "pyproj", "rerun-sdk")
@@ -138,7 +139,9 @@ def compute(
         *measured.messages,
         *sampled_messages,
         *without_the_innocent(judged.messages, refined.causes),
+        *judge_makers(judged.picks, measured.table),
     )
+    tied = summarise_ties(adjustment, posed.frames.frame_id)
     still = {cause.message.code for cause in refined.causes if cause not in mended}
     put_right = {cause.message.code for cause in mended} - still
     verdict, status = pass_verdict(messages, judged.fit, judged.examined, measured.table, put_right)
@@ -149,7 +152,11 @@ def compute(
         camera=inputs.calibration,
         shared=shared,
         areas=summarise_areas(adjustment),
-        frames=_frames(inputs, posed, assembled, refined, duplicates),
+        frames=replace(
+            _frames(inputs, posed, assembled, refined, duplicates),
+            ties=tied.ties,
+            ties_rms_px=tied.rms_px,
+        ),
         points=reconstruct(adjustment, world, refined.off_ground),
         error_budget=shares(error_budget(adjustment.minimum.blocks, values)),
         lines=judged.lines,
@@ -166,6 +173,7 @@ def compute(
         checks_overall=judged.checks_overall,
         solution=summarise_solution(refined, judged.groups, measured.others),
         noise=refined.noise,
+        ties=tied.together,
         messages=messages,
         verdict=verdict,
     )

@@ -61,6 +61,8 @@ def judge_picks(
         w=w,
         redundancy=redundancy,
         status=tuple(status),
+        source=tuple(map(picks.source_of, range(count))),
+        score=picks.score,
     )
     return results, examined.effects("pixels", row)
 
