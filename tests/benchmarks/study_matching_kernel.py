@@ -22,7 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
-from street_pairs import AFTER, BEFORE, Pair, PoseError, StreetTruth
+from street_pairs import AFTER, BEFORE, PoseError, StreetTruth
 
 from uavgram.imaging.matching.match import MatchOptions, matched
 from uavgram.imaging.matching.matched import Refused
@@ -47,7 +47,7 @@ class Outcome(NamedTuple):
 
     @property
     def found(self) -> Bools:
-        return self.refused == Refused.NONE
+        return np.asarray(self.refused == Refused.NONE)
 
 
 def outcome(
@@ -56,7 +56,6 @@ def outcome(
     """All pairs of a street."""
     rng = np.random.default_rng(seed)
     photos = {frame: street.photo(frame) for frame in street.frames}
-    parts: list[tuple[Pair, object]] = []
     names, rows, spent = [], [], 0.0
     for pair in street.pairs(labels, error, rng):
         start = time.process_time()
@@ -73,9 +72,9 @@ def outcome(
                 stretch,
             )
         )
-    del parts
     columns = [np.concatenate(column) for column in zip(*rows, strict=True)]
-    return Outcome(names, *columns, spent)
+    error, covariance, score, refused, stretch = columns
+    return Outcome(names, error, covariance, score, refused, stretch, spent)
 
 
 def line(name: str, of: Outcome, chosen: Bools) -> str:

@@ -1,4 +1,4 @@
-"""Points of rendered streets in pairs of photos: what an adjustment would predict of them, and the truth."""
+"""Points of rendered streets in pairs of photos: their predictions, and the truth."""
 
 from __future__ import annotations
 
@@ -156,7 +156,8 @@ class StreetTruth:
         ground = self.truth["ground"]
         normal = np.array([-ground["slope"][0], -ground["slope"][1], 1.0])
         foot = np.array([*ground["pivot"], ground["height_m"] + up])
-        return center + ray * (((foot - center) @ normal) / (ray @ normal))[:, None]
+        depth = ((foot - center) @ normal) / (ray @ normal)
+        return np.asarray(center + ray * depth[:, None])
 
     def _seen(self, frame: str, world: Floats, off: Floats) -> Floats:
         row = np.full(len(world), 900.0)
