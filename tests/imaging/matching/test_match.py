@@ -102,7 +102,7 @@ def test_the_covariance_is_that_of_repeated_noise() -> None:
     values = np.concatenate(squared)
     assert len(values) > 100
     # Resampling makes neighbouring residuals alike: formal variances are up to a third off.
-    low, high = chi2.ppf([0.001, 0.999], 2 * len(values)) / (2 * len(values))
+    low, high = (float(chi2.ppf(p, 2 * len(values))) / (2 * len(values)) for p in (1e-3, 0.999))
     assert 0.7 * low < values.mean() / 2 < 1.35 * high
 
 

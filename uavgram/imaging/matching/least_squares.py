@@ -132,7 +132,7 @@ def _inverse(system: _System, noise: Floats) -> tuple[Floats, Floats]:
     normal += (1e-9 * np.trace(normal, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(6)
     pull = noise / CHANGE_SIGMA**2
     normal += pull[:, None, None] * np.diag([0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
-    return np.linalg.inv(normal), pull
+    return np.asarray(np.linalg.inv(normal), np.float64), pull
 
 
 def _system(fixed: Grey, half: int) -> _System:
