@@ -1,0 +1,366 @@
+"""Each sought point found in the target photo to hundredths of a pixel, or refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from scipy.stats import chi2
+
+from uavgram.imaging.matching.least_squares import Fitted, fitted
+from uavgram.imaging.matching.matched import Matched, Refused, Sought
+from uavgram.imaging.matching.patches import Frames, Grey, common_frames, window, within
+from uavgram.imaging.matching.search import best_place
+from uavgram.imaging.raster import Image
+from uavgram.model.arrays import Bools, Floats, Ints, rows_of
+
+REGION = float(chi2.ppf(0.999, 2))
+"""Squared distance, in sigmas, of the edge of what is searched: 99.9 % of predictions."""
+
+_LARGE = 40.0  # steps: regions that reach farther are searched at every other step first
+_MOST_OUTSIDE = 0.15  # of the probability: more, and something alike within could be taken for it
+_ALIKE = 0.005  # in correlation: no difference
+_ABOUT = 4.0  # steps about a place found so
+_MARGIN = 8  # steps about a patch in its window, for the patch to move and for interpolation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patch:
+    """How much of the picture about a point is compared.
+
+    Attributes
+    ----------
+    half, other_halves
+        Of the sides of the patch that is matched, and of those that must agree with it [steps].
+    search_half
+        Of the side of the patch that is searched [steps].
+    likeness
+        Least correlation after matching: a small patch alone must fit better.
+    step
+        Of the common window, in pixels of the coarser photo.
+    after
+        Why a point was refused before, to be tried with this one.
+    """
+
+    half: int
+    other_halves: tuple[int, int]
+    search_half: int
+    likeness: float
+    step: float = 1.0
+    after: tuple[Refused, ...] = ()
+
+
+PATCHES = (
+    Patch(half=10, other_halves=(7, 15), search_half=12, likeness=0.8),
+    # Where something hides part of the patch, or ends the photo, a smaller one may see it all.
+    Patch(
+        half=7,
+        other_halves=(5, 9),
+        search_half=8,
+        likeness=0.95,
+        after=(
+            Refused.OUTSIDE,
+            Refused.NOT_LIKE,
+            Refused.NOT_BACK,
+            Refused.UNSTABLE,
+            Refused.DISTORTED,
+        ),
+    ),
+    # What drowns in noise pixel by pixel may stand out of it in twos.
+    Patch(
+        half=10,
+        other_halves=(7, 14),
+        search_half=11,
+        likeness=0.8,
+        step=2.0,
+        after=(Refused.WEAK,),
+    ),
+)
+"""One after the other is tried for what was not found before."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchOptions:
+    """What is asked of a match.
+
+    Attributes
+    ----------
+    patches
+        Tried one after the other.
+    search_likeness
+        Least correlation after the search.
+    second_peak
+        Most that 1 - correlation may be of that of the next best place.
+    back, agree
+        Most distance from the point after matching back, and between sizes [steps].
+    change, shift, gain
+        Most change of the map, most way from the search's place [steps], most change of contrast
+        either way.
+    contrast, noisy_contrast
+        Least standard deviation of a patch [grey values], and that below which the noise may be
+        why nothing looks like it.
+    sigma_px
+        Most standard deviation in the worse direction.
+    lsm_scale, floor
+        sigma^2 = (scale * formal)^2 + floor^2: the floor [steps] is what JPEG, sharpening and
+        interpolation leave at best.
+    farthest
+        Most steps from the prediction that are searched.
+    """
+
+    patches: tuple[Patch, ...] = PATCHES
+    search_likeness: float = 0.75
+    second_peak: float = 0.75
+    back: float = 0.3
+    agree: float = 0.35
+    change: float = 0.2
+    shift: float = 2.0
+    gain: float = 2.0
+    contrast: float = 1.5
+    noisy_contrast: float = 6.0
+    sigma_px: float = 0.3
+    lsm_scale: float = 0.9
+    floor: float = 0.03
+    farthest: int = 420
+
+
+_DEFAULT = MatchOptions()
+
+
+def matched(
+    source: Image, target: Image, sought: Sought, options: MatchOptions = _DEFAULT
+) -> Matched:
+    """Where sought points lie in the target.
+
+    Parameters
+    ----------
+    source, target
+        (height, width) grey photos, uint8.
+    sought
+        Of n points.
+    options
+        What is asked of a match.
+    """
+    n = len(sought)
+    found = Matched(
+        pixel_px=np.full((n, 2), np.nan),
+        covariance_px2=np.full((n, 2, 2), np.nan),
+        sigma_px=np.full(n, np.nan),
+        score=np.zeros(n),
+        refused=np.full(n, Refused.OUTSIDE),
+    )
+    for number, patch in enumerate(options.patches):
+        index = np.flatnonzero(np.isin(found.refused, patch.after)) if number else np.arange(n)
+        if not len(index):
+            break
+        part = replace(sought, **rows_of(sought, index))
+        again = _Search(source, target, part, options, patch).result()
+        # The first patch's reason stands where no other finds the point.
+        use = (again.refused == Refused.NONE) | (number == 0)
+        found = _with_rows(found, index[use], replace(again, **rows_of(again, np.flatnonzero(use))))
+    return found
+
+
+def _with_rows(found: Matched, index: Ints, rows: Matched) -> Matched:
+    columns = {}
+    for field in fields(Matched):
+        column = getattr(found, field.name).copy()
+        column[index] = getattr(rows, field.name)
+        columns[field.name] = column
+    return Matched(**columns)
+
+
+class _Search:
+    """One call: what is left of the points after each check."""
+
+    def __init__(
+        self,
+        source: Image,
+        target: Image,
+        sought: Sought,
+        options: MatchOptions,
+        patch: Patch,
+    ) -> None:
+        n = len(sought)
+        self._source, self._target, self._sought, self._options = source, target, sought, options
+        self._patch = patch
+        frames = common_frames(sought.affine)
+        self._frames = Frames(frames.source * patch.step, frames.target * patch.step)
+        self._refused: Ints = np.full(n, Refused.NONE, np.int64)
+        self._score: Floats = np.zeros(n)
+
+    def result(self) -> Matched:
+        """What was found."""
+        n = len(self._sought)
+        pixel, covariance = np.full((n, 2), np.nan), np.full((n, 2, 2), np.nan)
+        at = self._searched()
+        index = self._left()
+        if len(index):
+            found, spread = self._refined(index, at[index])
+            pixel[index], covariance[index] = found, spread
+            bad = self._refused != Refused.NONE
+            pixel[bad], covariance[bad] = np.nan, np.nan
+        return Matched(
+            pixel_px=pixel,
+            covariance_px2=covariance,
+            sigma_px=np.sqrt(0.5 * np.trace(covariance, axis1=1, axis2=2)),
+            score=self._score.clip(0.0, 1.0),
+            refused=self._refused,
+        )
+
+    def _left(self) -> Ints:
+        return np.flatnonzero(self._refused == Refused.NONE)
+
+    def _refuse(self, index: Ints, bad: Bools, why: Refused) -> None:
+        """Refuse those of some points that are bad and not refused yet."""
+        bad = bad & (self._refused[index] == Refused.NONE)
+        self._refused[index[bad]] = why
+
+    def _searched(self) -> Floats:
+        """(n, 2) pixels in the target that look most like the points, to some tenths."""
+        n, options = len(self._sought), self._options
+        half = self._patch.search_half
+        inside = within(self._source, self._sought.source_px, self._frames.source, half)
+        self._refuse(np.arange(n), ~inside, Refused.OUTSIDE)
+        into = np.linalg.inv(self._frames.target)
+        spread = into @ self._sought.covariance_px2 @ np.swapaxes(into, 1, 2)
+        far = np.sqrt(REGION * np.diagonal(spread, axis1=1, axis2=2)).max(axis=1, initial=0.0)
+        self._refuse(np.arange(n), far > options.farthest, Refused.TOO_FAR)
+        at = np.full((n, 2), np.nan)
+        for i in self._left():
+            at[i] = self._search_one(int(i), self._sought.covariance_px2[i], float(far[i]))
+        return at
+
+    def _search_one(self, i: int, covariance: Floats, far: float) -> Floats:
+        """Look in a large region at every other step first, then about what was found."""
+        at: Floats = self._sought.target_px[i]
+        if far > _LARGE:
+            at = self._best(i, at, covariance, 2.0, alone=True)
+            covariance = self._frames.target[i] @ self._frames.target[i].T * _ABOUT**2 / REGION
+        if self._refused[i] == Refused.NONE:
+            at = self._best(i, at, covariance, 1.0, alone=far <= _LARGE)
+        return at
+
+    def _best(
+        self, i: int, center: Floats, covariance: Floats, coarse: float, *, alone: bool
+    ) -> Floats:
+        """Pixel in the target of the best place about a centre, to some tenths.
+
+        Parameters
+        ----------
+        i
+            Of the point.
+        center, covariance
+            (2,), (2, 2) of where it may be.
+        coarse
+            How many steps are one.
+        alone
+            Whether it must be the only one, and searched for in the middle of the region.
+        """
+        options, half = self._options, self._patch.search_half
+        near, frame = self._frames.source[i] * coarse, self._frames.target[i] * coarse
+        patch = window(self._source, self._sought.source_px[i], near, half)
+        if patch.std() < options.contrast:
+            self._refused[i] = Refused.WEAK
+            return center
+        distance = _squared_distance(frame, covariance)
+        reach = len(distance) // 2
+        inside = self._in_target(center, frame, reach)
+        allowed = inside & (distance <= REGION)
+        if not allowed.any():
+            self._refused[i] = Refused.OUTSIDE
+            return center
+        around = window(self._target, center, frame, half + reach, exact=False)
+        peak = best_place(patch, around, allowed)
+        self._score[i] = peak.likeness
+        likely = np.exp(-0.5 * distance)
+        cut = likely[~inside].sum() > _MOST_OUTSIDE * likely.sum()
+        near_second = 1 - peak.likeness + _ALIKE > options.second_peak * (1 - peak.second)
+        one = np.array([i])
+        unlike = np.array([peak.likeness < options.search_likeness])
+        self._refuse(one, unlike & (patch.std() < options.noisy_contrast), Refused.WEAK)
+        self._refuse(one, unlike, Refused.NOT_LIKE)
+        self._refuse(one, np.array([alone and cut]), Refused.OUTSIDE)
+        self._refuse(one, np.array([alone and near_second]), Refused.NOT_UNIQUE)
+        self._refuse(one, np.array([peak.at_edge]), Refused.NOT_UNIQUE)
+        return np.asarray(center + frame @ peak.place)
+
+    def _in_target(self, center: Floats, frame: Floats, reach: int) -> Bools:
+        """(2 reach + 1, 2 reach + 1) whether a patch there is within the target."""
+        step = np.arange(-reach, reach + 1.0, dtype=np.float32)
+        far = np.abs(frame).sum(axis=1) * self._patch.search_half + 1.0
+        inside: Bools = np.ones((len(step), len(step)), bool)
+        for axis, size in enumerate(self._target.shape[1::-1]):
+            first, second = frame[axis].astype(np.float32)
+            place = (first * step + np.float32(center[axis])) + (second * step)[:, None]
+            inside &= (place >= far[axis]) & (place <= size - 1 - far[axis])
+        return inside
+
+    def _windows(self, index: Ints, at: Floats) -> tuple[Grey, Grey]:
+        half = max(self._patch.half, *self._patch.other_halves) + _MARGIN
+        sides = (
+            (self._source, self._sought.source_px[index], self._frames.source[index]),
+            (self._target, at, self._frames.target[index]),
+        )
+        first, second = (
+            np.stack([window(photo, c, f, half) for c, f in zip(center, frame, strict=True)])
+            for photo, center, frame in sides
+        )
+        return first, second
+
+    def _refined(self, index: Ints, at: Floats) -> tuple[Floats, Floats]:
+        """Pixels (m, 2) and covariances of the points that are left."""
+        options, patch = self._options, self._patch
+        near, far = self._windows(index, at)
+        square = np.broadcast_to(np.eye(2), (len(index), 2, 2))
+        there = fitted(near, far, np.zeros((len(index), 2)), square, patch.half, 12)
+        self._score[index] = there.likeness
+        self._judge_fit(index, there)
+        back_map = np.linalg.inv(there.linear)
+        back_start = -(back_map @ there.place[..., None])[..., 0]
+        back = fitted(far, near, np.zeros_like(back_start), square, patch.half, 12)
+        others = [
+            fitted(near, far, there.place, there.linear, half, 5) for half in patch.other_halves
+        ]
+        self._judge_back(index, there, back, others)
+        into = self._frames.target[index]
+        covariance = options.lsm_scale**2 * there.covariance + options.floor**2 * np.eye(2)
+        covariance = into @ covariance @ np.swapaxes(into, 1, 2)
+        worst = np.sqrt(np.linalg.eigvalsh(covariance)[:, 1])
+        self._refuse(index, ~(worst < options.sigma_px), Refused.WEAK)
+        return at + (into @ there.place[..., None])[..., 0], covariance
+
+    def _judge_fit(self, index: Ints, there: Fitted) -> None:
+        options = self._options
+        self._refuse(index, ~(there.contrast > options.contrast), Refused.WEAK)
+        self._refuse(index, ~(there.likeness > self._patch.likeness), Refused.NOT_LIKE)
+        change = np.linalg.norm(there.linear - np.eye(2), ord=2, axis=(1, 2))
+        far = np.hypot(*there.place.T) > options.shift
+        gain = np.abs(np.log(there.gain)) > np.log(options.gain)
+        self._refuse(index, ~(change < options.change) | far | gain, Refused.DISTORTED)
+
+    def _judge_back(self, index: Ints, there: Fitted, back: Fitted, others: list[Fitted]) -> None:
+        options = self._options
+        home = back.place + (back.linear @ there.place[..., None])[..., 0]
+        self._refuse(index, ~(np.hypot(*home.T) < options.back), Refused.NOT_BACK)
+        apart = np.max([np.hypot(*(o.place - there.place).T) for o in others], axis=0)
+        self._refuse(index, ~(apart < options.agree), Refused.UNSTABLE)
+
+
+def _squared_distance(frame: Floats, covariance: Floats) -> Floats:
+    """(2 r + 1, 2 r + 1) squared distances in sigmas of places by steps, up to the region's edge.
+
+    Parameters
+    ----------
+    frame
+        (2, 2) pixels by steps.
+    covariance
+        (2, 2) of the prediction [px^2].
+    """
+    into = np.linalg.inv(frame)
+    spread = into @ covariance @ into.T + np.eye(2) / REGION  # a step about a sure prediction
+    reach = int(np.ceil(np.sqrt(REGION * np.diagonal(spread).max()))) + 1
+    step = np.arange(-reach, reach + 1.0, dtype=np.float32)
+    weight = np.linalg.inv(spread).astype(np.float32)
+    along = weight[0, 0] * step**2 + (weight[1, 1] * step**2)[:, None]
+    return np.asarray(along + (2 * weight[0, 1] * step) * step[:, None])
