@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
-from uavgram.model.arrays import Bools
+from uavgram.model.arrays import Bools, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.match.rows import with_found
@@ -103,22 +103,18 @@ def begun(inputs: Inputs, posed: Posed) -> Base:
     """
     survey = assembled_survey(replace(inputs, picks=_made_by_people(inputs.picks)), posed).survey
     refined, _ = refined_survey(survey, inputs.project.solve)
-    keep = ~refined.pick_removed if len(refined.pick_removed) else np.ones(_size(survey), np.bool_)
-    keep = np.array(keep)
+    keep = np.ones(len(survey.pick_frame), dtype=np.bool_)
+    keep[: len(refined.pick_removed)] = ~refined.pick_removed
     out = [i for i, why in refined.pick_reason.items() if why.cause not in TRIED_AGAIN]
     keep[out] = False
     return Base(inputs, posed, keep, refined)
-
-
-def _size(survey: Survey) -> int:
-    return len(survey.pick_frame)
 
 
 def _made_by_people(picks: Picks) -> Picks:
     return with_found(picks, {}, keep=~picks.of_source("match"))
 
 
-def _photos_of_labels(survey: Survey) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _photos_of_labels(survey: Survey) -> Ints:
     """(K,) number of photos that each label is seen in, matches included."""
     matches = survey.matches
     own = survey.pick_label[matches.pick][matches.point]

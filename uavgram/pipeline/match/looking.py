@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
-from uavgram.errors import InputError
 from uavgram.imaging.matching.match import matched
 from uavgram.imaging.matching.matched import REASON, Matched, Refused, Sought
 from uavgram.imaging.photos.cache import LruCache
-from uavgram.imaging.photos.preview import decoded
 from uavgram.imaging.raster import Image
+from uavgram.io.photos.board_photos import read_grey
 from uavgram.model.arrays import Floats, Ints
 from uavgram.pipeline.parallel import prefetch
+from uavgram.pipeline.progress import Progress, silent
 
 MOST_BYTES = 1_000_000_000
 """Of decoded photos kept: fifty of 20 megapixels."""
@@ -36,7 +34,7 @@ class Task(NamedTuple):
 
 def grey_photos(paths: Mapping[str, str]) -> Photos:
     """Photos by name that are decoded when they are asked for, in the orientation as stored."""
-    return LruCache(lambda name: _grey(paths[name]), lambda photo: photo.nbytes, MOST_BYTES)
+    return LruCache(lambda name: read_grey(paths[name]), lambda photo: photo.nbytes, MOST_BYTES)
 
 
 def tasks(source: Sequence[str], target: Sequence[str], sought: Sought) -> list[Task]:
@@ -58,8 +56,19 @@ def tasks(source: Sequence[str], target: Sequence[str], sought: Sought) -> list[
     ]
 
 
-def look(photos: Photos, work: Sequence[Task], count: int) -> Matched:
-    """What is found of `count` places, in their order.
+def look(photos: Photos, work: Sequence[Task], count: int, progress: Progress = silent) -> Matched:
+    """What is found of some places, in their order.
+
+    Parameters
+    ----------
+    photos
+        Grey, by name.
+    work
+        The places.
+    count
+        Number of all of them.
+    progress
+        Shows long loops.
 
     Raises
     ------
@@ -73,7 +82,8 @@ def look(photos: Photos, work: Sequence[Task], count: int) -> Matched:
         "score": np.zeros(count),
         "refused": np.full(count, int(Refused.OUTSIDE)),
     }
-    for task, one in prefetch(lambda task: _done(photos, task), work):
+    done = prefetch(lambda task: _done(photos, task), work)
+    for task, one in progress(done, "looking in the photos", len(work)):
         for name, values in found.items():
             values[task.rows] = getattr(one, name)
     return Matched(**found)  # type: ignore[arg-type]
@@ -95,11 +105,3 @@ def _rows(sought: Sought, rows: Ints) -> Sought:
         covariance_px2=sought.covariance_px2[rows],
         affine=sought.affine[rows],
     )
-
-
-def _grey(path: str) -> Image:
-    try:
-        encoded = Path(path).read_bytes()
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    return decoded(path, encoded, cv2.IMREAD_GRAYSCALE)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from uavgram.model.arrays import Bools
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.survey.observations import Picks, Source
 from uavgram.stages.match.found import Found, Pair
 
@@ -23,7 +23,8 @@ def with_found(picks: Picks, found: Mapping[Pair, Found], keep: Bools | None = N
     keep
         (P,) which of them stay; left out, all do.
     """
-    rows = np.flatnonzero(np.ones(len(picks.image), np.bool_) if keep is None else keep)
+    every = np.ones(len(picks.image), np.bool_) if keep is None else keep
+    rows: list[int] = np.flatnonzero(every).tolist()
     pairs, news = list(found), list(found.values())
     origin = [one.pick for one in news]
     unknown = np.full(len(news), np.nan)
@@ -37,19 +38,19 @@ def with_found(picks: Picks, found: Mapping[Pair, Found], keep: Bools | None = N
         height_sigma_m=np.concatenate([picks.height_sigma_m[rows], unknown]),
         is_free=np.concatenate([picks.is_free[rows], np.zeros(len(news), np.bool_)]),
         area=(*_some(picks.area, rows), *("" for _ in news)) if picks.area else (),
-        source=(*(picks.source_of(i) for i in rows.tolist()), *(match for _ in news)),
+        source=(*(picks.source_of(i) for i in rows), *(match for _ in news)),
         score=np.concatenate([picks.score[rows], [one.score for one in news]]),
         from_image=(
-            *(_some(picks.from_image, rows) if picks.from_image else ("",) * len(rows)),
+            *_some(picks.from_image, rows),
             *(picks.image[i] for i in origin),
         ),
         from_px=np.concatenate([picks.from_px[rows], picks.pixel_px[origin].reshape(-1, 2)]),
     )
 
 
-def _some(texts: Sequence[str], rows: Sequence[int] | np.ndarray[tuple[int], np.dtype[np.int64]]) -> list[str]:
-    return [texts[i] for i in rows] if texts else []
+def _some(texts: Sequence[str], rows: Sequence[int]) -> list[str]:
+    return [texts[i] for i in rows] if texts else [""] * len(rows)
 
 
-def _pixels(pixels: Sequence[tuple[float, float]]) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+def _pixels(pixels: Sequence[tuple[float, float]]) -> Floats:
     return np.array(pixels, dtype=np.float64).reshape(-1, 2)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from uavgram.imaging.matching.matched import Sought
 from uavgram.model.arrays import Ints
 from uavgram.pipeline.match.adjusting import Base
 from uavgram.pipeline.match.looking import Photos, look, reason, tasks
+from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.match.found import Found, Missed, Pair, Record
 from uavgram.stages.match.plan import next_places, radii
 
@@ -26,7 +28,16 @@ distortion."""
 CONTRADICTED = "what looks like it lies where the other photos contradict it"
 
 
-def searched(base: Base, photos: Photos, wanted: Callable[[Pair], bool]) -> Record:
+class Search(NamedTuple):
+    """What was found and missed, and the last adjustment with it."""
+
+    record: Record
+    adjustment: Adjustment
+
+
+def searched(
+    base: Base, photos: Photos, wanted: Callable[[Pair], bool], progress: Progress = silent
+) -> Search:
     """Look for picks in all photos until there is nothing left to try.
 
     Parameters
@@ -37,18 +48,20 @@ def searched(base: Base, photos: Photos, wanted: Callable[[Pair], bool]) -> Reco
         Grey, by name.
     wanted
         Whether a label is to be looked for in a photo.
+    progress
+        Shows long loops.
     """
-    record = Record()
+    adjustment, record = _agreeing(base, Record())
     for _ in range(MOST_ROUNDS):
-        adjustment, record = _agreeing(base, record)
         places, picks = _places(base, adjustment)
         pairs = _pairs(base, places, picks)
         asked = np.array([wanted(pair) for pair in pairs], dtype=np.bool_)
         rows = next_places(places, pairs, picks, asked, record)
         if not rows.size:
-            return record
-        record = record.with_results(_round(photos, base, places, picks, rows))
-    return _agreeing(base, record)[1]
+            break
+        looked = _looked(photos, base, (places, picks), rows, progress)
+        adjustment, record = _agreeing(base, record.with_results(looked))
+    return Search(record, adjustment)
 
 
 def _agreeing(base: Base, record: Record) -> tuple[Adjustment, Record]:
@@ -85,11 +98,25 @@ def _pairs(base: Base, places: Transferred, picks: Ints) -> list[Pair]:
     return [(str(image), labels[i]) for image, i in zip(places.frame_id, picks, strict=True)]
 
 
-def _round(
-    photos: Photos, base: Base, places: Transferred, picks: Ints, rows: Ints
-) -> Mapping[Pair, Found | Missed]:
-    """What is found of some places."""
-    project = base.inputs.picks
+def _looked(
+    photos: Photos,
+    base: Base,
+    predicted: tuple[Transferred, Ints],
+    rows: Ints,
+    progress: Progress,
+) -> dict[Pair, Found | Missed]:
+    """What is found of some places.
+
+    Parameters
+    ----------
+    photos, base, progress
+        As of `searched`.
+    predicted
+        All places, and the number of the pick of each.
+    rows
+        Which of them to look at.
+    """
+    (places, picks), project = predicted, base.inputs.picks
     covariance = places.covariance_px2[rows] + LEAST_PX**2 * np.eye(2)
     sought = Sought(
         source_px=project.pixel_px[picks[rows]],
@@ -99,7 +126,7 @@ def _round(
     )
     target = [str(places.frame_id[row]) for row in rows]
     work = tasks([project.image[i] for i in picks[rows]], target, sought)
-    found = look(photos, work, len(rows))
+    found = look(photos, work, len(rows), progress)
     radius = radii(places.covariance_px2[rows])
     results: dict[Pair, Found | Missed] = {}
     for k, (image, pick) in enumerate(zip(target, picks[rows].tolist(), strict=True)):
