@@ -15,7 +15,7 @@ from uavgram.model.arrays import Ints
 from uavgram.pipeline.match.adjusting import Base
 from uavgram.pipeline.match.looking import Photos, look, reason, tasks
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.stages.match.found import Found, Missed, Pair, Record
+from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record
 from uavgram.stages.match.plan import next_places, radii
 
 MOST_ROUNDS = 10
@@ -24,8 +24,6 @@ MOST_ROUNDS = 10
 LEAST_PX = 0.5
 """Sigma that is added to every prediction: of what no adjustment knows, such as a lens's last
 distortion."""
-
-CONTRADICTED = "what looks like it lies where the other photos contradict it"
 
 
 class Search(NamedTuple):
