@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.estimation.measuring.transferred_pixels import Transferred
 from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record
-from uavgram.stages.match.plan import REGION, next_places, radii
+from uavgram.stages.match.plan import REGION, Candidates, next_places, radii
 
 A, B = ("a.jpg", "P"), ("b.jpg", "P")
 
@@ -19,6 +19,9 @@ def places(sigma_px: list[float], stretch: list[float]) -> Transferred:
         pixel_px=np.zeros((n, 2)),
         covariance_px2=np.array(sigma_px)[:, None, None] ** 2 * np.eye(2),
         affine=np.array(stretch)[:, None, None] * np.eye(2),
+        jacobian=np.zeros((n, 2, 0)),
+        columns=np.zeros((n, 0), np.int64),
+        own=np.zeros((n, 2, 6)),
     )
 
 
@@ -26,10 +29,9 @@ def chosen(
     sigma_px: list[float], stretch: list[float], pairs: list[Pair], record: Record | None = None
 ) -> list[int]:
     n = len(pairs)
-    rows = next_places(
-        places(sigma_px, stretch), pairs, np.arange(n), np.ones(n, np.bool_), record or Record()
-    )
-    return rows.tolist()
+    is_raised = np.array([label.startswith("roof") for _, label in pairs], dtype=np.bool_)
+    candidates = Candidates(places(sigma_px, stretch), tuple(pairs), np.arange(n), is_raised)
+    return next_places(candidates, np.ones(n, np.bool_), record or Record()).tolist()
 
 
 def test_of_several_picks_that_lead_to_a_place_the_most_alike_view_is_taken() -> None:
@@ -69,3 +71,11 @@ def test_a_contradiction_outlasts_the_reasons_of_later_tries() -> None:
     record = record.with_results({B: Missed(0, 2.0, "first"), A: Missed(0, 1.0, "last")})
 
     assert record.in_vain == {A: CONTRADICTED, B: "first"}
+
+
+def test_what_stands_off_the_ground_waits_until_the_ground_is_done() -> None:
+    roof = "a.jpg", "roof"
+    assert chosen([2.0, 2.0], [1.0, 1.0], [A, roof]) == [0]
+
+    done = Record().with_results({A: Found(0, (1.0, 2.0), 0.05, 0.9, 20.0)})
+    assert chosen([2.0, 2.0], [1.0, 1.0], [A, roof], done) == [1]

@@ -80,7 +80,7 @@ class Record:
 
     @property
     def in_vain(self) -> dict[Pair, str]:
-        """What was not found in the end, and why: that others contradict it, else the last reason."""
+        """What was not found in the end, and why: contradicted, else the last reason."""
         left = {pair: tried for pair, tried in self.missed.items() if pair not in self.found}
         return {
             pair: CONTRADICTED if any(one.why == CONTRADICTED for one in tried) else tried[-1].why
