@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.terms.sightings import Seen, rows_of_sightings, seen
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.geometry.motion.camera_motion import camera_motion
@@ -44,9 +44,46 @@ class PredictedPixels:
     covariance_px2: Floats
 
 
-def predict_unpicked(
-    adjustment: Adjustment, flight: tuple[TelemetryPrior, Flight, tuple[str, ...]] | None
-) -> PredictedPixels:
+@dataclass(frozen=True, eq=False)
+class PixelRows:
+    """Pixels of n pairs of photo and label, and how they hang on the adjustment's unknowns.
+
+    Attributes
+    ----------
+    frame_id, label
+        (n,) of each pair; labels as the adjustment counts them.
+    pixel_px
+        (n, 2).
+    jacobian, columns
+        (n, 2, k), (n, k): derivatives by which unknowns; those of the point come first.
+    own
+        (n, 2, 6) root of the covariance of what is no unknown: the telemetry's own error of a photo
+        that is no part of the adjustment.
+    """
+
+    frame_id: tuple[str, ...]
+    label: Ints
+    pixel_px: Floats
+    jacobian: Floats
+    columns: Ints
+    own: Floats
+
+    def covariance(self, adjustment: Adjustment) -> Floats:
+        """(n, 2, 2) of the pixels."""
+        own = self.own @ np.swapaxes(self.own, 1, 2)
+        return np.asarray(own + propagated(adjustment, self.columns, self.jacobian))
+
+    def predicted(self, adjustment: Adjustment) -> PredictedPixels:
+        """The pixels with their covariances."""
+        covariance = self.covariance(adjustment)
+        return PredictedPixels(self.frame_id, self.label, self.pixel_px, covariance)
+
+
+FlightOfPhotos = tuple[TelemetryPrior, Flight, tuple[str, ...]]
+"""Prior, flight and frame names of all photos with telemetry."""
+
+
+def predict_unpicked(adjustment: Adjustment, flight: FlightOfPhotos | None) -> PredictedPixels:
     """Every label in every photo that should show it and in which it is not picked.
 
     Parameters
@@ -56,9 +93,7 @@ def predict_unpicked(
     flight
         Prior, flight and frame names of all photos with telemetry, for those without a pick.
     """
-    parts = [_in_adjusted(adjustment)]
-    if flight is not None and len(adjustment.state.telemetry):
-        parts.append(_in_others(adjustment, *flight))
+    parts = [rows.predicted(adjustment) for rows in unpicked_rows(adjustment, flight)]
     return PredictedPixels(
         tuple(name for part in parts for name in part.frame_id),
         np.concatenate([part.label for part in parts]),
@@ -67,7 +102,15 @@ def predict_unpicked(
     )
 
 
-def _in_adjusted(adjustment: Adjustment) -> PredictedPixels:
+def unpicked_rows(adjustment: Adjustment, flight: FlightOfPhotos | None) -> list[PixelRows]:
+    """What `predict_unpicked` predicts: in adjusted photos; and in others, where there are any."""
+    rows = [_in_adjusted(adjustment)]
+    if flight is not None and len(adjustment.state.telemetry):
+        rows.append(_in_others(adjustment, *flight))
+    return rows
+
+
+def _in_adjusted(adjustment: Adjustment) -> PixelRows:
     """Labels in photos that have picks of other labels."""
     survey, state = adjustment.survey, adjustment.state
     free = np.ones((len(survey.frame_id), len(survey.label)), dtype=bool)
@@ -78,9 +121,7 @@ def _in_adjusted(adjustment: Adjustment) -> PredictedPixels:
     parameters = adjustment.problem.intrinsics(state)
     place = project_rows(survey.calibration, parameters, poses, world)
     shown = in_photo(survey.calibration, place)
-    frame, label = frame[shown], label[shown]
-    pixel, covariance = pixels_at(adjustment, frame, label)
-    return PredictedPixels(tuple(survey.frame_id[f] for f in frame), label, pixel, covariance)
+    return rows_at(adjustment, frame[shown], label[shown])
 
 
 def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats, Floats]:
@@ -95,27 +136,29 @@ def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats,
     frame, label
         (n,) each, by index.
     """
-    survey, problem = adjustment.survey, adjustment.problem
-    n = len(frame)
-    if not n:
-        return np.full((n, 2), np.nan), np.full((n, 2, 2), np.nan)
-    place = np.nan_to_num(adjustment.pixels(frame, label))
-    asked = replace(
-        survey,
-        pick_frame=frame,
-        pick_label=label,
-        pixel_px=place,  # in its row the residual is 0, whatever the camera moved meanwhile
-        pick_sigma_px=np.ones(n),
-    )
-    used = np.isin(np.arange(len(survey.line_start)), problem.line_index)
-    blocks = SurveyProblem(asked, problem.pivot_m, used).evaluate(adjustment.state)
-    if blocks is None:
-        return np.full((n, 2), np.nan), np.full((n, 2, 2), np.nan)
-    block = blocks["pixels"]
-    return place + block.residual, _propagated(adjustment, block.columns, block.jacobian)
+    rows = rows_at(adjustment, frame, label)
+    return rows.pixel_px, rows.covariance(adjustment)
 
 
-def _propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Floats:
+def rows_at(adjustment: Adjustment, frame: Ints, label: Ints) -> PixelRows:
+    """Labels (n,) in frames (n,) of the adjustment, by index; NaN behind the camera."""
+    problem, state, n = adjustment.problem, adjustment.state, len(frame)
+    place = adjustment.pixels(frame, label)
+    shown = np.isfinite(place).all(axis=1)
+    points = problem.layout.point_columns(label), problem.plane_columns(label)
+    asked = seen(problem, points, frame, place, np.ones(n))
+    pixel, jacobian = np.full((n, 2), np.nan), np.full((n, 2, asked.columns.shape[1]), np.nan)
+    placed = problem.world_points(state, label[shown])
+    # Sought in the row where they appear, they are off by 0, whatever the camera moved meanwhile.
+    where = Seen(frame[shown], place[shown], np.ones(int(shown.sum())), asked.columns[shown])
+    block = rows_of_sightings(problem, state, where, placed)
+    if block is not None:
+        pixel[shown], jacobian[shown] = place[shown] + block.residual, block.jacobian
+    names = tuple(adjustment.survey.frame_id[f] for f in frame)
+    return PixelRows(names, label, pixel, jacobian, asked.columns, np.zeros((n, 2, 6)))
+
+
+def propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Floats:
     """(n, 2, 2) covariances of n pairs of values from their Jacobians (n, 2, k)."""
     covariance = np.empty((len(columns), 2, 2))
     size = adjustment.problem.layout.size
@@ -131,14 +174,15 @@ def _propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Floa
 
 def _in_others(
     adjustment: Adjustment, prior: TelemetryPrior, track: Flight, names: tuple[str, ...]
-) -> PredictedPixels:
+) -> PixelRows:
     """Labels in photos without any pick, whose poses the adjusted flight gives."""
     known = set(adjustment.survey.frame_id)
     rows = np.array([k for k, f in enumerate(prior.frame_index) if names[f] not in known], int)
     chosen = [names[prior.frame_index[k]] for k in rows]
     state, layout, survey = adjustment.state, adjustment.problem.layout, adjustment.survey
     if not chosen:
-        return PredictedPixels((), np.empty(0, int), np.empty((0, 2)), np.empty((0, 2, 2)))
+        nothing = np.empty(0, np.int64)
+        return rows_at(adjustment, nothing, nothing)
     time_s = prior.time_s[rows]
     center, rotation, d_shared = predict_pose(
         exposures_by_time(track, chosen)(corrected_time(state.telemetry, time_s, prior.middle_s)),
@@ -191,9 +235,8 @@ def _in_others(
         ],
         axis=1,
     )
-    own = d_pose @ prior.covariance[rows][frame] @ np.swapaxes(d_pose, 1, 2)
-    covariance = own + _propagated(adjustment, columns, jacobian)
-    return PredictedPixels(tuple(chosen[f] for f in frame), label, pixel, covariance)
+    own = d_pose @ np.linalg.cholesky(prior.covariance[rows])[frame]
+    return PixelRows(tuple(chosen[f] for f in frame), label, pixel, jacobian, columns, own)
 
 
 def in_photo(camera: Calibration, pixel_px: Floats) -> Bools:

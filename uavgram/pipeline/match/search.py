@@ -1,0 +1,209 @@
+"""Picks looked for in the other photos, round by round, each with the poses of the last."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.measuring.predicted_pixels import FlightOfPhotos
+from uavgram.estimation.measuring.transferred_pixels import Clicked, transferred
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.imaging.matching.matched import Sought
+from uavgram.model.arrays import Ints
+from uavgram.pipeline.match.adjusting import Base
+from uavgram.pipeline.match.looking import Photos, look, reason, tasks
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.stages.match.agreement import contradicted
+from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record
+from uavgram.stages.match.plan import REGION, Candidates, next_places, radii
+
+MOST_ROUNDS = 10
+"""Rounds of looking and adjusting."""
+
+LEAST_PX = 0.5
+"""Sigma that is added to every prediction: of what no adjustment knows, such as a lens's last
+distortion."""
+
+RAISED_PX = 0.5
+"""Sigma that is added to finds of what stands off the ground: what is seen behind its edges is
+another thing in each photo (on rendered streets they were off by 0.2 to 0.5 px)."""
+
+
+class Search(NamedTuple):
+    """What was found and missed, and the last adjustment with it."""
+
+    record: Record
+    adjustment: Adjustment
+
+
+def searched(
+    base: Base, photos: Photos, wanted: Callable[[Pair], bool], progress: Progress = silent
+) -> Search:
+    """Look for picks in all photos until there is nothing left to try.
+
+    Parameters
+    ----------
+    base
+        The project, its own picks adjusted.
+    photos
+        Grey, by name.
+    wanted
+        Whether a label is to be looked for in a photo.
+    progress
+        Shows long loops.
+    """
+    adjustment, record = _agreeing(base, Record())
+    for _ in range(MOST_ROUNDS):
+        candidates = _candidates(base, adjustment)
+        asked = np.array([wanted(pair) for pair in candidates.pair], dtype=np.bool_)
+        rows = next_places(candidates, asked, record)
+        if not rows.size:
+            break
+        looked = _looked(photos, base, candidates, rows, progress)
+        looked = _agreeing_in_photos(adjustment, candidates, rows, looked)
+        looked = _not_again(candidates, rows, looked, record)
+        before, record = record, record.with_results(looked)
+        if record.found != before.found:
+            adjustment, record = _agreeing(base, record)
+    return Search(record, adjustment)
+
+
+def _agreeing(base: Base, record: Record) -> tuple[Adjustment, Record]:
+    """The adjustment with what was found, and the record without what it contradicts."""
+    adjustment, wrong = base.adjusted(record.found)
+    return adjustment, record.without(wrong)
+
+
+def _candidates(base: Base, adjustment: Adjustment) -> Candidates:
+    """Where picks made by people should appear."""
+    survey, project = adjustment.survey, base.inputs.picks
+    frame = {name: k for k, name in enumerate(survey.frame_id)}
+    label = {name: k for k, name in enumerate(survey.label)}
+    sources = np.array(base.sources(adjustment), dtype=np.int64)
+    clicked = Clicked(
+        np.array([frame[project.image[i]] for i in sources], dtype=np.int64),
+        np.array([label[project.label[i]] for i in sources], dtype=np.int64),
+        project.pixel_px[sources],
+    )
+    places = transferred(adjustment, _flight(base), clicked)
+    pick = sources[places.click]
+    return Candidates(
+        places,
+        tuple((name, project.label[i]) for name, i in zip(places.frame_id, pick, strict=True)),
+        pick,
+        survey.off_ground[clicked.label[places.click]],
+    )
+
+
+def _agreeing_in_photos(
+    adjustment: Adjustment,
+    candidates: Candidates,
+    rows: Ints,
+    looked: Mapping[Pair, Found | Missed],
+) -> dict[Pair, Found | Missed]:
+    """What was found, but for what the other finds in the same photo contradict.
+
+    Parameters
+    ----------
+    adjustment, candidates
+        What predicted the places, and all of them.
+    rows
+        Those that were looked for.
+    looked
+        What was found and what was not.
+    """
+    by_photo: dict[str, dict[int, Found]] = {}
+    for row in rows.tolist():
+        one = looked[candidates.pair[row]]
+        if isinstance(one, Found):
+            by_photo.setdefault(candidates.pair[row][0], {})[row] = one
+    results = dict(looked)
+    for own in by_photo.values():
+        some = np.array(list(own), dtype=np.int64)
+        joint = candidates.places.joint_covariance(adjustment, some)
+        off = np.array([one.pixel_px for one in own.values()]) - candidates.places.pixel_px[some]
+        sigma = np.hypot([one.sigma_px for one in own.values()], LEAST_PX)
+        for row in some[contradicted(off, joint, sigma)].tolist():
+            one = own[row]
+            results[candidates.pair[row]] = Missed(one.pick, one.radius_px, CONTRADICTED)
+    return results
+
+
+def _not_again(
+    candidates: Candidates,
+    rows: Ints,
+    looked: Mapping[Pair, Found | Missed],
+    record: Record,
+) -> dict[Pair, Found | Missed]:
+    """What was found, but for what was contradicted before and is not where it should be now.
+
+    Parameters
+    ----------
+    candidates, rows, looked
+        As of `_agreeing_in_photos`.
+    record
+        The search so far.
+    """
+    results, places = dict(looked), candidates.places
+    for row in rows.tolist():
+        pair = candidates.pair[row]
+        one, before = results[pair], record.missed.get(pair, ())
+        if isinstance(one, Found) and any(missed.why == CONTRADICTED for missed in before):
+            off = np.array(one.pixel_px) - places.pixel_px[row]
+            spread = places.covariance_px2[row] + one.sigma_px**2 * np.eye(2)
+            if off @ np.linalg.solve(spread, off) > REGION:
+                results[pair] = Missed(one.pick, one.radius_px, CONTRADICTED)
+    return results
+
+
+def _flight(base: Base) -> FlightOfPhotos | None:
+    telemetry = base.posed.telemetry
+    if telemetry is None:
+        return None
+    return telemetry.prior, telemetry.track, telemetry.poses.frame_id
+
+
+def _looked(
+    photos: Photos,
+    base: Base,
+    candidates: Candidates,
+    rows: Ints,
+    progress: Progress,
+) -> dict[Pair, Found | Missed]:
+    """What is found of some places.
+
+    Parameters
+    ----------
+    photos, base, progress
+        As of `searched`.
+    candidates
+        All places.
+    rows
+        Which of them to look at.
+    """
+    places, pick = candidates.places, candidates.pick[rows]
+    project = base.inputs.picks
+    covariance = places.covariance_px2[rows] + LEAST_PX**2 * np.eye(2)
+    sought = Sought(
+        source_px=project.pixel_px[pick],
+        target_px=places.pixel_px[rows],
+        covariance_px2=covariance,
+        affine=places.affine[rows],
+    )
+    pairs = [candidates.pair[row] for row in rows]
+    work = tasks([project.image[i] for i in pick], [image for image, _ in pairs], sought)
+    found = look(photos, work, len(rows), progress)
+    radius = radii(places.covariance_px2[rows])
+    worse = np.sqrt(np.linalg.eigvalsh(np.nan_to_num(found.covariance_px2))[:, 1])
+    worse = np.hypot(worse, np.where(candidates.is_raised[rows], RAISED_PX, 0.0))
+    results: dict[Pair, Found | Missed] = {}
+    for k, (pair, own) in enumerate(zip(pairs, pick.tolist(), strict=True)):
+        if found.refused[k]:
+            results[pair] = Missed(own, float(radius[k]), reason(int(found.refused[k])))
+        else:
+            u, v = found.pixel_px[k].tolist()
+            sigma, score = float(worse[k]), float(found.score[k])
+            results[pair] = Found(own, (u, v), sigma, score, float(radius[k]))
+    return results
