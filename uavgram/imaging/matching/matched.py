@@ -1,0 +1,100 @@
+"""What is sought in another photo, what was found there, and why not where it was not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Annotated
+
+from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays, Ints
+
+
+class Refused(IntEnum):
+    """Why a point was not found; NONE where it was."""
+
+    NONE = 0
+    OUTSIDE = 1
+    """The patch, or all of the region it may lie in, is not within both photos."""
+    WEAK = 2
+    """The picture around the point is too even to tell a place."""
+    NOT_LIKE = 3
+    """Nothing in the region looks like it: hidden, moved, or in another light."""
+    NOT_UNIQUE = 4
+    """Two places or more look like it: a repeated marking, or an edge along itself."""
+    NOT_BACK = 5
+    """From what was found one does not come back to the point."""
+    UNSTABLE = 6
+    """Patches of different sizes find different places: not one flat piece of ground."""
+    DISTORTED = 7
+    """The patch fits only after it was turned or stretched more than the poses allow."""
+    TOO_FAR = 8
+    """The region that it may lie in is too large to be searched: better poses first."""
+
+
+REASON: dict[Refused, str] = {
+    Refused.NONE: "found",
+    Refused.OUTSIDE: "too close to the edge of the photo",
+    Refused.WEAK: "the picture is too even there",
+    Refused.NOT_LIKE: "nothing there looks like it",
+    Refused.NOT_UNIQUE: "several places look like it",
+    Refused.NOT_BACK: "what looks like it is something else",
+    Refused.UNSTABLE: "what surrounds it has changed, or is not flat",
+    Refused.DISTORTED: "what surrounds it has changed its shape",
+    Refused.TOO_FAR: "its place is known too poorly to search for it",
+}
+"""Each reason in words for people, to stand behind "not found: "."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sought(FrozenArrays):
+    """n points of one photo (the source) that are sought in another (the target).
+
+    Attributes
+    ----------
+    source_px
+        (n, 2) pixels (u, v) in the source, (0, 0) = centre of the top-left pixel.
+    target_px
+        (n, 2) predicted pixels in the target.
+    covariance_px2
+        (n, 2, 2) of the predictions, (u, v); what is searched is its 99.9 % region.
+    affine
+        (n, 2, 2) d target pixel / d source pixel, through poses and ground.
+    """
+
+    source_px: Annotated[Floats, "n", 2]
+    target_px: Annotated[Floats, "n", 2]
+    covariance_px2: Annotated[Floats, "n", 2, 2]
+    affine: Annotated[Floats, "n", 2, 2]
+
+    def __len__(self) -> int:
+        return len(self.source_px)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Matched(FrozenArrays):
+    """Where n points lie in the target.
+
+    Attributes
+    ----------
+    pixel_px
+        (n, 2) pixels (u, v) in the target; NaN where refused.
+    covariance_px2
+        (n, 2, 2) of the matching alone, (u, v): not of what was clicked in the source; NaN where
+        refused.
+    sigma_px
+        (n,) root of the mean variance of u and v; NaN where refused.
+    score
+        (n,) likeness of the patches after matching, a correlation of 0 to 1; where refused the
+        best that was seen, 0 where nothing was compared.
+    refused
+        (n,) a `Refused`, as a number.
+    """
+
+    pixel_px: Annotated[Floats, "n", 2, NAN_IS_NONE]
+    covariance_px2: Annotated[Floats, "n", 2, 2, NAN_IS_NONE]
+    sigma_px: Annotated[Floats, "n", NAN_IS_NONE]
+    score: Annotated[Floats, "n"]
+    refused: Annotated[Ints, "n"]
+
+    def __len__(self) -> int:
+        return len(self.score)
