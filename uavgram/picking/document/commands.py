@@ -135,12 +135,17 @@ class Redo:
 
 @dataclass(frozen=True, kw_only=True)
 class Snap:
-    """Find the exact place of the corner or the round target near a pixel."""
+    """Find the exact place of the corner or the round target near a pixel.
+
+    Where the photo is expected to show the label `expected`, that is the one inside the region in
+    which it is expected; the pixel tells several apart.
+    """
 
     image: str
     u_px: float
     v_px: float
     target: Target
+    expected: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)

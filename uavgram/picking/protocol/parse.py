@@ -295,6 +295,7 @@ _READERS: dict[str, Callable[[_Fields], object]] = {
     "points": lambda f: f.labels("points"),
     "parameters": _Fields.parameters,
     "target": lambda f: f.choice("target", _TARGETS),
+    "expected": lambda f: f.label("expected") if f.has("expected") else "",
     "folder": lambda f: f.integer("folder"),
     "board": lambda f: f.text("board"),
     "model": lambda f: f.choice("model", _MODELS),

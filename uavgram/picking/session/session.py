@@ -36,7 +36,7 @@ from uavgram.picking.protocol.parse import Message, PhotoSize, parse_message
 from uavgram.picking.session.workers import Live, Task
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.pick.live import LiveSurvey
-from uavgram.pipeline.pick.other_photos import known_places
+from uavgram.pipeline.pick.other_photos import expected_place, known_places
 
 log = logging.getLogger(__name__)
 
@@ -155,14 +155,20 @@ class PickSession:
             The photo cannot be read.
         """
         if isinstance(message.body, c.Snap):
-            photo = self._tiled.pixels(self.index[message.body.image])
-            return {"t": "snapped", "seq": message.seq, **snap_json(photo, message.body)}
+            return {"t": "snapped", "seq": message.seq, **self._snapped(message.body)}
         if isinstance(message.body, c.SameGround):
             found = same_ground_json(self.survey, self._live.last, message.body, self.index)
             return {"t": "ground", "seq": message.seq, **found}
         if isinstance(message.body, c.SideView):
             return {"t": "side", "seq": message.seq, **side_json(self._live.last, message.body)}
         raise TypeError(f"{type(message.body).__name__} is no question")
+
+    def _snapped(self, asked: c.Snap) -> Json:
+        photo = self._tiled.pixels(self.index[asked.image])
+        label, expected = asked.expected, None
+        if label and self.state.pick(asked.image, label) is None:
+            expected = expected_place(self.survey, self._live.last, asked.image, label)
+        return snap_json(photo, asked, expected)
 
     def change(self, message: Message) -> Json:
         """Do what a command says, and keep it; the answer is for all pages.

@@ -97,7 +97,7 @@ export type Change = Place | SetLine | SetMeasurement
 
 export type Target = "corner" | "circle";
 export type Question =
-  | { t: "snap"; image: number; u_px: number; v_px: number; target: Target } | { t: "ground"; image: number; u_px: number; v_px: number }
+  | { t: "snap"; image: number; u_px: number; v_px: number; target: Target; expected?: string } | { t: "ground"; image: number; u_px: number; v_px: number }
   | { t: "side"; name: string } | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
   | { t: "calibrate"; folder: number; board: string; model: string };
 type Placed = [Maybe, Maybe]; // value and sigma [m]
