@@ -44,9 +44,45 @@ class PredictedPixels:
     covariance_px2: Floats
 
 
-def predict_unpicked(
-    adjustment: Adjustment, flight: tuple[TelemetryPrior, Flight, tuple[str, ...]] | None
-) -> PredictedPixels:
+@dataclass(frozen=True, eq=False)
+class PixelRows:
+    """Pixels of n pairs of photo and label, and how they hang on the adjustment's unknowns.
+
+    Attributes
+    ----------
+    frame_id, label
+        (n,) of each pair; labels as the adjustment counts them.
+    pixel_px
+        (n, 2).
+    jacobian, columns
+        (n, 2, k), (n, k): derivatives by which unknowns; those of the point come first.
+    own_px2
+        (n, 2, 2) covariance of what is no unknown: the telemetry's own error of a photo that is no
+        part of the adjustment.
+    """
+
+    frame_id: tuple[str, ...]
+    label: Ints
+    pixel_px: Floats
+    jacobian: Floats
+    columns: Ints
+    own_px2: Floats
+
+    def covariance(self, adjustment: Adjustment) -> Floats:
+        """(n, 2, 2) of the pixels."""
+        return self.own_px2 + propagated(adjustment, self.columns, self.jacobian)
+
+    def predicted(self, adjustment: Adjustment) -> PredictedPixels:
+        """The pixels with their covariances."""
+        covariance = self.covariance(adjustment)
+        return PredictedPixels(self.frame_id, self.label, self.pixel_px, covariance)
+
+
+FlightOfPhotos = tuple[TelemetryPrior, Flight, tuple[str, ...]]
+"""Prior, flight and frame names of all photos with telemetry."""
+
+
+def predict_unpicked(adjustment: Adjustment, flight: FlightOfPhotos | None) -> PredictedPixels:
     """Every label in every photo that should show it and in which it is not picked.
 
     Parameters
@@ -56,9 +92,7 @@ def predict_unpicked(
     flight
         Prior, flight and frame names of all photos with telemetry, for those without a pick.
     """
-    parts = [_in_adjusted(adjustment)]
-    if flight is not None and len(adjustment.state.telemetry):
-        parts.append(_in_others(adjustment, *flight))
+    parts = [rows.predicted(adjustment) for rows in unpicked_rows(adjustment, flight)]
     return PredictedPixels(
         tuple(name for part in parts for name in part.frame_id),
         np.concatenate([part.label for part in parts]),
@@ -67,7 +101,15 @@ def predict_unpicked(
     )
 
 
-def _in_adjusted(adjustment: Adjustment) -> PredictedPixels:
+def unpicked_rows(adjustment: Adjustment, flight: FlightOfPhotos | None) -> list[PixelRows]:
+    """What `predict_unpicked` predicts: in adjusted photos; and in others, where there are any."""
+    rows = [_in_adjusted(adjustment)]
+    if flight is not None and len(adjustment.state.telemetry):
+        rows.append(_in_others(adjustment, *flight))
+    return rows
+
+
+def _in_adjusted(adjustment: Adjustment) -> PixelRows:
     """Labels in photos that have picks of other labels."""
     survey, state = adjustment.survey, adjustment.state
     free = np.ones((len(survey.frame_id), len(survey.label)), dtype=bool)
@@ -78,9 +120,7 @@ def _in_adjusted(adjustment: Adjustment) -> PredictedPixels:
     parameters = adjustment.problem.intrinsics(state)
     place = project_rows(survey.calibration, parameters, poses, world)
     shown = in_photo(survey.calibration, place)
-    frame, label = frame[shown], label[shown]
-    pixel, covariance = pixels_at(adjustment, frame, label)
-    return PredictedPixels(tuple(survey.frame_id[f] for f in frame), label, pixel, covariance)
+    return rows_at(adjustment, frame[shown], label[shown])
 
 
 def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats, Floats]:
@@ -95,10 +135,14 @@ def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats,
     frame, label
         (n,) each, by index.
     """
+    rows = rows_at(adjustment, frame, label)
+    return rows.pixel_px, rows.covariance(adjustment)
+
+
+def rows_at(adjustment: Adjustment, frame: Ints, label: Ints) -> PixelRows:
+    """Labels (n,) in frames (n,) of the adjustment, by index."""
     survey, problem = adjustment.survey, adjustment.problem
-    n = len(frame)
-    if not n:
-        return np.full((n, 2), np.nan), np.full((n, 2, 2), np.nan)
+    n, names = len(frame), tuple(survey.frame_id[f] for f in frame)
     place = np.nan_to_num(adjustment.pixels(frame, label))
     asked = replace(
         survey,
@@ -110,12 +154,16 @@ def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats,
     used = np.isin(np.arange(len(survey.line_start)), problem.line_index)
     blocks = SurveyProblem(asked, problem.pivot_m, used).evaluate(adjustment.state)
     if blocks is None:
-        return np.full((n, 2), np.nan), np.full((n, 2, 2), np.nan)
+        unknown = np.full((n, 2, 1), np.nan)
+        return PixelRows(
+            names, label, unknown[..., 0], unknown, np.zeros((n, 1), np.int64), np.zeros((n, 2, 2))
+        )
     block = blocks["pixels"]
-    return place + block.residual, _propagated(adjustment, block.columns, block.jacobian)
+    pixel = place + block.residual
+    return PixelRows(names, label, pixel, block.jacobian, block.columns, np.zeros((n, 2, 2)))
 
 
-def _propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Floats:
+def propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Floats:
     """(n, 2, 2) covariances of n pairs of values from their Jacobians (n, 2, k)."""
     covariance = np.empty((len(columns), 2, 2))
     size = adjustment.problem.layout.size
@@ -131,14 +179,15 @@ def _propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Floa
 
 def _in_others(
     adjustment: Adjustment, prior: TelemetryPrior, track: Flight, names: tuple[str, ...]
-) -> PredictedPixels:
+) -> PixelRows:
     """Labels in photos without any pick, whose poses the adjusted flight gives."""
     known = set(adjustment.survey.frame_id)
     rows = np.array([k for k, f in enumerate(prior.frame_index) if names[f] not in known], int)
     chosen = [names[prior.frame_index[k]] for k in rows]
     state, layout, survey = adjustment.state, adjustment.problem.layout, adjustment.survey
     if not chosen:
-        return PredictedPixels((), np.empty(0, int), np.empty((0, 2)), np.empty((0, 2, 2)))
+        nothing = np.empty(0, np.int64)
+        return rows_at(adjustment, nothing, nothing)
     time_s = prior.time_s[rows]
     center, rotation, d_shared = predict_pose(
         exposures_by_time(track, chosen)(corrected_time(state.telemetry, time_s, prior.middle_s)),
@@ -192,8 +241,7 @@ def _in_others(
         axis=1,
     )
     own = d_pose @ prior.covariance[rows][frame] @ np.swapaxes(d_pose, 1, 2)
-    covariance = own + _propagated(adjustment, columns, jacobian)
-    return PredictedPixels(tuple(chosen[f] for f in frame), label, pixel, covariance)
+    return PixelRows(tuple(chosen[f] for f in frame), label, pixel, jacobian, columns, own)
 
 
 def in_photo(camera: Calibration, pixel_px: Floats) -> Bools:

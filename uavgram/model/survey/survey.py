@@ -14,6 +14,7 @@ from uavgram.model.flight.pose import CandidatePoses, Poses, TelemetryPrior
 from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.observations import Along
 from uavgram.model.survey.rolling_shutter import RollingShutter
+from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
 
 DEFAULT_AREA = "default"
 """Of labels that name no area."""
@@ -97,6 +98,13 @@ class Survey:
         (K,) whether the height is an unknown of which nothing is known. Empty: of none.
     pick_frame, pick_label, pixel_px, pick_sigma_px
         (P,), (P,), (P, 2), (P,): frame, label, place and sigma of each pick.
+    pick_is_target
+        (P,) whether the program found it, a target. Empty: none.
+    matches
+        Chains of sightings: a pick, and where the program found what it shows in other photos. A
+        chain's point is what lies under the picked pixel, which is not quite what was meant.
+    ties
+        Sightings of tie points, of which nothing else is known.
     line_start, line_end, length_m, length_sigma_m
         (L,) labels of the ends of each known length, and the length.
     line_name
@@ -136,6 +144,9 @@ class Survey:
     pick_label: Annotated[Ints, "p"]
     pixel_px: Annotated[Floats, "p", 2]
     pick_sigma_px: Annotated[Floats, "p"]
+    pick_is_target: Annotated[Bools, "p"] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    matches: Sightings = NO_SIGHTINGS
+    ties: Sightings = NO_SIGHTINGS
     line_start: Annotated[Ints, "l"]
     line_end: Annotated[Ints, "l"]
     length_m: Annotated[Floats, "l"]
@@ -158,6 +169,8 @@ class Survey:
         for name in ("height_sigma_m", "is_free"):
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, np.zeros(len(self.label)))
+        if not len(self.pick_is_target):
+            object.__setattr__(self, "pick_is_target", np.zeros(len(self.pick_frame)))
         freeze(self)
         for texts in (self.line_name, self.line_tape, self.line_along):
             if len(texts) not in (0, len(self.line_start)):

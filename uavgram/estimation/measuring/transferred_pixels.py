@@ -1,0 +1,108 @@
+"""Where the thing under a picked pixel appears in other photos, and how well that is known.
+
+Not where the label appears: what was picked beside the thing that was meant is beside it in every
+photo. The pixel is carried over by the derivative of the two photos' pixels by one point,
+A = J_target J_source^-1, with the point on its ground (or at its height), so the error that is
+left is that of J_target - A J_source in all unknowns: where the point lies drops out, and what the
+poses of both photos have in common nearly does. The height above the ground stays in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.measuring.predicted_pixels import (
+    FlightOfPhotos,
+    PixelRows,
+    propagated,
+    rows_at,
+    unpicked_rows,
+)
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Floats, Ints
+
+PLACE = slice(0, 2)
+"""East and north among the unknowns of a point."""
+
+SMALLEST = 1e-9
+"""Square pixels per square pixel below which a photo sees the ground edge-on."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clicked:
+    """m picked pixels (m, 2), each in a frame (m,) and of a label (m,) of the adjustment."""
+
+    frame: Ints
+    label: Ints
+    pixel_px: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Transferred:
+    """n picked pixels as they should appear in other photos.
+
+    Attributes
+    ----------
+    click
+        (n,) which of the picked pixels.
+    frame_id
+        (n,) the other photo.
+    pixel_px, covariance_px2
+        (n, 2), (n, 2, 2) where, and how well that is known.
+    affine
+        (n, 2, 2) d pixel there / d pixel here.
+    """
+
+    click: Ints
+    frame_id: tuple[str, ...]
+    pixel_px: Floats
+    covariance_px2: Floats
+    affine: Floats
+
+
+def transferred(
+    adjustment: Adjustment, flight: FlightOfPhotos | None, clicked: Clicked
+) -> Transferred:
+    """Picked pixels in every photo that should show them and in which their label is not picked.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    flight
+        Of all photos with telemetry, for those without a pick.
+    clicked
+        The pixels.
+    """
+    here = rows_at(adjustment, clicked.frame, clicked.label)
+    parts = [
+        _carried(adjustment, here, there, clicked) for there in unpicked_rows(adjustment, flight)
+    ]
+    return Transferred(
+        np.concatenate([part.click for part in parts]),
+        tuple(name for part in parts for name in part.frame_id),
+        np.concatenate([part.pixel_px for part in parts]),
+        np.concatenate([part.covariance_px2 for part in parts]),
+        np.concatenate([part.affine for part in parts]),
+    )
+
+
+def _carried(
+    adjustment: Adjustment, here: PixelRows, there: PixelRows, clicked: Clicked
+) -> Transferred:
+    """Every picked pixel in the photos `there` that show its label."""
+    click, row = np.nonzero(clicked.label[:, None] == there.label[None])
+    at, to = here.jacobian[click], there.jacobian[row]
+    seen = np.abs(np.linalg.det(at[:, :, PLACE])) > SMALLEST  # NaN is not
+    click, row, at, to = click[seen], row[seen], at[seen], to[seen]
+    affine = to[:, :, PLACE] @ np.linalg.inv(at[:, :, PLACE])
+    beside = clicked.pixel_px[click] - here.pixel_px[click]
+    moved = there.pixel_px[row] + np.einsum("nij,nj->ni", affine, beside)
+    jacobian = np.concatenate([to, -affine @ at], axis=2)
+    columns = np.concatenate([there.columns[row], here.columns[click]], axis=1)
+    covariance = there.own_px2[row] + propagated(adjustment, columns, jacobian)
+    return Transferred(
+        click, tuple(there.frame_id[k] for k in row), moved, covariance, np.asarray(affine)
+    )

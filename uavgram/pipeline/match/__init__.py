@@ -1,0 +1,1 @@
+"""Picked points found in the other photos: `uavgram picks match`."""

@@ -1,0 +1,81 @@
+"""What was looked for so far: what was found, and what was tried without it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+Pair = tuple[str, str]
+"""A photo and a label."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A label found in a photo.
+
+    Attributes
+    ----------
+    pick
+        Number of the pick that it was found from.
+    pixel_px
+        (u, v).
+    sigma_px, score
+        Of the matching alone, and how alike both places look, 0 to 1.
+    radius_px
+        Half the length of the region that was searched.
+    """
+
+    pick: int
+    pixel_px: tuple[float, float]
+    sigma_px: float
+    score: float
+    radius_px: float
+
+
+@dataclass(frozen=True)
+class Missed:
+    """A label that was looked for in a photo in vain: from which pick, how far, and why not."""
+
+    pick: int
+    radius_px: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Record:
+    """The search so far, by photo and label.
+
+    Attributes
+    ----------
+    found
+        What stands.
+    missed
+        What was tried, in order.
+    """
+
+    found: Mapping[Pair, Found] = field(default_factory=dict)
+    missed: Mapping[Pair, tuple[Missed, ...]] = field(default_factory=dict)
+
+    def with_results(self, results: Mapping[Pair, Found | Missed]) -> Record:
+        """The record after another round."""
+        found, missed = dict(self.found), dict(self.missed)
+        for pair, result in results.items():
+            if isinstance(result, Found):
+                found[pair] = result
+            else:
+                missed[pair] = (*missed.get(pair, ()), result)
+        return Record(found, missed)
+
+    def without(self, pairs: Mapping[Pair, str]) -> Record:
+        """The record with some finds taken back, and why."""
+        out = {
+            pair: Missed(self.found[pair].pick, self.found[pair].radius_px, why)
+            for pair, why in pairs.items()
+        }
+        rest = {pair: one for pair, one in self.found.items() if pair not in pairs}
+        return replace(self, found=rest).with_results(out)
+
+    @property
+    def in_vain(self) -> dict[Pair, str]:
+        """What was not found in the end, and why not when it was tried last."""
+        return {pair: tried[-1].why for pair, tried in self.missed.items() if pair not in self.found}
