@@ -24,7 +24,7 @@ from uavgram.picking.protocol.parse import Message
 from uavgram.picking.session.session import PickSession
 from uavgram.picking.session.workers import Task
 from uavgram.picking.storage.journal import JOURNAL, Journal, left_in
-from uavgram.picking.storage.lock import LOCK, ProjectLock
+from uavgram.io.project_lock import LOCK, ProjectLock
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.pick.live import LiveSurvey

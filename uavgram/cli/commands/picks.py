@@ -1,4 +1,4 @@
-"""`uavgram picks import`."""
+"""`uavgram picks`: taken over from other programs, and found in other photos."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from typing import Annotated
 
 from cyclopts import App, Parameter, validators
 
-from uavgram.cli.application import DONE, Decimal, Flag, app
-from uavgram.cli.terminal import say
+from uavgram.cli.application import DONE, Decimal, Flag, Verbose, app
+from uavgram.cli.terminal import log_to_stderr, progress, say
 from uavgram.errors import InputError
 
 Sigma = Annotated[Decimal | None, Parameter(validator=validators.Number(gt=0))]
 
-picks = App(name="picks", help="Take over picks that were made in another program.")
+picks = App(
+    name="picks", help="Take over picks of other programs; find picked points in other photos."
+)
 app.command(picks)
 
 
@@ -61,7 +63,7 @@ def import_(
         raise InputError(
             files[0], "--control and --control-sigma-m (or --sigma-columns) belong together"
         )
-    labels = tuple(label.strip() for label in check.split(",") if label.strip())
+    labels = _names(check)
     if control is None and (labels or check_file):
         raise InputError(files[0], "--check needs --control: name the file of the other points")
     sigmas = GcpSigmas(
@@ -79,3 +81,58 @@ def import_(
     if coordinates is not None and labels:
         say(f"{done.check} check points: {coordinates.check_path}")
     return DONE
+
+
+@picks.command
+def match(
+    project: Path,
+    /,
+    *,
+    labels: str = "",
+    photos: str = "",
+    dry_run: Flag = False,
+    undo: Flag = False,
+    verbose: Verbose = False,
+) -> int:
+    """Find what you picked in all other photos, and add it to picks.csv (source `match`).
+
+    What you picked yourself is never changed; what an earlier search found is replaced.
+
+    Parameters
+    ----------
+    project
+        The project file, or the folder of a project.yaml.
+    labels
+        Only these labels, joined by commas.
+    photos
+        Only in these photos (their files' names), joined by commas.
+    dry_run
+        Say what would be found, and write nothing.
+    undo
+        Take all matches out of picks.csv again, and look for none.
+    verbose
+        Say what is being done.
+    """
+    from uavgram.pipeline.match.asked import Asked
+    from uavgram.pipeline.match.run import match_picks, undo_matches
+    from uavgram.views.matches import match_lines
+
+    log_to_stderr(verbose=verbose)
+    asked = Asked(_names(labels), _names(photos))
+    if undo:
+        undone = undo_matches(project, asked, dry_run=dry_run)
+        what = "would be taken out of" if dry_run else "taken out of"
+        say(f"{undone.removed} matches {what} {undone.path}")
+        return DONE
+    done = match_picks(project, asked, dry_run=dry_run, progress=progress())
+    say(*match_lines(done))
+    if dry_run:
+        say("nothing was written (--dry-run)")
+    else:
+        earlier = f", in place of {done.replaced} earlier ones" if done.replaced else ""
+        say(f"written:   {done.path} ({len(done.record.found)} matches{earlier})")
+    return DONE
+
+
+def _names(text: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in text.split(",") if name.strip())

@@ -13,8 +13,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.terms.sightings import rows_of_sightings, seen
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.geometry.motion.camera_motion import camera_motion
@@ -140,25 +141,18 @@ def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats,
 
 
 def rows_at(adjustment: Adjustment, frame: Ints, label: Ints) -> PixelRows:
-    """Labels (n,) in frames (n,) of the adjustment, by index."""
-    survey, problem = adjustment.survey, adjustment.problem
-    n, names = len(frame), tuple(survey.frame_id[f] for f in frame)
+    """Labels (n,) in frames (n,) of the adjustment, by index; NaN behind the camera."""
+    problem, state, n = adjustment.problem, adjustment.state, len(frame)
     place = np.nan_to_num(adjustment.pixels(frame, label))
-    asked = replace(
-        survey,
-        pick_frame=frame,
-        pick_label=label,
-        pixel_px=place,  # in its row the residual is 0, whatever the camera moved meanwhile
-        pick_sigma_px=np.ones(n),
-    )
-    used = np.isin(np.arange(len(survey.line_start)), problem.line_index)
-    blocks = SurveyProblem(asked, problem.pivot_m, used).evaluate(adjustment.state)
-    if blocks is None:
-        unknown = np.full((n, 2, 1), np.nan)
-        return PixelRows(
-            names, label, unknown[..., 0], unknown, np.zeros((n, 1), np.int64), np.zeros((n, 2, 2))
-        )
-    block = blocks["pixels"]
+    # In its row the residual is 0, whatever the camera moved meanwhile.
+    points = problem.layout.point_columns(label), problem.plane_columns(label)
+    asked = seen(problem, points, frame, place, np.ones(n))
+    placed = problem.world_points(state, label)
+    block = rows_of_sightings(problem, state, asked, placed)
+    names = tuple(adjustment.survey.frame_id[f] for f in frame)
+    if block is None:
+        unknown = np.full((*asked.columns.shape[:1], 2, asked.columns.shape[1]), np.nan)
+        block = Block(unknown[..., 0], asked.columns, unknown)
     pixel = place + block.residual
     return PixelRows(names, label, pixel, block.jacobian, block.columns, np.zeros((n, 2, 2)))
 

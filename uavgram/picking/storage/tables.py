@@ -21,6 +21,7 @@ from tempfile import TemporaryDirectory
 from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.io.outputs import replace_bytes
 from uavgram.io.own_files import check_inside, check_own
+from uavgram.io.project_lock import ProjectLock
 from uavgram.io.tables.lines import read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picked import lines_content, measure_content, picks_content
@@ -29,7 +30,6 @@ from uavgram.model.message import Message
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.state import State, observations_of, state_of
 from uavgram.picking.storage.journal import JOURNAL, Journal, Left, left_in
-from uavgram.picking.storage.lock import ProjectLock
 from uavgram.pipeline.measure.inputs import Inputs
 
 log = logging.getLogger(__name__)

@@ -114,7 +114,7 @@ def compute(
     assembled, known_messages = _assembled(inputs, counted, posed, duplicates)
     world = _world(inputs.project, posed.world, assembled.survey.gauge)
     survey, heading_messages = find_headings(assembled.survey)
-    refined, refine_messages = _refined(survey, inputs.project.solve)
+    refined, refine_messages = refined_survey(survey, inputs.project.solve)
     mended = [one.cause for one in refined.removals if one.cause is not None]
     inputs = with_mends(inputs, assembled, mended)
     adjustment = refined.adjustment
@@ -172,6 +172,15 @@ def compute(
     return Computed(result, refined)
 
 
+def assembled_survey(inputs: Inputs, posed: Posed) -> Assembled:
+    """What `compute` adjusts, before it is adjusted."""
+    duplicates = duplicates_of(inputs)
+    counted = _with_duplicates(inputs.lines, duplicates, adjust=False)
+    assembled, _ = _assembled(inputs, counted, posed, duplicates)
+    survey, _ = find_headings(assembled.survey)
+    return replace(assembled, survey=survey)
+
+
 def _with_duplicates(lines: KnownLines, duplicates: Duplicates, *, adjust: bool) -> KnownLines:
     """The lengths, those that are not counted withheld from the adjustment or not."""
     chosen = np.array(lines.adjust)
@@ -214,7 +223,7 @@ def _world(project: Project, world: World, gauge: Literal["world", "plane"]) -> 
     return replace(world, crs=_map_crs(project, world))
 
 
-def _refined(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Message, ...]]:
+def refined_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Message, ...]]:
     """The adjusted survey; a camera that stands another way in its mount is the first suspect."""
     mount = turned_mount(survey)
     if survey.telemetry is None and survey.gauge == "world":

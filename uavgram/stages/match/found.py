@@ -78,4 +78,6 @@ class Record:
     @property
     def in_vain(self) -> dict[Pair, str]:
         """What was not found in the end, and why not when it was tried last."""
-        return {pair: tried[-1].why for pair, tried in self.missed.items() if pair not in self.found}
+        return {
+            pair: tried[-1].why for pair, tried in self.missed.items() if pair not in self.found
+        }

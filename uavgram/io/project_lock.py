@@ -1,4 +1,4 @@
-"""One page for one project: a lock that ends with the process that holds it."""
+"""One writer of a project's tables at a time: a lock that ends with the process that holds it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LOCK = "pick.lock"
 
 
 class ProjectLock:
-    """The right to pick in a project, held until `release` or the end of the process.
+    """The right to write a project's tables, held until `release` or the end of the process.
 
     The operating system holds the lock, so what a killed process left behind is no lock; the
     file says whose it is.
@@ -34,7 +34,7 @@ class ProjectLock:
     Raises
     ------
     UavgramError
-        Another process picks in the project; names it.
+        Another process has the project; names it.
     OutputError
         The folder cannot be written to, or a link stands where the lock should be.
     """
@@ -53,7 +53,7 @@ class ProjectLock:
             ) from fault
 
     def release(self) -> None:
-        """Let others pick."""
+        """Let others write."""
         self._path.unlink(missing_ok=True)  # while it is locked: nobody else holds this file
         os.close(self._handle)
 
@@ -66,8 +66,8 @@ class ProjectLock:
                 holder = os.pread(handle, 32, 0).decode(errors="replace").strip() or "unknown"
                 os.close(handle)
                 raise UavgramError(
-                    f"{project}: is open in another picking page, process {holder}: use that "
-                    "one, or end it with Ctrl+C first"
+                    f"{project}: is open in another picking page or search for points, process "
+                    f"{holder}: use that one, or end it with Ctrl+C first"
                 ) from fault
             if self._path.exists() and os.path.samestat(os.fstat(handle), self._path.stat()):
                 return handle
@@ -82,4 +82,4 @@ def _take(handle: int) -> None:
     except BlockingIOError:
         raise
     except OSError as fault:  # some network file systems know no locks
-        log.warning("a second page of this project would not be noticed: %s", fault.strerror)
+        log.warning("a second writer of this project would not be noticed: %s", fault.strerror)

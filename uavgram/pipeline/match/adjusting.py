@@ -1,0 +1,124 @@
+"""The adjustment with what was found so far, quick enough to be made after every round.
+
+What people picked and measured is adjusted in full once, with the search for blunders and causes.
+What that left out stays out; afterwards only poses and points are adjusted anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
+from uavgram.model.arrays import Bools, Ints
+from uavgram.model.survey.observations import Picks
+from uavgram.model.survey.survey import Survey
+from uavgram.pipeline.match.rows import with_found
+from uavgram.pipeline.measure.compute import assembled_survey, refined_survey
+from uavgram.pipeline.measure.inputs import Inputs
+from uavgram.pipeline.measure.pose import Posed
+from uavgram.stages.match.found import Found, Pair
+from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.off_ground.heights import with_free
+from uavgram.stages.refine.sound_ties import with_sound_ties
+
+UNEVEN_M = 0.1
+"""Roughness of ground of which nobody said that it is rougher: crown, gutter and kerb of a road."""
+
+RAISED_M = 0.8, 1.0
+"""Height of a point of which nothing is known, and its sigma, while one photo alone shows it: from
+the ground to the roof of a van."""
+
+TRIED_AGAIN = (LeftOutCause.UNDETERMINED, LeftOutCause.NOT_JOINED)
+"""Why picks were left out that what is found may bring back."""
+
+
+@dataclass(frozen=True, eq=False)
+class Base:
+    """A project whose own picks are adjusted.
+
+    Attributes
+    ----------
+    inputs, posed
+        As read, with the matches that stay; and where the photos were taken.
+    keep
+        (P,) picks of the survey that take part.
+    refined
+        The adjustment of what people picked and measured.
+    """
+
+    inputs: Inputs
+    posed: Posed
+    keep: Bools
+    refined: Refined
+
+    def sources(self, adjustment: Adjustment) -> list[int]:
+        """Numbers of the project's picks by hand that take part in an adjustment."""
+        survey, picks = adjustment.survey, self.inputs.picks
+        pairs = zip(survey.pick_frame.tolist(), survey.pick_label.tolist(), strict=True)
+        there = {(survey.frame_id[frame], survey.label[label]) for frame, label in pairs}
+        by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
+        return [i for i in by_hand if (picks.image[i], picks.label[i]) in there]
+
+    def adjusted(self, found: Mapping[Pair, Found]) -> tuple[Adjustment, frozenset[Pair]]:
+        """The adjustment with what was found, and what of that it contradicts."""
+        picks = with_found(self.inputs.picks, found)
+        survey = assembled_survey(replace(self.inputs, picks=picks), self.posed).survey
+        sound = with_sound_ties(self._prepared(survey))
+        left_out = sound.left_out["matches"].tolist()
+        taking = Participants(
+            sound.survey, self.keep, self.refined.line_removed, {}, self.refined.known_removed
+        )
+        adjustment = best_minima(taking).adjustment
+        wrong = frozenset((picks.image[i], picks.label[i]) for i in left_out)
+        return adjustment, wrong & frozenset(found)
+
+    def _prepared(self, survey: Survey) -> Survey:
+        """With ground that may be uneven, and heights that the full adjustment found or lacks."""
+        survey = with_free(survey, sorted(self.refined.off_ground))
+        rough = tuple(
+            replace(ground, roughness_sigma_m=max(ground.roughness_sigma_m, UNEVEN_M))
+            for ground in survey.grounds
+        )
+        alone = survey.is_free & (_photos_of_labels(survey) < 2)
+        height, sigma = RAISED_M
+        return replace(
+            survey,
+            grounds=rough,
+            is_free=survey.is_free & ~alone,
+            height_above_m=np.where(alone, height, survey.height_above_m),
+            height_sigma_m=np.where(alone, sigma, survey.height_sigma_m),
+        )
+
+
+def begun(inputs: Inputs, posed: Posed) -> Base:
+    """Adjust what people picked and measured.
+
+    Raises
+    ------
+    GeometryError
+        That determines nothing yet; says what is missing.
+    """
+    survey = assembled_survey(replace(inputs, picks=_made_by_people(inputs.picks)), posed).survey
+    refined, _ = refined_survey(survey, inputs.project.solve)
+    keep = np.ones(len(survey.pick_frame), dtype=np.bool_)
+    keep[: len(refined.pick_removed)] = ~refined.pick_removed
+    out = [i for i, why in refined.pick_reason.items() if why.cause not in TRIED_AGAIN]
+    keep[out] = False
+    return Base(inputs, posed, keep, refined)
+
+
+def _made_by_people(picks: Picks) -> Picks:
+    return with_found(picks, {}, keep=~picks.of_source("match"))
+
+
+def _photos_of_labels(survey: Survey) -> Ints:
+    """(K,) number of photos that each label is seen in, matches included."""
+    matches = survey.matches
+    own = survey.pick_label[matches.pick][matches.point]
+    frame = np.concatenate([survey.pick_frame, matches.frame])
+    label = np.concatenate([survey.pick_label, own])
+    pairs = np.unique(np.stack([label, frame]), axis=1)
+    return np.bincount(pairs[0], minlength=len(survey.label))

@@ -1,0 +1,72 @@
+"""What of a project is asked for, checked against what it has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.errors import InputError, near_miss
+from uavgram.model.arrays import Bools
+from uavgram.model.survey.observations import Picks
+from uavgram.pipeline.measure.inputs import Inputs
+from uavgram.stages.match.found import Pair
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What of a project is asked for: labels and photos by name; none named: all."""
+
+    labels: tuple[str, ...] = ()
+    photos: tuple[str, ...] = ()
+
+    def has(self, pair: Pair) -> bool:
+        """Whether a label in a photo is asked for."""
+        image, label = pair
+        return (not self.photos or image in self.photos) and (
+            not self.labels or label in self.labels
+        )
+
+
+def replaced(picks: Picks, asked: Asked) -> Bools:
+    """(P,) earlier matches that are asked for again."""
+    pairs = zip(picks.image, picks.label, strict=True)
+    again = np.array([asked.has(pair) for pair in pairs], dtype=np.bool_)
+    return picks.of_source("match") & again
+
+
+def check_asked(inputs: Inputs, asked: Asked) -> None:
+    """Refuse labels that nobody picked, and photos that the project does not have."""
+    by_hand = labels_by_hand(inputs.picks)
+    for label in asked.labels:
+        if label not in by_hand:
+            hint = near_miss(label, by_hand) or f"picked are {_some(by_hand)}"
+            raise InputError(inputs.project.picks, f"no label {label!r} is picked: {hint}")
+    for photo in asked.photos:
+        if photo not in inputs.photos.frame_id:
+            names = inputs.photos.frame_id
+            hint = near_miss(photo, names) or f"it has {_some(names)}"
+            raise InputError(inputs.project_path, f"the project has no photo {photo!r}: {hint}")
+    if not by_hand:
+        raise InputError(
+            inputs.project.picks,
+            "holds no pick made by a person, and only these are looked for in other photos: pick "
+            "points with `uavgram pick`",
+        )
+    if len(inputs.photos.frame_id) < 2:
+        raise InputError(
+            inputs.project_path, "has one photo: there is no other one to find points in"
+        )
+
+
+def _some(names: Iterable[str], most: int = 8) -> str:
+    every = list(names)
+    more = f" and {len(every) - most} more" if len(every) > most else ""
+    return ", ".join(every[:most]) + more
+
+
+def labels_by_hand(picks: Picks) -> tuple[str, ...]:
+    """Labels that a person picked anywhere."""
+    by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
+    return tuple(dict.fromkeys(picks.label[i] for i in by_hand))

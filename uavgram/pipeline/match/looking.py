@@ -1,0 +1,107 @@
+"""Places looked for in the photos themselves, on all cores."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.imaging.matching.match import matched
+from uavgram.imaging.matching.matched import REASON, Matched, Refused, Sought
+from uavgram.imaging.photos.cache import LruCache
+from uavgram.imaging.raster import Image
+from uavgram.io.photos.board_photos import read_grey
+from uavgram.model.arrays import Floats, Ints
+from uavgram.pipeline.parallel import prefetch
+from uavgram.pipeline.progress import Progress, silent
+
+MOST_BYTES = 1_000_000_000
+"""Of decoded photos kept: fifty of 20 megapixels."""
+
+Photos = LruCache[str, Image]
+"""Grey photos by name, decoded once while they stay."""
+
+
+class Task(NamedTuple):
+    """Places of one photo that are sought in another; `rows` says which they are."""
+
+    source: str
+    target: str
+    rows: Ints
+    sought: Sought
+
+
+def grey_photos(paths: Mapping[str, str]) -> Photos:
+    """Photos by name that are decoded when they are asked for, in the orientation as stored."""
+    return LruCache(lambda name: read_grey(paths[name]), lambda photo: photo.nbytes, MOST_BYTES)
+
+
+def tasks(source: Sequence[str], target: Sequence[str], sought: Sought) -> list[Task]:
+    """Places (n,) put together by photos, neighbours in the list sharing a photo.
+
+    Parameters
+    ----------
+    source, target
+        (n,) photo of the pick, and photo to look in.
+    sought
+        The places.
+    """
+    groups: dict[tuple[str, str], list[int]] = {}
+    for row, pair in enumerate(zip(target, source, strict=True)):
+        groups.setdefault(pair, []).append(row)
+    return [
+        Task(here, there, np.array(rows), _rows(sought, np.array(rows)))
+        for (there, here), rows in sorted(groups.items())
+    ]
+
+
+def look(photos: Photos, work: Sequence[Task], count: int, progress: Progress = silent) -> Matched:
+    """What is found of some places, in their order.
+
+    Parameters
+    ----------
+    photos
+        Grey, by name.
+    work
+        The places.
+    count
+        Number of all of them.
+    progress
+        Shows long loops.
+
+    Raises
+    ------
+    InputError
+        A photo cannot be read.
+    """
+    found: dict[str, Floats | Ints] = {
+        "pixel_px": np.full((count, 2), np.nan),
+        "covariance_px2": np.full((count, 2, 2), np.nan),
+        "sigma_px": np.full(count, np.nan),
+        "score": np.zeros(count),
+        "refused": np.full(count, int(Refused.OUTSIDE)),
+    }
+    done = prefetch(lambda task: _done(photos, task), work)
+    for task, one in progress(done, "looking in the photos", len(work)):
+        for name, values in found.items():
+            values[task.rows] = getattr(one, name)
+    return Matched(**found)  # type: ignore[arg-type]
+
+
+def reason(refused: int) -> str:
+    """Why a place was not found, in words."""
+    return REASON[Refused(refused)]
+
+
+def _done(photos: Photos, task: Task) -> Matched:
+    return matched(photos.get(task.source), photos.get(task.target), task.sought)
+
+
+def _rows(sought: Sought, rows: Ints) -> Sought:
+    return Sought(
+        source_px=sought.source_px[rows],
+        target_px=sought.target_px[rows],
+        covariance_px2=sought.covariance_px2[rows],
+        affine=sought.affine[rows],
+    )

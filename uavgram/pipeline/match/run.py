@@ -1,0 +1,143 @@
+"""Find a project's picks in its other photos, and write what was found into picks.csv."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from uavgram.errors import GeometryError, UavgramError
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Bools
+from uavgram.pipeline.match.adjusting import Base, begun
+from uavgram.pipeline.match.asked import Asked, check_asked, labels_by_hand, replaced
+from uavgram.pipeline.match.looking import grey_photos
+from uavgram.pipeline.match.rows import with_found
+from uavgram.pipeline.match.search import searched
+from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
+from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.saved_picks import save_picks, sole_writer
+from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.match.found import Pair
+from uavgram.stages.match.outcome import Matches
+
+
+@dataclass(frozen=True)
+class Undone:
+    """How many matches were taken out of which table."""
+
+    path: Path
+    removed: int
+
+
+@with_one_blas_thread
+def match_picks(
+    project: str | os.PathLike[str],
+    asked: Asked | None = None,
+    *,
+    dry_run: bool = False,
+    progress: Progress = silent,
+) -> Matches:
+    """Look for what people picked in all other photos.
+
+    The matches of an earlier search are replaced; what people picked stays as it is.
+
+    Parameters
+    ----------
+    project
+        The project file, or its folder.
+    asked
+        Only these labels and photos.
+    dry_run
+        Write nothing.
+    progress
+        Shows long loops.
+
+    Raises
+    ------
+    UavgramError
+        A problem that the user can solve. The table is as it was.
+    """
+    asked = asked or Asked()
+    inputs = read_inputs(Path(project))
+    check_asked(inputs, asked)
+    with nullcontext() if dry_run else sole_writer(inputs):
+        stays = ~replaced(inputs.picks, asked)
+        base = _begun(inputs, stays)
+        photos = dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True))
+        search = searched(base, grey_photos(photos), _wanted(base, asked), progress)
+        picks = with_found(base.inputs.picks, search.record.found)
+        path = Path(inputs.project.picks) if dry_run else save_picks(inputs, picks)
+    from_labels = {base.inputs.picks.label[i] for i in base.sources(search.adjustment)}
+    labels = _sought(inputs, asked)
+    return Matches(
+        path=str(path),
+        record=search.record,
+        labels=tuple(label for label in labels if label in from_labels),
+        picks=picks,
+        replaced=int((~stays).sum()),
+        not_sought=tuple(label for label in labels if label not in from_labels),
+        unplaced=_unplaced(base, search.adjustment, asked),
+    )
+
+
+def undo_matches(
+    project: str | os.PathLike[str], asked: Asked | None = None, *, dry_run: bool = False
+) -> Undone:
+    """Take matches out of a project's picks.
+
+    Parameters
+    ----------
+    project, asked, dry_run
+        As of `match_picks`.
+
+    Raises
+    ------
+    UavgramError
+        A problem that the user can solve. The table is as it was.
+    """
+    asked = asked or Asked()
+    inputs = read_inputs(Path(project))
+    check_asked(inputs, asked)
+    stays = ~replaced(inputs.picks, asked)
+    path = Path(inputs.project.picks)
+    if not dry_run:
+        with sole_writer(inputs):
+            path = save_picks(inputs, with_found(inputs.picks, {}, keep=stays))
+    return Undone(path, int((~stays).sum()))
+
+
+def _sought(inputs: Inputs, asked: Asked) -> tuple[str, ...]:
+    by_hand = labels_by_hand(inputs.picks)
+    return tuple(label for label in by_hand if not asked.labels or label in asked.labels)
+
+
+def _begun(inputs: Inputs, stays: Bools) -> Base:
+    """The project without the matches that are replaced, what people picked adjusted."""
+    try:
+        picks = with_found(inputs.picks, {}, keep=stays)
+        return begun(replace(inputs, picks=picks), pose_frames(inputs))
+    except GeometryError as why:
+        raise UavgramError(
+            f"{inputs.project_path}: nothing can be looked for yet, as it is not known how the "
+            f"photos lie to each other: {why}"
+        ) from why
+
+
+def _wanted(base: Base, asked: Asked) -> Callable[[Pair], bool]:
+    """Whether a label is to be looked for in a photo: it is asked for, and there is no pick yet."""
+    picks = base.inputs.picks
+    there = set(zip(picks.image, picks.label, strict=True))
+    copies = duplicates_of(base.inputs).photos
+    return lambda pair: pair not in there and pair[0] not in copies and asked.has(pair)
+
+
+def _unplaced(base: Base, adjustment: Adjustment, asked: Asked) -> tuple[str, ...]:
+    telemetry = base.posed.telemetry
+    placed = {*adjustment.survey.frame_id, *(() if telemetry is None else telemetry.poses.frame_id)}
+    placed |= set(duplicates_of(base.inputs).photos)
+    names = asked.photos or base.inputs.photos.frame_id
+    return tuple(name for name in names if name not in placed)

@@ -1,0 +1,72 @@
+"""picks.csv written again by the program: what people wrote in it stays, to the byte."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from uavgram.errors import InputError, OutputError
+from uavgram.io.outputs import replace_bytes
+from uavgram.io.project_lock import ProjectLock
+from uavgram.io.tables.picked import picks_content
+from uavgram.model.survey.observations import Picks
+from uavgram.pipeline.measure.inputs import Inputs
+
+
+@contextmanager
+def sole_writer(inputs: Inputs) -> Iterator[None]:
+    """Keep picking pages and other searches out of a project's tables.
+
+    Raises
+    ------
+    UavgramError
+        One of them has the project open; names its process.
+    OutputError
+        The output folder, where the lock lies, cannot be written to.
+    """
+    folder = Path(inputs.project.output)
+    existed = folder.is_dir()
+    lock = ProjectLock(folder, inputs.project_path)
+    try:
+        yield
+    finally:
+        lock.release()
+        if not existed:
+            with suppress(OSError):  # somebody else's files are in it by now
+                folder.rmdir()
+
+
+def save_picks(inputs: Inputs, after: Picks) -> Path:
+    """Write other picks into a project's table, in one step; returns its path.
+
+    Parameters
+    ----------
+    inputs
+        As read.
+    after
+        What the table should hold.
+
+    Raises
+    ------
+    InputError
+        Another program changed the table since it was read.
+    OutputError
+        It cannot be written; it is as it was.
+    """
+    path = Path(inputs.project.picks).resolve()  # through links, so that a link stays one
+    before = path.read_bytes()
+    if hashlib.sha256(before).hexdigest() not in {one.sha256 for one in inputs.digests}:
+        raise InputError(path, "was changed by another program meanwhile: run this once more")
+    content = picks_content(before, inputs.picks, after)
+    if content is None or content == before:
+        return path
+    if not os.access(path, os.W_OK):  # replacing would not ask
+        raise OutputError(f"{path}: may not be written to; it is as it was")
+    mode = path.stat().st_mode
+    replace_bytes(path, content)
+    with suppress(OSError):
+        path.chmod(mode)
+    return path

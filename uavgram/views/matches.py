@@ -1,0 +1,81 @@
+"""What a search for picks in the other photos came to, as lines for a terminal."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable
+
+from uavgram.stages.match.found import Pair
+from uavgram.stages.match.outcome import Matches
+
+MOST_NAMED = 8
+"""Names in a line; of the others, only the number is told."""
+
+ENOUGH = 3
+"""Points in a photo from which on its pose rests on them and not on the log alone."""
+
+
+def match_lines(done: Matches) -> list[str]:
+    """Found by photo, what was not found and why, and what is better asked from a person."""
+    found, missed = done.record.found, done.record.in_vain
+    looked = len(found) + len(missed)
+    lines = [
+        f"found:     {len(found)} of {looked} places, of {_count(len(done.labels), 'label')}"
+        if looked
+        else "found:     nothing was looked for: no other photo should show these labels"
+    ]
+    lines += _by_photo(found, missed)
+    lines += _reasons(missed)
+    if done.not_sought:
+        lines.append(
+            f"not looked for: {_named(done.not_sought)}: what is picked of them takes no part in "
+            "the adjustment; `uavgram run` says why"
+        )
+    if done.unplaced:
+        lines.append(
+            f"not looked in: {_named(done.unplaced)}: where they were taken is not known; pick "
+            "three points or more there"
+        )
+    return lines + _to_ask(done)
+
+
+def _by_photo(found: Iterable[Pair], missed: Iterable[Pair]) -> list[str]:
+    good = Counter(image for image, _ in found)
+    every = good + Counter(image for image, _ in missed)
+    width = max(map(len, every), default=0)
+    return [f"  {image:<{width}}  {good[image]:>4} of {every[image]}" for image in sorted(every)]
+
+
+def _reasons(missed: dict[Pair, str]) -> list[str]:
+    by_reason: dict[str, list[str]] = defaultdict(list)
+    for (image, label), why in sorted(missed.items()):
+        by_reason[why].append(f"{label} in {image}")
+    ordered = sorted(by_reason.items(), key=lambda one: -len(one[1]))
+    return [
+        "not found:",
+        *(f"  {len(places):>4}  {why}: {_named(places)}" for why, places in ordered),
+    ] * bool(by_reason)
+
+
+def _to_ask(done: Matches) -> list[str]:
+    """Labels and photos for which a person's click would say most."""
+    alone = [label for label, count in done.sightings.items() if count < 2]
+    looked = {image for image, _ in (*done.record.found, *done.record.missed)}
+    there = Counter(done.picks.image)
+    few = sorted(image for image in looked if there[image] < ENOUGH)
+    lines = []
+    if alone:
+        lines.append(f"  labels that one photo alone shows: {_named(alone)}")
+    if few:
+        lines.append(f"  photos with fewer than {ENOUGH} points: {_named(few)}")
+    return ["better picked by you (`uavgram pick`):", *lines] if lines else []
+
+
+def _named(names: Iterable[str]) -> str:
+    every = list(names)
+    more = f" and {len(every) - MOST_NAMED} more" if len(every) > MOST_NAMED else ""
+    return ", ".join(every[:MOST_NAMED]) + more
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" + ("" if number == 1 else "s")
