@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import logging
-import os
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 
-import cv2
-import numpy as np
-
-from uavgram.errors import InputError, UavgramError
+from uavgram.errors import UavgramError
 from uavgram.imaging.photos.cache import LruCache
-from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.photos.tiled_photos import PhotoFile
+from uavgram.imaging.raster import Image
 
 log = logging.getLogger(__name__)
 
@@ -22,52 +17,45 @@ GREY_BYTES = 200_000_000
 
 
 class GreyPhotos:
-    """Grey pixels of photos, for several threads.
+    """Grey pixels of photos by name, for several threads.
 
     Parameters
     ----------
-    files
-        The photos.
+    size_bytes
+        Of each photo: its number of pixels.
+    read
+        Decodes one, as it is stored.
     most_bytes
         That all decoded ones may take together.
     """
 
-    def __init__(self, files: Sequence[PhotoFile], most_bytes: int = GREY_BYTES) -> None:
-        self._files, self._most_bytes = tuple(files), most_bytes
-        self._pixels: LruCache[int, Pixels] = LruCache(
-            self._decode,
+    def __init__(
+        self,
+        size_bytes: Mapping[str, int],
+        read: Callable[[str], Image],
+        most_bytes: int = GREY_BYTES,
+    ) -> None:
+        self._size_bytes, self._most_bytes = dict(size_bytes), most_bytes
+        self.photos: LruCache[str, Image] = LruCache(
+            read,
             lambda pixels: pixels.nbytes,
             most_bytes,
-            expected_bytes=lambda k: self._files[k].width_px * self._files[k].height_px,
+            expected_bytes=self._size_bytes.__getitem__,
         )
         self._changed = threading.Condition()
-        self._wanted: tuple[int, ...] = ()
+        self._wanted: tuple[str, ...] = ()
         self._stopped = False
         self._thread = threading.Thread(target=self._work, name="grey photos", daemon=True)
         self._thread.start()
 
-    def pixels(self, photo: int) -> Pixels:
-        """(height, width) of a photo as it is stored, decoded now if it must be.
-
-        Raises
-        ------
-        InputError
-            The file cannot be read, is no photo, or has another size than it had.
-        """
-        return self._pixels.get(photo)
-
-    def is_ready(self, photo: int) -> bool:
-        """Whether a photo is decoded."""
-        return self._pixels.has(photo)
-
-    def read_ahead(self, photos: Sequence[int]) -> None:
+    def read_ahead(self, names: Sequence[str]) -> None:
         """Decode photos in this order, as many as have room; those asked for before are left."""
         room, wanted = self._most_bytes, []
-        for k in photos:
-            room -= self._files[k].width_px * self._files[k].height_px
+        for name in names:
+            room -= self._size_bytes[name]
             if room < 0:
                 break
-            wanted.append(k)
+            wanted.append(name)
         with self._changed:
             self._wanted = tuple(wanted)
             self._changed.notify()
@@ -75,7 +63,7 @@ class GreyPhotos:
     def stop(self) -> None:
         """Decode nothing more ahead; waits for the photo under way."""
         with self._changed:
-            self._stopped, self._wanted = True, ()
+            self._stopped = True
             self._changed.notify()
         self._thread.join()
 
@@ -85,19 +73,9 @@ class GreyPhotos:
                 self._changed.wait_for(lambda: self._wanted or self._stopped)
                 if self._stopped:
                     return
-                photo, *rest = self._wanted
+                name, *rest = self._wanted
                 self._wanted = tuple(rest)
             try:
-                self._pixels.get(photo)
+                self.photos.get(name)
             except UavgramError as why:  # told where it is asked for
                 log.info("not decoded ahead: %s", why)
-
-    def _decode(self, photo: int) -> Pixels:
-        file = self._files[photo]
-        flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION
-        pixels = cv2.imread(os.fspath(file.path), flags)
-        if pixels is None:
-            raise InputError(file.path, "cannot be read as a photo: is it still there?")
-        if pixels.shape != (file.height_px, file.width_px):
-            raise InputError(file.path, "has another size than when the project was read")
-        return np.asarray(pixels, dtype=np.uint8)
