@@ -68,6 +68,8 @@ def large_result(frames: int, points: int, folder: str = "photos") -> Result:
             seed=seed,
             refined=refined,
             sweep=np.zeros((frames, 6)),
+            ties=np.zeros(frames, dtype=np.int64),
+            ties_rms_px=np.full(frames, np.nan),
         ),
         points=_points(labels, spots, names, rng),
         picks=picks,

@@ -8,6 +8,7 @@ from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message
 from uavgram.model.provenance import InputDigest, Provenance
 from uavgram.model.result.error_budget import ErrorBudget
+from uavgram.model.result.noise import Noise, PickNoise
 from uavgram.model.result.result import Alternative, GroupFactor, Result, SolutionSummary
 from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
 from uavgram.model.result.tables import (
@@ -21,6 +22,7 @@ from uavgram.model.result.tables import (
     PointResults,
     PoseTable,
 )
+from uavgram.model.result.ties import TieSummary
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.model.survey.world import Geodetic, World
 
@@ -161,6 +163,8 @@ def sample_result() -> Result:
             reason=("", "no time", "no pick", "below the ground"),
             seed=_poses(rng, [1, 3]),
             refined=_poses(rng, [1, 2, 3]),
+            ties=np.array([131, 0, 0, 0]),
+            ties_rms_px=np.array([0.21, nan, nan, nan]),
         ),
         points=_points(rng),
         lines=LineResults(
@@ -186,6 +190,8 @@ def sample_result() -> Result:
             w=np.array([0.7, nan, 4.4]),
             redundancy=np.array([0.5, nan, 0.25]),
             status=("used", "unused", "removed"),
+            source=("hand", "match", "target"),
+            score=np.array([nan, 0.93, 0.99]),
         ),
         measurements=_measurements(rng),
         error_budget=ErrorBudget(
@@ -222,6 +228,19 @@ def sample_result() -> Result:
                 ),
             ),
         ),
+        noise=Noise(
+            picks=tuple(
+                PickNoise(source=source, stated_px=stated, factor=1.25, sigma=0.125)
+                for source, stated in (
+                    ("hand", 1.0),
+                    ("target", 0.05),
+                    ("match", 0.1),
+                    ("tie", 0.2),
+                )
+            ),
+            roughness=(),
+        ),
+        ties=TieSummary(points=131, sightings=131, rms_px=0.21),
         messages=(
             Message("warning", "label-unseen", "label 'Z' was never picked", labels=("Z",)),
             Message(

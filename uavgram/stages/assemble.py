@@ -147,7 +147,7 @@ def assemble(observed: Observations) -> Assembled:
         pick_label=np.array([label_at[picks.label[i]] for i in chosen]),
         pixel_px=picks.pixel_px[chosen],
         pick_sigma_px=sigma[chosen],
-        pick_is_target=picks.of_source("target")[chosen],
+        target_pick=np.flatnonzero(picks.of_source("target")[chosen]),
         matches=matches,
         ties=ties_of(observed.ties, frame_at),
         line_start=np.array([label_at[lines.start[i]] for i in seen], dtype=np.int64),

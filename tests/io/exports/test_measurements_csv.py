@@ -20,7 +20,7 @@ def test_the_table_holds_the_measurements_with_empty_cells_for_what_is_not_known
 
     assert ",".join(rows[0]) == (
         "name,kind,points,value,sigma,unit,lower_95,upper_95,alternatives,"
-        "shift_relief_10cm,shift_tape_1pct,sigma_stated,status"
+        "shift_relief_10cm,shift_tape_1pct,sigma_stated,status,picked_by"
     )
     assert rows[1] == [
         "m, long",
@@ -35,8 +35,9 @@ def test_the_table_holds_the_measurements_with_empty_cells_for_what_is_not_known
         "",
         "0.05000",
         "ok",
+        "hand",
     ]
-    assert rows[5] == ["q", "skid_speed", "P;Z", "", "", "m/s", *[""] * 6, "not-checked"]
+    assert rows[5] == ["q", "skid_speed", "P;Z", "", "", "m/s", *[""] * 6, "not-checked", "hand"]
     assert len(rows) == 7
 
 

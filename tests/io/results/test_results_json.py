@@ -206,6 +206,38 @@ def test_a_file_of_a_version_that_passed_no_verdict_is_not_green(
     assert set(earlier.measurements.status) == {"not-checked"}
 
 
+def test_who_made_a_pick_ties_and_noise_stand_under_their_keys(sample_result: Result) -> None:
+    content = json.loads(dump_results(sample_result))
+
+    assert [pick["source"] for pick in content["picks"]] == ["hand", "match", "target"]
+    assert [pick["score"] for pick in content["picks"]] == [None, 0.93, 0.99]
+    assert [(one["ties"], one["ties_rms_px"]) for one in content["frames"][:2]] == [
+        (131, 0.21),
+        (0, None),
+    ]
+    assert content["ties"] == {"points": 131, "sightings": 131, "rms_px": 0.21}
+    assert content["noise"]["picks"]["match"] == {"stated_px": 0.1, "factor": 1.25, "sigma": 0.125}
+    assert list(content["noise"]["picks"]) == ["hand", "target", "match", "tie"]
+
+
+def test_a_file_of_a_version_that_knew_no_matches_is_read(
+    sample_result: Result, tmp_path: Path
+) -> None:
+    content = json.loads(dump_results(sample_result))
+    for pick in content["picks"]:
+        del pick["source"], pick["score"]
+    for frame in content["frames"]:
+        del frame["ties"], frame["ties_rms_px"]
+    del content["ties"]
+    (tmp_path / "results.json").write_text(json.dumps(content))
+
+    earlier = load_results(tmp_path / "results.json")
+    assert set(earlier.picks.source) == {"hand"}
+    assert np.isnan(earlier.picks.score).all()
+    assert not earlier.frames.ties.any()
+    assert earlier.ties is None
+
+
 def test_only_points_off_the_ground_have_a_covariance_in_space_within_the_survey(
     sample_result: Result, tmp_path: Path
 ) -> None:

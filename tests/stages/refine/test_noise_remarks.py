@@ -56,3 +56,31 @@ def test_a_plane_and_picks_as_stated_are_no_news() -> None:
     assert not list(noise_remarks(None))
     (message,) = noise_remarks(noise(0.0, factor=1.6))
     assert "0.8 px stated, 1.3 ± 0.04 px found" in message.text
+
+
+@pytest.mark.parametrize(
+    ("source", "code", "said"),
+    [
+        ("hand", "picks-less-exact", "The picks made by hand are less exact than stated: 0.2 px "),
+        ("target", "picks-less-exact", "The targets are less exact than stated: 0.2 px stated, "),
+        ("match", "found-less-exact", "The matches are less exact than stated: 0.2 px stated, "),
+        ("tie", "found-less-exact", "The tie points are less exact than stated: 0.2 px stated, "),
+    ],
+)
+def test_each_source_of_picks_is_told_by_its_name(source: str, code: str, said: str) -> None:
+    picks = tuple(
+        PickNoise(source=one, stated_px=0.2, factor=1.6 if one == source else 1.0, sigma=0.05)
+        for one in ("hand", "target", "match", "tie")
+    )
+    (message,) = noise_remarks(Noise(picks=picks, roughness=()))
+
+    assert message.code == code
+    assert message.text.startswith(said)
+    assert message.level == ("info" if source in ("match", "tie") else "warning")
+
+
+@pytest.mark.parametrize(("source", "count"), [("hand", 1), ("target", 1), ("match", 0)])
+def test_likeness_that_is_more_exact_than_stated_is_no_news(source: str, count: int) -> None:
+    picks = PickNoise(source=source, stated_px=0.2, factor=0.5, sigma=0.05)
+
+    assert len(list(noise_remarks(Noise(picks=(picks,), roughness=())))) == count

@@ -172,14 +172,13 @@ class SurveyProblem:
 
     def _sighted(self, state: State) -> dict[str, Block] | None:
         """Rows of picks, matches and ties; None where a point is not in front of its camera."""
+        pixels = self._pixels(state)
+        tied = {} if self._tied is None else self._tied.blocks(state)
+        return None if pixels is None or tied is None else {"pixels": pixels} | tied
+
+    def _pixels(self, state: State) -> Block | None:
         placed = self.world_points(state, self.survey.pick_label)
-        pixels = rows_of_sightings(self, state, self._picks, placed)
-        if pixels is None:
-            return None
-        if self._tied is None:
-            return {"pixels": pixels}
-        tied = self._tied.blocks(state)
-        return None if tied is None else {"pixels": pixels} | tied
+        return rows_of_sightings(self, state, self._picks, placed)
 
     @cached_property
     def _picks(self) -> Seen:

@@ -55,6 +55,7 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
         **rows_of(survey, labels, "k"),
         **rows_of(survey, picks, "p")
         | {"pick_frame": new_frame[survey.pick_frame[picks]], "pick_label": pick_label},
+        target_pick=new_pick[survey.target_pick][new_pick[survey.target_pick] >= 0],
         matches=_some_sightings(survey.matches, new_frame, new_pick),
         ties=_some_sightings(survey.ties, new_frame, new_pick),
         **_some_lines(survey, lines) | {"line_start": start[lines], "line_end": end[lines]},

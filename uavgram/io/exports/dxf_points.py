@@ -14,7 +14,8 @@ _HEIGHT_SHARE = 0.6  # of the labels' letters are those of heights
 _NUMBERS = ("sigma_east_m", "sigma_north_m")
 """What each point carries, beside its label."""
 _OFF_GROUND_NUMBERS = ("sigma_up_m", "height_above_ground_m", "height_sigma_m")
-"""What points off the ground carry too; on all points it would take half as long again to write."""
+"""What points off the ground carry too; on all points it would take half as long again to write.
+So do points that no person, or not a person alone, picked: PICKED_BY."""
 
 
 def add_point_block(document: Drawing, text_m: float) -> None:
@@ -44,6 +45,9 @@ def draw_points(sheet: Sheet, layer: Layer) -> None:
         insert = sheet.space.add_blockref(POINT_BLOCK, tuple(place), dxfattribs={"layer": own})
         numbers = {key.upper(): _decimals(one[key]) for key in _NUMBERS}
         insert.add_auto_attribs({"LABEL": str(one["label"]), **numbers})
+        if one["picked_by"] not in ("", "hand"):
+            made = insert.add_attrib("PICKED_BY", str(one["picked_by"]), place, {"layer": LABELS})
+            made.is_invisible = True
         east, north, up = place
         at = (east + 0.4 * sheet.text_m, north + 0.4 * sheet.text_m, up)
         sheet.space.add_text(

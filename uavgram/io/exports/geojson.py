@@ -14,7 +14,8 @@ from uavgram.io.outputs import replace_text
 from uavgram.io.results.codec import Record, records
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import MeasurementResults, PointResults
+from uavgram.model.result.sources import sources_behind
+from uavgram.model.result.tables import PointResults
 from uavgram.model.survey.world import World
 
 Geometry = Record | None
@@ -73,7 +74,7 @@ def dump_geojson(result: Result) -> str:
         if place.shape[1] < 3:
             members["message"] = _NO_ELLIPSOID
         features = _points(result, place) + _ellipses(result.points, place)
-        features += _measurements(result.measurements, result.points, place)
+        features += _measurements(result, place)
     head = json.dumps(members, ensure_ascii=False, allow_nan=False)[:-1]
     lines = (json.dumps(f, ensure_ascii=False, allow_nan=False) for f in features)
     body = "\n" + ",\n".join(lines) + "\n" if features else ""
@@ -113,6 +114,7 @@ def _points(result: Result, place: Floats) -> list[Record]:
         semi_minor_95_m=points.ellipse_95_m[:, 1],
         azimuth_deg=np.rad2deg(points.ellipse_azimuth_rad),
         frames=points.frames,
+        picked_by=sources_behind(result.picks, [(label,) for label in points.label]),
     )
 
 
@@ -149,10 +151,9 @@ def _ellipse_rings(points: PointResults) -> Floats:
     return rings
 
 
-def _measurements(
-    measurements: MeasurementResults, points: PointResults, place: Floats
-) -> list[Record]:
-    place_of = dict(zip(points.label, place.tolist(), strict=True))
+def _measurements(result: Result, place: Floats) -> list[Record]:
+    measurements = result.measurements
+    place_of = dict(zip(result.points.label, place.tolist(), strict=True))
     shapes = zip(measurements.kind, measurements.outlines, strict=True)
     return _features(
         "measurement",
@@ -167,6 +168,7 @@ def _measurements(
         upper_95=measurements.interval_95[:, 1],
         alternative_values=measurements.alternative_values,
         status=measurements.status,
+        picked_by=sources_behind(result.picks, measurements.points),
     )
 
 

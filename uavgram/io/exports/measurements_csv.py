@@ -9,6 +9,7 @@ from uavgram.io.outputs import replace_text
 from uavgram.io.tables.csv_rows import csv_text
 from uavgram.io.tables.spreadsheet_cells import guarded
 from uavgram.model.result.result import Result
+from uavgram.model.result.sources import sources_behind
 
 DIGITS = 4
 """Of sigma: the two that it deserves, and two more."""
@@ -27,6 +28,7 @@ HEADER = (
     "shift_tape_1pct",
     "sigma_stated",
     "status",
+    "picked_by",
 )
 
 
@@ -52,8 +54,10 @@ def dump_measurements_csv(result: Result) -> str:
     interval, their values stand under ``alternatives``: then neither value nor interval is sure.
     In the last columns are the shifts by 10 cm of relief at the points, and by 1 % of tape.
     ``sigma_stated`` is what the sigma would be, were all errors as large as stated. ``status`` says
-    how far the value can be trusted: ok, not-checked, doubtful or contradicted.
+    how far the value can be trusted: ok, not-checked, doubtful or contradicted. ``picked_by`` says
+    who made the picks of its points: hand, match or target.
     """
+    made = sources_behind(result.picks, result.measurements.points)
     rows = result.measurements
     cells = []
     for i, sigma in enumerate(rows.sigma):
@@ -69,7 +73,7 @@ def dump_measurements_csv(result: Result) -> str:
         )
         stated = rounded(rows.sigma_stated[i], float(sigma))
         known = (name, rows.kind[i], points, value, own, unit, low, high, alternatives)
-        cells.append((*known, *shifts, stated, rows.status[i]))
+        cells.append((*known, *shifts, stated, rows.status[i], ";".join(made[i])))
     return csv_text(HEADER, cells)
 
 

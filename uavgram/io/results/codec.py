@@ -15,7 +15,7 @@ from typing import Any, Generic, TypeVar, Union, cast, get_args, get_origin, get
 
 import numpy as np
 
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 
 Json = Any
 Record = dict[str, Json]
@@ -145,8 +145,9 @@ class Table(Generic[Owner]):
                 read[name] = numbers([[row[part] for part in key] for row in records], n, len(key))
             elif hint == Floats:
                 read[name] = numbers([row[key] for row in records], n, *self.shape.get(name, ()))
-            elif hint == Bools:
-                read[name] = np.array([decode(bool, row[key]) for row in records], dtype=bool)
+            elif hint in (Bools, Ints):
+                kind = bool if hint == Bools else int
+                read[name] = np.array([decode(kind, row[key]) for row in records], dtype=kind)
             else:
                 read[name] = decode(hint, [row[key] for row in records])
         return self.owner(**read, **given)

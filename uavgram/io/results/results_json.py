@@ -30,6 +30,7 @@ from uavgram.model.result.reliability import ChecksOverall, RemovalRecord
 from uavgram.model.result.result import Result, SolutionSummary
 from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
 from uavgram.model.result.tables import MonteCarloResults
+from uavgram.model.result.ties import TieSummary
 from uavgram.model.result.verdict import NOT_JUDGED, Verdict
 from uavgram.model.survey.world import Geodetic, World
 
@@ -79,6 +80,7 @@ def dump_results(result: Result) -> str:
         + tables.LINE_CHECKS.dump(result.line_checks),
         "solution": encode(result.solution),
         "noise": _dump_noise(result.noise),
+        "ties": encode(result.ties),
         "messages": [message.record() for message in result.messages],
     }
     if (budget := result.error_budget) is not None:
@@ -130,7 +132,7 @@ def _result(content: Record) -> Result:
         points=tables.load_points(content["points"]),
         lines=tables.LINES.load(content["lines"]),
         known=tables.KNOWN.load(content.get("known", [])),
-        picks=tables.PICKS.load(content["picks"]),
+        picks=tables.load_picks(content["picks"]),
         measurements=tables.load_measurements(rows, content["measurement_correlation"]),
         profiles=tables.PROFILES.load(content.get("profiles", [])),
         monte_carlo=decode(MonteCarloResults | None, content["monte_carlo"]),
@@ -143,6 +145,7 @@ def _result(content: Record) -> Result:
         line_checks=tables.LINE_CHECKS.load([c for c in checks if "label" not in c]),
         solution=from_record(SolutionSummary, content["solution"]),
         noise=_load_noise(content.get("noise")),
+        ties=decode(TieSummary | None, content.get("ties")),
         messages=tuple(_load_message(record) for record in content["messages"]),
         verdict=from_record(Verdict, content.get("verdict") or encode(NOT_JUDGED)),
     )

@@ -90,6 +90,16 @@ _EARLIER_POINT: Record = {
 """What points lack in files of earlier versions."""
 
 
+_EARLIER_FRAME: Record = {"moved_while_read": [0.0] * 6, "ties": 0, "ties_rms_px": None}
+_EARLIER_PICK: Record = {"source": "hand", "score": None}
+"""What frames and picks lack in files of earlier versions."""
+
+
+def load_picks(records: Sequence[Record]) -> PickResults:
+    """Picks of a results file."""
+    return PICKS.load([_EARLIER_PICK | row for row in records])
+
+
 def dump_frames(frames: FrameResults) -> list[Record]:
     """Frames; a pose that a frame does not have is null."""
     seed, refined = _dump_poses(frames.seed), _dump_poses(frames.refined)
@@ -99,7 +109,7 @@ def dump_frames(frames: FrameResults) -> list[Record]:
 
 def load_frames(records: Sequence[Record]) -> FrameResults:
     """Inverse of `dump_frames`."""
-    records = [{"moved_while_read": [0.0] * 6} | row for row in records]  # 0.1.0 has none
+    records = [_EARLIER_FRAME | row for row in records]
     return _FRAMES.load(
         records, **{key: _load_poses([row[key] for row in records]) for key in ("seed", "refined")}
     )

@@ -8,6 +8,14 @@ from typing import Literal
 
 SurfaceShape = Literal["plane", "quadratic", "correlated"]
 
+PICKED: dict[str, str] = {
+    "hand": "picks made by hand",
+    "target": "targets",
+    "match": "matches",
+    "tie": "tie points",
+}
+"""What is seen in photos, by who found it: a group of its own, with a sigma of its own."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class PickNoise:
@@ -16,7 +24,7 @@ class PickNoise:
     Attributes
     ----------
     source
-        How they were made, such as ``hand``.
+        How they were made: one of `PICKED`.
     stated_px
         Their sigma as stated (root mean square) [px].
     factor, sigma
@@ -69,3 +77,8 @@ class Noise:
 
     picks: tuple[PickNoise, ...]
     roughness: tuple[AreaNoise, ...]
+
+    def called(self, picks: PickNoise) -> str:
+        """What picks of one source are called; just picks where people made all."""
+        people_alone = [one.source for one in self.picks] == ["hand"]
+        return "picks" if people_alone else PICKED[picks.source]

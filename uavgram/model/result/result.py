@@ -29,6 +29,7 @@ from uavgram.model.result.tables import (
     PointChecks,
     PointResults,
 )
+from uavgram.model.result.ties import TieSummary
 from uavgram.model.result.verdict import NOT_JUDGED, Verdict
 from uavgram.model.survey.world import World
 
@@ -113,6 +114,8 @@ class Result:
     solution: SolutionSummary
     noise: Noise | None = None
     """How large errors are, as the survey shows; None where the stated sigmas were kept."""
+    ties: TieSummary | None = None
+    """All tie points together; None where none took part."""
     messages: tuple[Message, ...]
     verdict: Verdict = NOT_JUDGED
 

@@ -10,8 +10,9 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, freeze
+from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints, freeze
 from uavgram.model.result.verdict import MeasurementStatus
+from uavgram.model.survey.observations import Source
 
 FrameStatus = Literal["refined", "seeded", "unmatched", "rejected"]
 LineStatus = Literal["used", "suspect", "removed", "checked", "unseen"]
@@ -47,6 +48,9 @@ class FrameResults(FrozenArrays):
     sweep
         (F, 6) by which the camera moved while the photo was read, from first row to last: δcentre
         in world [m], δθ in camera [rad]; 0 where that is not known.
+    ties, ties_rms_px
+        (F,) how many tie points were seen in it and used, and the root mean square of their
+        residuals in each coordinate; 0 and NaN where there are none, and left out.
     """
 
     frame_id: Annotated[tuple[str, ...], "n"]
@@ -57,10 +61,18 @@ class FrameResults(FrozenArrays):
     seed: PoseTable
     refined: PoseTable
     sweep: Annotated[Floats, "n", 6] = field(default_factory=lambda: np.zeros((0, 6)))
+    ties: Annotated[Ints, "n"] = field(default_factory=lambda: np.zeros(0, np.int64))
+    ties_rms_px: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
-        if not len(self.sweep):
-            object.__setattr__(self, "sweep", np.zeros((len(self.frame_id), 6)))
+        n = len(self.frame_id)
+        for name, none in (
+            ("sweep", np.zeros((n, 6))),
+            ("ties", np.zeros(n, np.int64)),
+            ("ties_rms_px", np.full(n, np.nan)),
+        ):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, none)
         super().__post_init__()
 
 
@@ -219,6 +231,10 @@ class PickResults(FrozenArrays):
         (P,) mean of the two coordinates' redundancy numbers.
     status
         (P,) ``used``, ``suspect``, ``removed``, ``unused`` (its frame is not in the adjustment).
+    source
+        (P,) who made it: ``hand``, ``match`` or ``target``; left out, a person made all.
+    score
+        (P,) how well what the program found agrees with what it sought, 0 to 1; NaN of others.
     """
 
     image: Annotated[tuple[str, ...], "n"]
@@ -229,6 +245,20 @@ class PickResults(FrozenArrays):
     w: Annotated[Floats, "n", NAN_IS_NONE]
     redundancy: Annotated[Floats, "n", NAN_IS_NONE]
     status: tuple[PickStatus, ...]
+    source: Annotated[tuple[Source, ...], "n"] = ()
+    score: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        if not self.source:
+            object.__setattr__(self, "source", ("hand",) * len(self.image))
+        if not len(self.score):
+            object.__setattr__(self, "score", np.full(len(self.image), np.nan))
+        super().__post_init__()
+
+    @property
+    def by_hand(self) -> Bools:
+        """(P,) which picks a person made."""
+        return np.array([source == "hand" for source in self.source], dtype=np.bool_)
 
 
 def _none() -> Floats:

@@ -98,8 +98,8 @@ class Survey:
         (K,) whether the height is an unknown of which nothing is known. Empty: of none.
     pick_frame, pick_label, pixel_px, pick_sigma_px
         (P,), (P,), (P, 2), (P,): frame, label, place and sigma of each pick.
-    pick_is_target
-        (P,) whether the program found it, a target. Empty: none.
+    target_pick
+        (n,) which picks the program made: it found a target there.
     matches
         Chains of sightings: a pick, and where the program found what it shows in other photos. A
         chain's point is what lies under the picked pixel, which is not quite what was meant.
@@ -144,7 +144,7 @@ class Survey:
     pick_label: Annotated[Ints, "p"]
     pixel_px: Annotated[Floats, "p", 2]
     pick_sigma_px: Annotated[Floats, "p"]
-    pick_is_target: Annotated[Bools, "p"] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    target_pick: Annotated[Ints, "n"] = field(default_factory=lambda: np.zeros(0, np.int64))
     matches: Sightings = NO_SIGHTINGS
     ties: Sightings = NO_SIGHTINGS
     line_start: Annotated[Ints, "l"]
@@ -169,12 +169,17 @@ class Survey:
         for name in ("height_sigma_m", "is_free"):
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, np.zeros(len(self.label)))
-        if not len(self.pick_is_target):
-            object.__setattr__(self, "pick_is_target", np.zeros(len(self.pick_frame)))
         freeze(self)
         for texts in (self.line_name, self.line_tape, self.line_along):
             if len(texts) not in (0, len(self.line_start)):
                 raise ValueError(f"{len(texts)} names of {len(self.line_start)} known lengths")
+
+    @property
+    def pick_is_target(self) -> Bools:
+        """(P,) whether the program made a pick: it found a target there."""
+        found = np.zeros(len(self.pick_frame), dtype=np.bool_)
+        found[self.target_pick] = True
+        return found
 
     @property
     def off_ground(self) -> Bools:

@@ -45,7 +45,7 @@ from uavgram.stages.assemble import Assembled, Observations, assemble
 from uavgram.stages.camera.assume import ASSUMED_CAMERA, UNKNOWN_CAMERA
 from uavgram.stages.camera.learn import what_was_learnt
 from uavgram.stages.duplicates import Duplicates
-from uavgram.stages.judge import pass_verdict
+from uavgram.stages.judge import judge_makers, pass_verdict
 from uavgram.stages.measure import measure, measurement_results
 from uavgram.stages.messages import in_order, without_the_innocent
 from uavgram.stages.monte_carlo import compare, sample
@@ -138,6 +138,7 @@ def compute(
         *measured.messages,
         *sampled_messages,
         *without_the_innocent(judged.messages, refined.causes),
+        *judge_makers(judged.picks, measured.table),
     )
     still = {cause.message.code for cause in refined.causes if cause not in mended}
     put_right = {cause.message.code for cause in mended} - still

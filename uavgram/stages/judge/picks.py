@@ -46,12 +46,12 @@ def judge_picks(
     given = np.flatnonzero(survey_index >= 0)
     for i in given[refined.pick_removed[survey_index[given]]]:
         status[i] = "removed"
-    for i in refined.matches_left_out:
-        status[i] = "removed"
+    for left in refined.matches_left_out:
+        status[left] = "removed"
     found, matches = _matches(refined.adjustment, picks)
     residual[found], w[found], redundancy[found] = matches
-    for i in found.tolist():
-        status[i] = "used"
+    for match in found.tolist():
+        status[match] = "used"
     results = PickResults(
         image=picks.image,
         label=picks.label,
@@ -61,6 +61,8 @@ def judge_picks(
         w=w,
         redundancy=redundancy,
         status=tuple(status),
+        source=tuple(map(picks.source_of, range(count))),
+        score=picks.score,
     )
     return results, examined.effects("pixels", row)
 

@@ -46,7 +46,7 @@ def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
     for own in alike.values():
         names = tuple(examined.measured.name[i] for i in own)
         text = (
-            f"Nothing checks {_listed(names)}: {_why(examined, own[0])}. "
+            f"Nothing checks {listed(names)}: {_why(examined, own[0])}. "
             f"{_what_to_do(examined, weakest[own[0]].reading)}"
         )
         yield Message("warning", "nothing-checks", text, measurements=names)
@@ -56,7 +56,7 @@ def _is_pick(member: Member | None) -> bool:
     return member is not None and member.kind == "pixels"
 
 
-def _listed(names: tuple[str, ...]) -> str:
+def listed(names: tuple[str, ...]) -> str:
     """``'a', 'b' and 3 more``."""
     shown = [repr(name) for name in names[:MOST_NAMED]]
     if more := len(names) - len(shown):

@@ -10,6 +10,7 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.pose import Poses
 from uavgram.model.maps.layers import Features, Layer
 from uavgram.model.result.result import Result
+from uavgram.model.result.sources import sources_behind
 from uavgram.model.result.tables import PlanarUncertainty, PointResults
 from uavgram.stages.products.measured_shapes import ENCLOSED, counterclockwise, shape
 from uavgram.stages.products.off_ground import (
@@ -52,7 +53,7 @@ def features_of(result: Result, crs: str | None) -> Features:
             _measured("measured_areas", "polygon", result),
             _measured("measured_lines", "line", result),
             *([verticals(points)] if points.is_off_ground.any() else []),
-            _points(points, "" if world.origin is None else world.height_datum),
+            _points(result, "" if world.origin is None else world.height_datum),
         ),
         origin=world.origin,
         height_datum=world.height_datum,
@@ -169,8 +170,10 @@ def _columns(values: Floats, *names: str) -> dict[str, tuple[float, ...]]:
     return {name: _column(column) for name, column in zip(names, values.T, strict=True)}
 
 
-def _points(points: PointResults, datum: str) -> Layer:
+def _points(result: Result, datum: str) -> Layer:
     """All points; `datum` is what their heights on the map are above, empty without a map."""
+    points = result.points
+    made = sources_behind(result.picks, [(label,) for label in points.label])
     sigma = np.sqrt(np.diagonal(points.covariance_m2, axis1=1, axis2=2))
     joint = points.covariance_m3
     within = points.relative
@@ -193,6 +196,7 @@ def _points(points: PointResults, datum: str) -> Layer:
             "azimuth_deg": _column(np.rad2deg(points.ellipse_azimuth_rad)),
             "semi_major_95_within_survey_m": _column(within.ellipse_95_m[:, 0]),
             "frames": tuple("; ".join(names) for names in points.frames),
+            "picked_by": tuple(map("; ".join, made)),
         },
         above_ground_m=over_ground(
             points,
@@ -251,6 +255,7 @@ def _measured(name: str, kind: str, result: Result) -> Layer:
     is_area = np.array([k in ENCLOSED for k in measured.kind], dtype=bool)
     is_line = ~is_area & np.array([k != "coordinate" for k in measured.kind], dtype=bool)
     rows = np.flatnonzero(is_area if kind == "polygon" else is_line)
+    made = sources_behind(result.picks, measured.points)
     vertices = []
     for i in rows:
         strip = strips[int(i)][0] if strips.get(int(i)) else np.empty((0, 3))
@@ -272,6 +277,7 @@ def _measured(name: str, kind: str, result: Result) -> Layer:
                 ";".join(f"{value:.4f}" for value in measured.alternative_values[i]) for i in rows
             ),
             "status": tuple(measured.status[i] for i in rows),
+            "picked_by": tuple("; ".join(made[i]) for i in rows),
         },
     )
 

@@ -16,6 +16,14 @@ BY_CHANCE = 0.001
 SURE = 3.0
 """Sigmas by which the factor must differ from one."""
 
+LOOK = {
+    "hand": "Look whether each label is at the same place in all photos.",
+    "target": "Look whether the plates lay flat and still.",
+    "match": "Look at those with the largest residuals.",
+    "tie": "Something may have moved between the photos.",
+}
+"""Where to look for the reason that they are less exact than stated."""
+
 
 def noise_remarks(noise: Noise | None) -> Iterator[Message]:
     """Ground that is no plane, and picks that are better or worse than stated."""
@@ -25,7 +33,7 @@ def noise_remarks(noise: Noise | None) -> Iterator[Message]:
         yield from _ground(area, several=len(noise.roughness) > 1)
     for picks in noise.picks:
         if abs(picks.factor - 1.0) > SURE * picks.sigma:
-            yield from _picks(picks)
+            yield from _picks(picks, noise.called(picks))
 
 
 def _ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
@@ -50,19 +58,23 @@ def _length(size_m: float) -> str:
     return f"{100 * size_m:.2g} cm" if size_m < 1.0 else f"{size_m:.2g} m"
 
 
-def _picks(picks: PickNoise) -> Iterator[Message]:
+def _picks(picks: PickNoise, what: str) -> Iterator[Message]:
+    """Of what the program found by likeness, that it is more exact is no news."""
+    by_likeness = picks.source in ("match", "tie")
     stated = f"{picks.stated_px:.2g} px stated"
     found = f"{picks.stated_px * picks.factor:.2g} ± {picks.stated_px * picks.sigma:.1g} px found"
     if picks.factor > WORSE:
         text = (
-            f"The picks are less exact than stated: {stated}, {found}. "
-            "Look whether each label is at the same place in all photos. All uncertainties are "
-            "wider for that."
+            f"The {what} are less exact than stated: {stated}, {found}. {LOOK[picks.source]} All "
+            "uncertainties are wider for that."
         )
-        yield Message("warning", "picks-less-exact", text)
-    if picks.factor < BETTER:
+        if by_likeness:
+            yield Message("info", "found-less-exact", text)
+        else:
+            yield Message("warning", "picks-less-exact", text)
+    if picks.factor < BETTER and not by_likeness:
         text = (
-            f"The picks are more exact than stated: {stated}, {found}. "
+            f"The {what} are more exact than stated: {stated}, {found}. "
             "All uncertainties are smaller for that."
         )
         yield Message("info", "picks-more-exact", text)

@@ -12,6 +12,7 @@ from uavgram.errors import OutputError
 from uavgram.imaging.photos.preview import Preview
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.result import Result
+from uavgram.model.result.ties import TieCloud
 from uavgram.views.recording.blueprint import blueprint
 from uavgram.views.recording.curves.plots import frame_curves, log_plots, log_status
 from uavgram.views.recording.curves.pose_curves import log_pose_plots, pose_curves
@@ -19,12 +20,13 @@ from uavgram.views.recording.pages.documents import log_documents
 from uavgram.views.recording.photo.frame_picks import project_picks
 from uavgram.views.recording.photo.overlay import log_overlay
 from uavgram.views.recording.photo.photo import PHOTO, log_camera, log_photos
+from uavgram.views.recording.photo.sources import log_sightings
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.stream import Recorder, open_recording
 from uavgram.views.recording.world.footprint_marks import log_footprints
 from uavgram.views.recording.world.geography import log_map, log_origin
 from uavgram.views.recording.world.legend import log_legend
-from uavgram.views.recording.world.points import log_close_up
+from uavgram.views.recording.world.points import log_close_up, log_tie_points
 from uavgram.views.recording.world.profiles import log_profiles
 from uavgram.views.recording.world.survey import log_survey
 
@@ -36,6 +38,7 @@ def write_recording(
     photos: Iterable[tuple[str, Preview]],
     texture: Callable[[], GroundTexture | None],
     path: str | os.PathLike[str],
+    ties: TieCloud | None = None,
 ) -> None:
     """Write a Rerun recording with its blueprint inside.
 
@@ -52,6 +55,8 @@ def write_recording(
         Asked for the top view of the ground, or None, once all photos have passed.
     path
         The .rrd file; replaced only once the new one is complete.
+    ties
+        Tie points, where there are any.
 
     Raises
     ------
@@ -68,7 +73,7 @@ def write_recording(
         identity = (result.name, made.program, made.version, made.inputs, made.options)
         times = result.frames.time_utc_s
         with open_recording(unfinished, identity, result.name, times) as recorder:
-            _log_everything(recorder, result, photos, texture)
+            _log_everything(recorder, result, photos, texture, ties)
         unfinished.replace(target)
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
@@ -84,6 +89,7 @@ def _log_everything(
     result: Result,
     photos: Iterable[tuple[str, Preview]],
     texture: Callable[[], GroundTexture | None],
+    ties: TieCloud | None,
 ) -> None:
     log_photos(recorder, result, photos)
     ground = texture()
@@ -95,6 +101,9 @@ def _log_everything(
     log_legend(recorder, result, scene, 1.0 if ground is None else ground.gain)
     log_camera(recorder, result, scene)
     log_overlay(recorder, result, scene, picks, PHOTO)
+    if ties is not None:
+        log_sightings(recorder, result, ties, PHOTO)
+        log_tie_points(recorder, ties)
     log_footprints(recorder, result, PHOTO)
     log_plots(recorder, result, curves)
     log_pose_plots(recorder, poses)

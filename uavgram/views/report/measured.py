@@ -97,7 +97,7 @@ def _causes(noise: Noise) -> list[str]:
             found = picks.stated_px * picks.factor
             how = "less" if picks.factor > 1.0 else "more"
             sizes = f"{picks.stated_px:.2g} px stated, {found:.2g} px found"
-            causes.append(f"the picks are {how} exact than stated ({sizes})")
+            causes.append(f"the {noise.called(picks)} are {how} exact than stated ({sizes})")
     return causes
 
 

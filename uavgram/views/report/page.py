@@ -36,6 +36,16 @@ from uavgram.views.survey.reliability import (
     removal_rows,
     weakest_links,
 )
+from uavgram.views.survey.sources import (
+    ONLY_PROGRAM,
+    SOURCE_WORDS,
+    frames_made,
+    frames_tied,
+    has_found,
+    measured_alone,
+    points_made,
+    ties_text,
+)
 from uavgram.views.survey.top_view import INK, top_view
 from uavgram.views.survey.verdict import STATUS_WORDS, THREE_SIGMA, verdict_words
 from uavgram.views.wording import (
@@ -128,8 +138,23 @@ def render_report(result: Result) -> str:
             attitude_sigma_deg=attitude_deg,
             azimuth_deg=np.degrees(result.points.relative.ellipse_azimuth_rad),
             method=method_facts(result),
+            **_made_by(result),
         )
     )
+
+
+def _made_by(result: Result) -> dict[str, object]:
+    """Who made picks and values, and what ties the photos."""
+    return {
+        "source_words": SOURCE_WORDS,
+        "found_any": has_found(result),
+        "only_program": ONLY_PROGRAM,
+        "ties": ties_text(result),
+        "points_made": points_made(result),
+        "frames_made": frames_made(result),
+        "frames_tied": frames_tied(result),
+        "measured_alone": measured_alone(result),
+    }
 
 
 def option_text(value: object) -> str:

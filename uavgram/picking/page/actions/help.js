@@ -1,7 +1,8 @@
 // What the keys do, and what is drawn and written means.
 
 import { node, shape } from "../elements/dom.js";
-import { CROSS, DIAMOND, KNOWN } from "../photos/marks.js";
+import { DIAMOND, KNOWN } from "../photos/marks.js";
+import { SHAPES } from "../photos/sources.js";
 import { KEYS } from "./keys.js";
 
 const ROUND = "M-9 0A9 6 0 1 0 9 0A9 6 0 1 0 -9 0Z";
@@ -10,7 +11,9 @@ const STROKE = "M-16 0H16";
 // Class and path of what is drawn, and its meaning.
 /** @type {[string, string, string][]} */
 const MARKS = [
-  ["placed", CROSS, "a point that you placed; the ellipse is where it lies, 95\u00a0%"],
+  ["placed", SHAPES.hand, "a point that you placed; the ellipse is where it lies, 95\u00a0%"],
+  ["placed found", SHAPES.match, "the same point in another photo, found by the program. Rest the pointer there: from which pick, how exactly. Move it, and it is yours"],
+  ["placed found", SHAPES.target, "a coded plate or target, found by the program"],
   ["predicted", ROUND, "where a point should be that is placed in other photos, 95\u00a0%"],
   ["suspect", DIAMOND, "suspect: it does not fit the rest. Look whether it is the right place, or the right length"],
   ["pulled", STROKE, "residual: from the point to where all else says it is, enlarged as the photo's corner says"],

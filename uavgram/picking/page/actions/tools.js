@@ -4,6 +4,7 @@ import { freeName, labels, pickAt, pickKey, store } from "../connection/store.js
 import { as, byId } from "../elements/dom.js";
 import { entryMessage, noNumber, parse, showFault } from "../panel/entry.js";
 import { placeFault } from "../panel/speed.js";
+import { byHand, goneWith } from "../photos/sources.js";
 import { Heights } from "./heights.js";
 import { TOOLS } from "./keys.js";
 import { showTool } from "./tool_menu.js";
@@ -131,7 +132,8 @@ export class Tools {
   drag(image, label, [u_px, v_px], step, final) {
     const pick = pickAt(image, label);
     if (!pick) return;
-    store.picks.set(pickKey(image, label), { ...pick, u_px, v_px });
+    this.say(goneWith(pick));
+    store.picks.set(pickKey(image, label), { ...byHand(pick), u_px, v_px });
     store.version += 0.5; // newer than what the server knows: what hangs on it is grey
     this.send({ t: "place", image, label, u_px, v_px, step, final });
     this.moved();
@@ -275,8 +277,17 @@ export class Tools {
     const { selected: label } = this.state;
     const { active } = this.panes;
     if (!label || !active) return;
+    const pick = pickAt(active.image, label);
     if (everywhere) this.send({ t: "forget", label });
-    else if (pickAt(active.image, label)) this.send({ t: "unpick", image: active.image, label });
+    else if (pick) {
+      this.say(goneWith(pick));
+      this.send({ t: "unpick", image: active.image, label });
+    }
+  }
+
+  /** @param {string} words */
+  say(words) {
+    if (words) this.notice.show(words, true);
   }
 }
 

@@ -8,7 +8,10 @@ export interface Spread { major_px: Maybe; minor_px: Maybe; turn_deg: Maybe }
 
 // A height over the ground that was stated, or is to be found from photos; else the point is on the ground.
 export interface Height { height_m: Maybe; height_sigma_m?: Maybe; is_free?: boolean }
-export interface Pick extends Height { image: number; label: string; u_px: number; v_px: number; sigma_px: Maybe; area: string }
+// Who made a pick: a person, unless it says otherwise; of a match the pick that it was found from.
+export type Source = "hand" | "match" | "target";
+interface Made { source?: Source; score?: Maybe; from_image?: Maybe; from_u_px?: Maybe; from_v_px?: Maybe }
+export interface Pick extends Height, Made { image: number; label: string; u_px: number; v_px: number; sigma_px: Maybe; area: string }
 interface Reading { name: string; start: string; end: string; length_m: number; sigma_m: number; adjust: boolean }
 type Along = "slope" | "horizontal";
 export interface Line extends Reading { tape: string; along: Along }
@@ -86,7 +89,7 @@ export type ServerMessage = { seq?: number | null } & (
 
 // From the page: changes of what is picked, and questions.
 
-export interface Place { t: "place"; image: number; label: string; u_px: number; v_px: number; sigma_px?: Maybe; step?: number; final?: boolean }
+export interface Place extends Made { t: "place"; image: number; label: string; u_px: number; v_px: number; sigma_px?: Maybe; step?: number; final?: boolean }
 export interface SetLine extends Reading { t: "line"; was: string; tape?: string; along?: Along }
 export interface SetMeasurement extends Measurement { t: "measure"; was: string }
 export interface SetHeight extends Height { t: "height"; label: string; step?: number }

@@ -6,6 +6,7 @@ import { adjusted, heightOf, pickAt, picksOf, stale, standsAt, store } from "../
 import { as, fillIfNew, node } from "../elements/dom.js";
 import { heightText } from "../elements/numbers.js";
 import { keep } from "../elements/table.js";
+import { madeBy } from "../photos/sources.js";
 
 /** @import { PageState } from "../actions/page_state.js" */
 /** @import { Tools } from "../actions/tools.js" */
@@ -16,7 +17,7 @@ export function pointPart({ selected: label, entry }, image, tools) {
   if (!label || entry || image === undefined || !picksOf(label).length) return null;
   const pick = pickAt(image, label);
   const height = heightOf(label);
-  const form = keep("pick", [pick?.image, label, pick?.sigma_px, height.height_m, height.height_sigma_m, height.is_free], () => pointForm(label, pick, height, tools));
+  const form = keep("pick", [pick?.image, label, pick && madeBy(pick), height.height_m, height.height_sigma_m, height.is_free], () => pointForm(label, pick, height, tools));
   showHeight(as(HTMLElement, form.querySelector(".stands")), label, tools);
   return form;
 }
@@ -39,6 +40,7 @@ function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, to
   return node("form", { class: "entry", "data-row": "pick", "aria-label": `Point ${label}`, onsubmit: (event) => { event.preventDefault(); tools.panes.active?.focus(); } },
     node("label", { class: "both" }, "Label", node("input", { name: "rename", value: label, maxlength: 200, autocomplete: "off", onchange: ({ target }) => tools.rename(label, as(HTMLInputElement, target).value) })),
     pick && field("sigma", "Sigma here, px", pick.sigma_px, `${store.pickSigmaPx}`, (sigma_px) => tools.send({ t: "sigma", image: pick.image, label, sigma_px })),
+    pick?.source ? node("p", { class: "both dim made" }, `${madeBy(pick)}. Move it, and it is yours.`) : null,
     stated,
     height_m === null ? null : field("height_sigma", "Sigma of the height, m", height_sigma_m, "exact", (sigma) => heights.set(label, height_m, sigma)),
     choices, node("div", { class: "both stands", role: "status", "aria-label": "How high it stands" }),

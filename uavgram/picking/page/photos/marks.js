@@ -4,6 +4,7 @@ import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, standsAt, st
 import { put, shape } from "../elements/dom.js";
 import { fixed, heightText, missing, places, valueText, withSigma } from "../elements/numbers.js";
 import { showTag } from "./labels.js";
+import { madeBy, SHAPES, sourceOf } from "./sources.js";
 
 /** @import { Fit, Line, Measurement, Pick, Predicted, Spread } from "../connection/protocol.js" */
 /** @import { PageState, Shown } from "../actions/page_state.js" */
@@ -36,7 +37,6 @@ const LONGEST_RESIDUAL_PX = 90;
 const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
 const CROWD = 24; // measurements from which on they are too many to read
 
-export const CROSS = "M-9 0H-3M3 0H9M0 -9V-3M0 3V9";
 export const KNOWN = { control: "M0 -13L11.5 7H-11.5Z", check: "M-10 -10H10V10H-10Z" }; // points with known coordinates
 export const DIAMOND = "M0 -13L13 0L0 13L-13 0Z";
 
@@ -91,7 +91,7 @@ function pickPart(pick, selected, shown, scale) {
   return {
     key: `pick ${pick.label}`,
     mark: { label: tag, at: [pick.u_px, pick.v_px] },
-    sign: JSON.stringify([tag, Boolean(residual), fit?.spread, isSuspect(fit?.status), fit?.w, selected === pick.label, shown]),
+    sign: JSON.stringify([tag, Boolean(residual), fit?.spread, isSuspect(fit?.status), fit?.w, selected === pick.label, shown, madeBy(pick)]),
     make: () => pickGroup(pick, tag, fit, selected, shown, Boolean(residual)),
     move: (group, view) => {
       place(group, view, pick.u_px, pick.v_px);
@@ -113,15 +113,18 @@ const seen = (length) => Math.round(length * 2) / 2;
 const stroke = (d, wide = "halo wide") => [shape("path", { class: wide, d }), shape("path", { class: "thin", d })];
 
 /** @param {Pick} pick @param {string} tag @param {Fit | undefined} fit @param {string | null} selected @param {Shown} shown @param {boolean} pulled */
-function pickGroup({ label }, tag, fit, selected, shown, pulled) {
+function pickGroup(pick, tag, fit, selected, shown, pulled) {
+  const { label } = pick;
+  const source = sourceOf(pick);
   const suspect = isSuspect(fit?.status);
-  const group = shape("g", { class: `mark placed${suspect ? " suspect" : ""}${selected === label ? " selected" : ""}`, tabindex: 0, role: "button", "data-label": label });
+  const kind = `mark placed${source === "hand" ? "" : ` found ${source}`}${suspect ? " suspect" : ""}${selected === label ? " selected" : ""}`;
+  const group = shape("g", { class: kind, tabindex: 0, role: "button", "data-label": label }, titleShape(`${label}: ${madeBy(pick)}`));
   if (shown.ellipses && fit?.spread) group.append(...ellipse(fit.spread));
   if (pulled) group.append(shape("line", { class: "halo", "stroke-width": 4 }), shape("line", { class: "residual" }));
   if (suspect) group.append(...stroke(DIAMOND));
   const known = knownAs(label);
   if (known) group.append(...stroke(KNOWN[known]));
-  group.append(...stroke(CROSS), shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: 12 }));
+  group.append(...stroke(SHAPES[source]), shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: 12 }));
   if (shown.labels) group.append(textShape(tag, "tag"));
   return group;
 }
@@ -139,7 +142,7 @@ const knownAs = (label) => (store.control.includes(label) ? "control" : store.ch
 function spokenPick(pick, fit) {
   const w = fit === undefined || fit.w === null ? "" : `, w ${fixed(fit.w, 1)}`;
   const known = knownAs(pick.label);
-  return `${pick.label}${known && `, ${known} point`}, u ${pick.u_px.toFixed(2)}, v ${pick.v_px.toFixed(2)}${w}${isSuspect(fit?.status) ? ", suspect" : ""}`;
+  return `${pick.label}${known && `, ${known} point`}${pick.source ? `, ${madeBy(pick)}` : ""}, u ${pick.u_px.toFixed(2)}, v ${pick.v_px.toFixed(2)}${w}${isSuspect(fit?.status) ? ", suspect" : ""}`;
 }
 
 /** @param {Predicted} one @param {string | null} selected @param {Shown} shown @returns {Part} */
@@ -183,6 +186,13 @@ function ellipse({ major_px, minor_px, turn_deg }, least = 0) {
 /** @param {string} words @param {string} kind */
 function textShape(words, kind) {
   const made = shape("text", { x: 0, y: 0, class: kind });
+  made.textContent = words;
+  return made;
+}
+
+/** What is said to who rests the pointer there. @param {string} words */
+function titleShape(words) {
+  const made = shape("title");
   made.textContent = words;
   return made;
 }

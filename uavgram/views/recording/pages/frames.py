@@ -11,6 +11,7 @@ from uavgram.views.pages import page_environment
 from uavgram.views.recording.curves.plots import Curves
 from uavgram.views.recording.curves.pose_curves import PoseCurves
 from uavgram.views.recording.photo.frame_picks import FramePicks
+from uavgram.views.survey.sources import frames_made
 from uavgram.views.wording import FRAME_STATUS_WORDS
 
 
@@ -33,6 +34,7 @@ def frame_sheets(
     sigma = np.sqrt(np.diagonal(frames.refined.covariance, axis1=1, axis2=2))
     moved = np.linalg.norm(frames.refined.center_world_m - frames.seed.center_world_m, axis=1)
     w = np.nan_to_num(np.abs(result.picks.w))
+    made = frames_made(result)
     for i, rows in enumerate(picks.rows):
         sheet = template.render(
             result=result,
@@ -40,6 +42,7 @@ def frame_sheets(
             frame_words=FRAME_STATUS_WORDS,
             i=i,
             picks=rows,
+            made=made,
             curves=curves,
             poses=poses,
             position_sigma_m=sigma[i, :3],

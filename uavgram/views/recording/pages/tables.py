@@ -23,6 +23,7 @@ from uavgram.views.survey.reliability import (
     second_order_rows,
     weakest_links,
 )
+from uavgram.views.survey.sources import has_found, measured_alone, points_made, ties_text
 from uavgram.views.survey.verdict import STATUS_WORDS, THREE_SIGMA, VerdictWords, headline
 from uavgram.views.wording import (
     LEVEL_RANK,
@@ -52,6 +53,7 @@ def _page(name: str, result: Result, **shown: object) -> str:
         not_unique=NOT_UNIQUE,
         why_two_ellipses=WHY_TWO_ELLIPSES,
         measured=computed_first(result.measurements),
+        measured_alone=measured_alone(result),
         **shown,
     )
     return re.sub(r"\n{3,}", "\n\n", text).strip("\n")
@@ -80,6 +82,8 @@ def summary(result: Result, verdict: VerdictWords, scene: Scene) -> str:
         has_outlines=has_outlines(result),
         place=place(result),
         quoted=repr,
+        found_any=has_found(result),
+        ties=ties_text(result),
     )
 
 
@@ -118,6 +122,7 @@ def points_page(result: Result) -> str:
         uneven=departures(result),
         off_ground=bool(result.points.is_off_ground.any()),
         height_of=height_of,
+        made=points_made(result) if has_found(result) else (),
         azimuth_deg=np.degrees(within.ellipse_azimuth_rad),
     )
 

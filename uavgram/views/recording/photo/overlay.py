@@ -11,6 +11,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.views.recording.photo.frame_picks import FramePicks
+from uavgram.views.recording.photo.sources import FOUND_PICKS, SIGHTINGS, log_found
 from uavgram.views.recording.photo_marks import log_dots, log_polylines, log_texts
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
@@ -57,7 +58,9 @@ OVERLAYS = (
     "from_flight_log",
     "from_refined",
     "picked",
+    FOUND_PICKS,
     "picked_suspect",
+    SIGHTINGS,
     "labels",
     "known_lengths",
     "measured",
@@ -119,16 +122,17 @@ def _residuals(
     def where(mask: Bools) -> list[Ints]:
         return [rows[mask[rows]] for rows in picks.rows]
 
-    everything = np.ones(len(pixel), dtype=np.bool_)
     for name, rows, colour in (
         ("residual_exaggerated", where(fitted & ~bad), REFINED),
         ("residual_exaggerated_suspect", where(fitted & bad), BAD),
     ):
         log_polylines(recorder, f"{photo}/{name}", [list(arrows[r]) for r in rows], colour, 2.5)
+    by_hand = result.picks.by_hand
+    log_found(recorder, result, picks, ~bad, photo)
     for name, at, rows, colour, size in (
         ("from_flight_log", picks.seed_px, where(in_photo(result, picks.seed_px)), SEED, 3.0),
         ("from_refined", picks.refined_px, where(in_photo(result, picks.refined_px)), REFINED, 2.5),
-        ("picked", pixel, where(everything & ~bad), OBSERVED, 3.5),
+        ("picked", pixel, where(by_hand & ~bad), OBSERVED, 3.5),
         ("picked_suspect", pixel, where(bad), BAD, 6.0),
     ):
         log_dots(recorder, f"{photo}/{name}", [at[r] for r in rows], colour, size)

@@ -7,6 +7,7 @@ import rerun as rr
 from PIL import Image, ImageDraw, ImageFont
 
 from uavgram.model.result.result import Result
+from uavgram.model.survey.observations import Source
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.world.points import has_outlines, sigma_shares
@@ -14,14 +15,17 @@ from uavgram.views.style import (
     ABOVE,
     BAD,
     BELOW,
+    FOUND,
     FRAME_COLOURS,
     HEIGHT_COLOURS,
     LEVEL_COLOURS,
     MEASURED,
+    OBSERVED,
     QUIET,
     REFERENCE,
     REFINED,
     SEED,
+    TIE,
     WITHHELD,
     Rgb,
     scale_colours,
@@ -44,6 +48,7 @@ HEIGHT_WORDS = {
     "stated": "height stated",
     "found": "found, not free in picks",
 }
+SOURCE_MARKS: dict[Source, str] = {"match": "matched (x)", "target": "target (square)"}
 
 
 def log_legend(recorder: Recorder, result: Result, scene: Scene, ground_gain: float) -> None:
@@ -116,7 +121,7 @@ def _band(
 
 def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
     """Row, text and colour of each swatch; only of what can be seen."""
-    return [*_cameras_and_lines(result), *_heights(scene)]
+    return [*_cameras_and_lines(result), *_heights(scene), *_found(result)]
 
 
 def _cameras_and_lines(result: Result) -> list[tuple[int, str, Rgb]]:
@@ -155,6 +160,17 @@ def _heights(scene: Scene) -> list[tuple[int, str, Rgb]]:
     for k, (source, colour) in enumerate(HEIGHT_COLOURS.items()):
         if source in sources:
             entries.append((k % 2, HEIGHT_WORDS[source], colour))
+    return entries
+
+
+def _found(result: Result) -> list[tuple[int, str, Rgb]]:
+    """What the program found; a survey that people picked alone needs no word on who did."""
+    entries: list[tuple[int, str, Rgb]] = []
+    marks = [SOURCE_MARKS[s] for s in SOURCE_MARKS if s in result.picks.source]
+    if marks:
+        entries += [(0, "picked by hand", OBSERVED), (1, " and ".join(marks), FOUND)]
+    if result.ties is not None:
+        entries.append((0, "tie points", TIE))
     return entries
 
 

@@ -8,12 +8,13 @@ import rerun as rr
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
+from uavgram.model.result.ties import TieCloud
 from uavgram.stages.products.map_layers import ellipse_outlines
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.world.heights import MOST_ELLIPSOIDS, log_heights
 from uavgram.views.recording.world.marks import polylines, texts
-from uavgram.views.style import OBSERVED, scale_colours
+from uavgram.views.style import OBSERVED, TIE_FAINT, scale_colours
 from uavgram.views.survey.departures import Departures
 from uavgram.views.survey.drawing import round_length
 from uavgram.views.wording import size_text
@@ -97,6 +98,14 @@ def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
         )
     if few:
         recorder.static("survey/point_names", texts(position, points.label))
+
+
+def log_tie_points(recorder: Recorder, ties: TieCloud) -> None:
+    """Log a faint cloud of tie points: an entity of its own, to be switched off."""
+    recorder.static(
+        "survey/tie_points",
+        rr.Points3D(ties.position_world_m, radii=rr.Radius.ui_points(0.7), colors=TIE_FAINT),
+    )
 
 
 def log_departures(recorder: Recorder, result: Result, scene: Scene, uneven: Departures) -> None:

@@ -1,0 +1,35 @@
+"""Measurements behind which no person's pick stands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from uavgram.model.message import Message
+from uavgram.model.result.sources import only_by_program
+from uavgram.model.result.tables import MeasurementResults, PickResults
+from uavgram.stages.judge.unchecked import listed
+
+
+def judge_makers(picks: PickResults, measured: MeasurementResults) -> Iterator[Message]:
+    """What rests on picks of the program alone.
+
+    Parameters
+    ----------
+    picks
+        All of the project, judged.
+    measured
+        All measurements; what could not be computed is not told.
+    """
+    alone = only_by_program(picks, measured.points) & np.isfinite(measured.value)
+    rows = np.flatnonzero(alone).tolist()
+    if not rows:
+        return
+    names = tuple(measured.name[i] for i in rows)
+    labels = tuple(dict.fromkeys(label for i in rows for label in measured.points[i]))
+    text = (
+        f"No person picked any point of {listed(names)}: the program found all of them. Look at "
+        "them in the photos before you use the value."
+    )
+    yield Message("info", "only-program-picks", text, labels=labels, measurements=names)

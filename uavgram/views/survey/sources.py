@@ -1,0 +1,75 @@
+"""Who made what a result rests on, in words: people, matching, targets, tie points."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+
+import numpy as np
+
+from uavgram.model.result.result import Result
+from uavgram.model.result.sources import SOURCES, only_by_program, picks_by_source
+from uavgram.model.survey.observations import Source
+from uavgram.views.wording import number
+
+SOURCE_WORDS: dict[Source, str] = {"hand": "by hand", "match": "matched", "target": "target"}
+
+ONLY_PROGRAM = "only the program's picks"
+"""Beside a value that rests on no pick of a person."""
+
+
+def has_found(result: Result) -> bool:
+    """Whether the program made any of the picks."""
+    return not result.picks.by_hand.all()
+
+
+def counts_text(counts: Mapping[Source, int]) -> str:
+    """``1 by hand, 4 matched``; empty where a person made all."""
+    if not set(counts) - {"hand"}:
+        return ""
+    return ", ".join(
+        f"{counts[source]} {SOURCE_WORDS[source]}"
+        + ("s" if source == "target" and counts[source] > 1 else "")
+        for source in SOURCES
+        if counts.get(source)
+    )
+
+
+def points_made(result: Result) -> tuple[str, ...]:
+    """(K,) who made the picks of each point; empty where a person made all of them."""
+    made = picks_by_source(result.picks)
+    return tuple(counts_text(made.get(label, {})) for label in result.points.label)
+
+
+def frames_made(result: Result) -> tuple[str, ...]:
+    """(F,) who made the picks in each photo; empty where a person made all of them."""
+    made: dict[str, Counter[Source]] = {}
+    for image, source in zip(result.picks.image, result.picks.source, strict=True):
+        made.setdefault(image, Counter())[source] += 1
+    return tuple(counts_text(made.get(name, {})) for name in result.frames.frame_id)
+
+
+def frames_tied(result: Result) -> tuple[str, ...]:
+    """(F,) ``131 (0.21 px)``: tie points that each photo shows, and the rms of their residuals."""
+    frames = result.frames
+    pairs = zip(frames.ties.tolist(), frames.ties_rms_px.tolist(), strict=True)
+    return tuple(f"{count} ({number(rms, 2)} px)" if count else "0" for count, rms in pairs)
+
+
+def measured_alone(result: Result) -> tuple[str, ...]:
+    """(M,) what is to be said of each value's picks; empty where a person made some."""
+    rows = result.measurements
+    alone = only_by_program(result.picks, rows.points) & np.isfinite(rows.value)
+    return tuple(ONLY_PROGRAM if one else "" for one in alone.tolist())
+
+
+def ties_text(result: Result) -> str:
+    """All tie points in a sentence; empty where none took part."""
+    ties = result.ties
+    if ties is None:
+        return ""
+    return (
+        f"{ties.points} tie points, which nobody picked, hold the photos together: seen "
+        f"{ties.sightings} times, residuals {number(ties.rms_px, 2)} px (root mean square of one "
+        "coordinate)."
+    )
