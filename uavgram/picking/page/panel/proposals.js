@@ -1,0 +1,87 @@
+// What the program found in other photos and nobody has accepted yet, and what it asks for.
+
+import { askedFor, picksOf, proposals, store } from "../connection/store.js";
+import { node } from "../elements/dom.js";
+import { about, drop, keep, table, titled } from "../elements/table.js";
+
+/** @import { PageState } from "../actions/page_state.js" */
+/** @import { Tools } from "../actions/tools.js" */
+/** @import { Asked, Proposal } from "../connection/protocol.js" */
+
+const MOST = 60; // rows that anybody goes through
+
+/** @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @returns {(HTMLElement | null)[]} */
+export function proposalParts(state, image, tools) {
+  return [foundPart(state, image, tools), askedPart(state, tools)];
+}
+
+/** @param {PageState} state @param {number | undefined} image @param {Tools} tools */
+function foundPart({ selected }, image, tools) {
+  const all = first(proposals(), (one) => one.label === selected || (!selected && one.image === image));
+  if (!all.length && !store.seeking) {
+    drop("found");
+    return null;
+  }
+  return keep("found", [all, selected, image, store.seeking], () => titled(`Found in other photos (${all.length})`,
+    acceptButtons(selected, image, tools),
+    store.seeking ? node("p", { class: "dim", role: "status" }, `Still looking: ${places(store.seeking)}.`) : null,
+    all.length ? table("Found in other photos", ["point", "photo", about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), about("score", "how much it looks like what was picked: 1 is exactly"), ""],
+      all.slice(0, MOST).map((one) => foundRow(one, tools))) : null,
+    more(all.length)));
+}
+
+/** @param {string | null} selected @param {number | undefined} image @param {Tools} tools */
+function acceptButtons(selected, image, tools) {
+  const own = selected ? tools.proposals.ofLabel(selected).length : 0;
+  const here = tools.proposals.inPhoto(image).length;
+  return node("div", { class: "row accept" },
+    own ? node("button", { name: "accept-label", title: "Shift+Enter", onclick: () => tools.proposals.acceptAll(false) }, `Accept all of ${selected} (${own})`) : null,
+    here ? node("button", { name: "accept-photo", title: "Ctrl+Enter", onclick: () => tools.proposals.acceptAll(true) }, `Accept all in this photo (${here})`) : null);
+}
+
+/** @param {Proposal} one @param {Tools} tools */
+function foundRow(one, tools) {
+  const { image, label, sigma_px, score } = one;
+  const { name } = store.photos[image];
+  return node("tr", { "data-row": `found ${label} ${image}` },
+    node("td", {}, label), node("td", { class: "named ended", title: name }, goButton(one, name, tools)),
+    node("td", {}, sigma_px.toFixed(2)), node("td", {}, score.toFixed(2)),
+    node("td", {}, node("button", { class: "small", name: "accept", "aria-label": `Accept ${label} in ${name}`, title: "Accept (click its mark, or the full stop)", onclick: () => tools.proposals.accept([one]) }, "\u2713"),
+      node("button", { class: "small", name: "remove", "aria-label": `Refuse ${label} in ${name}`, title: "Refuse", onclick: () => tools.proposals.refuse([[image, label]]) }, "\u00d7")));
+}
+
+/** @param {PageState} state @param {Tools} tools */
+function askedPart({ selected }, tools) {
+  const all = first(askedFor(), (one) => one.label === selected).filter(({ label }) => picksOf(label).length);
+  if (!all.length) {
+    drop("asked");
+    return null;
+  }
+  return keep("asked", [all, selected], () => node("details", { class: "part asked", open: all.length <= MOST },
+    node("summary", {}, `Still to be picked by hand (${all.length})`),
+    node("ul", {}, ...all.slice(0, MOST).map((one) => askedRow(one, tools))), more(all.length)));
+}
+
+/** @param {Asked} one @param {Tools} tools */
+function askedRow(one, tools) {
+  const { image, label, why } = one;
+  const { name } = store.photos[image];
+  return node("li", { "data-row": `asked ${label} ${image}` }, goButton(one, `${label} in ${name}`, tools), node("span", { class: "dim" }, ` (${why})`),
+    node("button", { class: "small", name: "remove", "aria-label": `Do not ask for ${label} in ${name}`, title: "It is not to be seen there: do not ask again", onclick: () => tools.proposals.refuse([[image, label]]) }, "\u00d7"));
+}
+
+/** @param {{ image: number, label: string }} one @param {string} words @param {Tools} tools */
+const goButton = ({ image, label }, words, tools) => node("button", { class: "link", name: "go", title: "Show where it is expected", onclick: () => tools.proposals.goTo(image, label) }, words);
+
+/** @param {number} count */
+const more = (count) => (count > MOST ? node("p", { class: "dim" }, `and ${count - MOST} more`) : null);
+
+/** @param {number} count */
+const places = (count) => `${count} place${count === 1 ? "" : "s"}`;
+
+// Those that are in hand, then the others by label and photo.
+/** @template {{ image: number, label: string }} T @param {T[]} all @param {(one: T) => boolean} isFirst */
+function first(all, isFirst) {
+  const order = all.sort((a, b) => a.label.localeCompare(b.label, undefined, { numeric: true }) || a.image - b.image);
+  return [...order.filter(isFirst), ...order.filter((one) => !isFirst(one))];
+}
