@@ -123,7 +123,6 @@ def _with_picks(survey: Survey, more: MorePicks) -> Survey:
         pick_label=np.append(survey.pick_label, labels),
         pixel_px=np.concatenate([pixel, more.pixel_px[added]]),
         pick_sigma_px=np.append(survey.pick_sigma_px, more.sigma_px[added]),
-        pick_is_target=np.append(survey.pick_is_target, np.zeros(len(added), np.bool_)),
     )
 
 

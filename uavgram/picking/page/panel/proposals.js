@@ -9,6 +9,7 @@ import { about, drop, keep, table, titled } from "../elements/table.js";
 /** @import { Asked, Proposal } from "../connection/protocol.js" */
 
 const MOST = 60; // rows that anybody goes through
+const FEW = 6; // that push nothing else off the screen
 
 /** @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @returns {(HTMLElement | null)[]} */
 export function proposalParts(state, image, tools) {
@@ -57,17 +58,29 @@ function askedPart({ selected }, tools) {
     drop("asked");
     return null;
   }
-  return keep("asked", [all, selected], () => node("details", { class: "part asked", open: all.length <= MOST },
+  const rows = groups(all);
+  return keep("asked", [all, selected], () => node("details", { class: "part asked", open: rows.length <= FEW },
     node("summary", {}, `Still to be picked by hand (${all.length})`),
-    node("ul", {}, ...all.slice(0, MOST).map((one) => askedRow(one, tools))), more(all.length)));
+    node("ul", { class: "scroll", tabindex: 0, "aria-label": "Still to be picked by hand" }, ...rows.slice(0, MOST).map((some) => askedRow(some, tools))), more(rows.length)));
 }
 
-/** @param {Asked} one @param {Tools} tools */
-function askedRow(one, tools) {
-  const { image, label, why } = one;
-  const { name } = store.photos[image];
-  return node("li", { "data-row": `asked ${label} ${image}` }, goButton(one, `${label} in ${name}`, tools), node("span", { class: "dim" }, ` (${why})`),
-    node("button", { class: "small", name: "remove", "aria-label": `Do not ask for ${label} in ${name}`, title: "It is not to be seen there: do not ask again", onclick: () => tools.proposals.refuse([[image, label]]) }, "\u00d7"));
+/** Those of one point and one reason together. @param {Asked[]} all @returns {Asked[][]} */
+function groups(all) {
+  /** @type {Map<string, Asked[]>} */
+  const found = new Map();
+  for (const one of all) {
+    const key = JSON.stringify([one.label, one.why]);
+    found.set(key, [...(found.get(key) ?? []), one]);
+  }
+  return [...found.values()];
+}
+
+/** @param {Asked[]} some @param {Tools} tools */
+function askedRow(some, tools) {
+  const [{ label, why }] = some;
+  const photos = some.flatMap((one, k) => [k ? ", " : " in ", goButton(one, store.photos[one.image].name, tools)]);
+  return node("li", { "data-row": `asked ${label} ${why}` }, label, ...photos, node("span", { class: "dim" }, ` (${why})`),
+    node("button", { class: "small", name: "remove", "aria-label": `Do not ask for ${label} there`, title: "It is not to be seen there: do not ask again", onclick: () => tools.proposals.refuse(some.map((one) => [one.image, one.label])) }, "\u00d7"));
 }
 
 /** @param {{ image: number, label: string }} one @param {string} words @param {Tools} tools */

@@ -158,7 +158,8 @@ function predictedPart({ image, label, pixel_px: at, spread }, selected, shown) 
       const group = shape("g", {
         class: `predicted${selected === label ? " selected" : ""}`, "data-predicted": label,
         role: "img", "aria-label": `${label} expected at u ${at[0].toFixed(1)}, v ${at[1].toFixed(1)}`,
-      }, ...ellipse(spread, 5), shape("circle", { class: "ring", r: 15, fill: "none" }));
+      }, ...ellipse(spread, 5));
+      if (!proposed) group.append(shape("circle", { class: "ring", r: 15, fill: "none" }));
       if (shown.labels && !proposed) group.append(textShape(label, "tag"));
       return group;
     },
