@@ -1,0 +1,157 @@
+"""Least-squares matching: the affine map that makes one patch look like another.
+
+Gruen 1985, "Adaptive least squares correlation", with brightness and contrast free; solved by the
+inverse compositional algorithm (Baker and Matthews 2004, "Lucas-Kanade 20 years on"): gradients
+are those of the fixed patch, so the normal equations are made once.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from uavgram.imaging.matching.patches import Grey
+from uavgram.model.arrays import Floats, Ints
+
+_CONVERGED = 2e-3  # steps
+_FARTHEST = 6.0  # steps from the start: farther is no refinement
+_MOST_ROWS = 30000  # of an image that OpenCV can resample
+
+
+class Fitted(NamedTuple):
+    """Of m patches.
+
+    Attributes
+    ----------
+    place
+        (m, 2) the fixed window's middle in the moving window, steps from its middle.
+    linear
+        (m, 2, 2) d moving / d fixed.
+    covariance
+        (m, 2, 2) of the place, from what remains between the patches.
+    likeness
+        (m,) weighted correlation after matching.
+    gain
+        (m,) contrast of the moving patch over that of the fixed one.
+    contrast
+        (m,) weighted standard deviation of the fixed patch [grey values].
+    """
+
+    place: Floats
+    linear: Floats
+    covariance: Floats
+    likeness: Floats
+    gain: Floats
+    contrast: Floats
+
+
+class _System(NamedTuple):
+    """The fixed patches: grid, weights, normalised values, and the step per residual."""
+
+    grid: Floats  # (k, 2)
+    weight: Floats  # (k,)
+    value: Floats  # (m, k) mean 0, weighted variance 1
+    contrast: Floats  # (m,)
+    gain: Floats  # (m, 6, k) change of the parameters by each residual
+
+
+def fitted(
+    fixed: Grey, moving: Grey, start: Floats, linear: Floats, half: int, steps: int
+) -> Fitted:
+    """Match the middle of fixed windows in moving ones.
+
+    Parameters
+    ----------
+    fixed, moving
+        (m, s, s) windows.
+    start
+        (m, 2) first places.
+    linear
+        (m, 2, 2) first maps.
+    half
+        Of the patch's side; the weights are a bell that has 0.14 at the sides' middles.
+    steps
+        At most so many.
+    """
+    system = _system(fixed, half)
+    place, linear = start.copy(), linear.copy()
+    active = np.arange(len(start))
+    for _ in range(steps):
+        value, _ = _sampled(moving, active, place, linear, system)
+        delta = (system.gain[active] @ (value - system.value[active])[..., None])[..., 0]
+        # The patch is moved by the inverse of what would move the fixed one.
+        inverse = np.linalg.inv(np.eye(2) + delta[:, 2:].reshape(-1, 2, 2))
+        linear[active] = linear[active] @ inverse
+        move = (linear[active] @ delta[:, :2, None])[..., 0]
+        place[active] -= move
+        size = np.hypot(*move.T)
+        near = np.hypot(*(place[active] - start[active]).T) < _FARTHEST
+        active = active[(size > _CONVERGED) & near & np.isfinite(size)]
+        if not len(active):
+            break
+    value, contrast = _sampled(moving, np.arange(len(start)), place, linear, system)
+    rest = value - system.value
+    spread = system.weight.sum() ** 2 / (system.weight**2).sum()
+    variance = (rest**2 @ system.weight) / system.weight.sum() * spread / (spread - 8.0)
+    by = linear @ system.gain[:, :2]
+    return Fitted(
+        place=place,
+        linear=linear,
+        covariance=variance[:, None, None] * (by @ np.swapaxes(by, 1, 2)),
+        likeness=(value * system.value) @ system.weight / system.weight.sum(),
+        gain=contrast / system.contrast,
+        contrast=system.contrast,
+    )
+
+
+def _system(fixed: Grey, half: int) -> _System:
+    side = np.arange(-half, half + 1.0)
+    grid = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
+    weight = np.exp(-2.0 * (grid**2).sum(axis=1) / half**2)
+    middle = fixed.shape[1] // 2
+    cut = slice(middle - half - 1, middle + half + 2)
+    patch = fixed[:, cut, cut].astype(np.float64)
+    slope = np.stack(
+        [
+            0.5 * (patch[:, 1:-1, 2:] - patch[:, 1:-1, :-2]).reshape(len(fixed), -1),
+            0.5 * (patch[:, 2:, 1:-1] - patch[:, :-2, 1:-1]).reshape(len(fixed), -1),
+        ],
+        axis=1,
+    )
+    value, contrast = _normalised(patch[:, 1:-1, 1:-1].reshape(len(fixed), -1), weight)
+    slope /= contrast[:, None, None]
+    by = np.concatenate([slope, *(slope[:, [i], :] * grid.T for i in range(2))], axis=1)
+    # What brightness and contrast explain says nothing of the place.
+    by -= (by @ weight / weight.sum())[..., None]
+    by -= (by @ (weight * value)[..., None] / weight.sum()) * value[:, None]
+    weighted = by * weight
+    normal = weighted @ np.swapaxes(by, 1, 2)
+    normal += (1e-9 * np.trace(normal, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(6)
+    return _System(grid, weight, value, contrast, np.linalg.solve(normal, weighted))
+
+
+def _sampled(
+    moving: Grey, index: Ints, place: Floats, linear: Floats, system: _System
+) -> tuple[Floats, Floats]:
+    """Normalised values of moving windows at mapped grids, and their contrasts."""
+    side = moving.shape[1]
+    grid = system.grid @ np.swapaxes(linear[index], 1, 2) + place[index][:, None] + side // 2
+    grid = np.clip(grid, 0.0, side - 1.0)
+    out = np.empty(grid.shape[:2])
+    block = _MOST_ROWS // side
+    for first in range(0, len(index), block):
+        part = grid[first : first + block].astype(np.float32)
+        used = moving[index[first : first + block]].reshape(-1, side)
+        v = part[..., 1] + np.arange(len(part), dtype=np.float32)[:, None] * side
+        out[first : first + block] = cv2.remap(used, part[..., 0], v, cv2.INTER_LANCZOS4)
+    return _normalised(out, system.weight)
+
+
+def _normalised(value: Floats, weight: Floats) -> tuple[Floats, Floats]:
+    """Values (m, k) with weighted mean 0 and variance 1, and their deviations (m,)."""
+    total = weight.sum()
+    value = value - (value @ weight / total)[:, None]
+    deviation = np.sqrt(value**2 @ weight / total) + 1e-6
+    return value / deviation[:, None], deviation

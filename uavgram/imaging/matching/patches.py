@@ -1,0 +1,123 @@
+"""Windows of two photos resampled to one geometry, so that they can be compared pixel by pixel.
+
+The axes are those in which one photo is a stretched picture of the other (the singular vectors of
+the affine map), and along each axis the steps are the pixels of the coarser photo: nothing is
+made up between coarse pixels, and the finer photo is smoothed before pixels are left out.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uavgram.imaging.raster import Image
+from uavgram.model.arrays import Bools, Floats
+
+Grey = NDArray[np.float32]
+
+_BLUR_PX = 0.7  # of a photo: lens, pixel and demosaicing together
+_FINE_ENOUGH = 1.15  # steps up to this are taken without smoothing
+
+
+class Frames(NamedTuple):
+    """Both photos' pixels by steps of the common window, (n, 2, 2) each."""
+
+    source: Floats
+    target: Floats
+
+
+def common_frames(affine: Floats) -> Frames:
+    """The windows' axes for maps (n, 2, 2), d target pixel / d source pixel."""
+    u, stretch, vt = np.linalg.svd(affine)
+    source = np.swapaxes(vt, 1, 2) * np.maximum(1.0, 1.0 / stretch)[:, None]
+    target = u * np.maximum(1.0, stretch)[:, None]
+    # Turned so that the source stays upright: squares of all pairs then see the same surroundings.
+    turn = _nearest_turn(vt)
+    return Frames(source @ turn, target @ turn)
+
+
+def _nearest_turn(vt: Floats) -> Floats:
+    """Quarter turns and flips that bring axes (n, 2, 2) next to upright: steps stay along axes."""
+    swap = np.abs(vt[:, 0, 0]) < np.abs(vt[:, 0, 1])
+    turn = np.where(swap[:, None, None], np.array([[0.0, 1.0], [1.0, 0.0]]), np.eye(2))
+    upright = np.swapaxes(vt, 1, 2) @ turn
+    sign = np.sign(np.diagonal(upright, axis1=1, axis2=2))
+    return np.asarray(turn * np.where(sign == 0, 1.0, sign)[:, None])
+
+
+def reach(frame: Floats, half: int) -> Floats:
+    """(n, 2) how far windows of frames (n, 2, 2) reach from their centres in u and v [px]."""
+    return np.asarray(np.abs(frame).sum(axis=2) * (half + 4))
+
+
+def within(photo: Image, center_px: Floats, frame: Floats, half: int) -> Bools:
+    """(n,) whether whole windows lie in a photo.
+
+    Parameters
+    ----------
+    photo
+        (height, width).
+    center_px
+        (n, 2) of the windows.
+    frame
+        (n, 2, 2) pixels by steps.
+    half
+        Of a window's side, in steps.
+    """
+    far = np.abs(frame).sum(axis=2) * half + 1.0
+    edge = np.array(photo.shape[1::-1]) - 1.0
+    return np.asarray(((center_px - far >= 0) & (center_px + far <= edge)).all(axis=1))
+
+
+def window(
+    photo: Image, center_px: Floats, frame: Floats, half: int, *, exact: bool = True
+) -> Grey:
+    """(2 half + 1, 2 half + 1) grey values about a place; outside the photo its edge goes on.
+
+    Parameters
+    ----------
+    photo
+        (height, width).
+    center_px
+        (2,) of the window.
+    frame
+        (2, 2) pixels by steps; its columns are perpendicular.
+    half
+        Of the window's side, in steps.
+    exact
+        By Lanczos' kernel, else straight between pixels: for a search.
+    """
+    length = np.hypot(frame[0], frame[1])
+    parts = np.maximum(np.ceil(length - _FINE_ENOUGH + 1.0), 1.0).astype(int)
+    spread = _BLUR_PX * np.sqrt(np.maximum(length**2 - 1.0, 0.0)) * parts / length
+    wide = np.where(parts > 1, np.ceil(3.0 * spread), 0.0).astype(int)
+    x, y = (
+        (np.arange(2 * (half * p + w) + 1) - float(half * p + w)).astype(np.float32) / np.float32(p)
+        for p, w in zip(parts, wide, strict=True)
+    )
+    corner = np.floor(center_px - np.abs(frame) @ [x[-1], y[-1]]).astype(int) - 5
+    beyond = np.ceil(center_px + np.abs(frame) @ [x[-1], y[-1]]).astype(int) + 6
+    corner, beyond = np.maximum(corner, 0), np.minimum(beyond, photo.shape[1::-1])
+    if (beyond <= corner).any():
+        return np.zeros((2 * half + 1, 2 * half + 1), np.float32)
+    part = photo[corner[1] : beyond[1], corner[0] : beyond[0]].astype(np.float32)
+    f, at = frame.astype(np.float32), (center_px - corner).astype(np.float32)
+    u = (at[0] + f[0, 0] * x) + f[0, 1] * y[:, None]
+    v = (at[1] + f[1, 0] * x) + f[1, 1] * y[:, None]
+    kernel = cv2.INTER_LANCZOS4 if exact else cv2.INTER_LINEAR
+    dense = cv2.remap(part, u, v, kernel, borderMode=cv2.BORDER_REPLICATE)
+    if (parts > 1).any():
+        bells = [_bell(s, int(w)) for s, w in zip(spread, wide, strict=True)]
+        dense = cv2.sepFilter2D(dense, -1, bells[0], bells[1])
+        dense = dense[wide[1] : dense.shape[0] - wide[1], wide[0] : dense.shape[1] - wide[0]]
+    return np.ascontiguousarray(dense[:: parts[1], :: parts[0]], np.float32)
+
+
+def _bell(sigma: float, wide: int) -> Grey:
+    if not wide:
+        return np.ones(1, np.float32)
+    bell = np.exp(-0.5 * (np.arange(-wide, wide + 1) / sigma) ** 2)
+    return np.asarray(bell / bell.sum(), np.float32)

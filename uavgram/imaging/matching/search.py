@@ -1,0 +1,67 @@
+"""The likeliest place of a patch in the region it may lie in, and how unlikely the next one is."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from uavgram.imaging.matching.patches import Grey
+from uavgram.model.arrays import Bools, Floats
+
+SAME_PEAK = 4
+"""Steps about the best place within which other places are the same one."""
+
+
+class Peak(NamedTuple):
+    """The best place (x, y) from the middle of what was searched, in steps.
+
+    Attributes
+    ----------
+    place
+        (2,) to some tenths of a step.
+    likeness, second
+        Normalised correlation there, and the best elsewhere in the region (-1: none).
+    at_edge
+        Whether it lies on the edge of the region: the true place may be outside.
+    """
+
+    place: Floats
+    likeness: float
+    second: float
+    at_edge: bool
+
+
+def best_place(patch: Grey, searched: Grey, allowed: Bools) -> Peak:
+    """The place of a patch within a larger window.
+
+    Parameters
+    ----------
+    patch
+        (p, p), p odd.
+    searched
+        (p + 2 r, p + 2 r).
+    allowed
+        (2 r + 1, 2 r + 1) where its middle may lie.
+    """
+    like = cv2.matchTemplate(searched, patch, cv2.TM_CCOEFF_NORMED)
+    like = np.where(np.isfinite(like) & (like < 1.01), like, -1.0)
+    inside = np.where(allowed, like, -1.0)
+    y, x = np.unravel_index(int(inside.argmax()), inside.shape)
+    reach = like.shape[0] // 2
+    if not 0 < x < 2 * reach or not 0 < y < 2 * reach:
+        return Peak(np.array([x - reach, y - reach], float), float(inside[y, x]), -1.0, True)
+    around = like[y - 1 : y + 2, x - 1 : x + 2]
+    at_edge = bool(around.max() > like[y, x])
+    rest = inside.copy()
+    rest[max(y - SAME_PEAK, 0) : y + SAME_PEAK + 1, max(x - SAME_PEAK, 0) : x + SAME_PEAK + 1] = -1
+    offset = np.array([_top(around[1]), _top(around[:, 1])])
+    place = np.array([x - reach, y - reach]) + offset
+    return Peak(place, float(like[y, x]), float(rest.max()), at_edge)
+
+
+def _top(three: Grey) -> float:
+    """Where the parabola through three values, the middle one largest, is highest."""
+    bend = 2 * three[1] - three[0] - three[2]
+    return float(np.clip(0.5 * (three[2] - three[0]) / bend, -0.5, 0.5)) if bend > 0 else 0.0
