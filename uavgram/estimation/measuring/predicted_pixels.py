@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.terms.sightings import rows_of_sightings, seen
+from uavgram.estimation.survey.terms.sightings import Seen, rows_of_sightings, seen
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.geometry.motion.camera_motion import camera_motion
@@ -57,9 +56,9 @@ class PixelRows:
         (n, 2).
     jacobian, columns
         (n, 2, k), (n, k): derivatives by which unknowns; those of the point come first.
-    own_px2
-        (n, 2, 2) covariance of what is no unknown: the telemetry's own error of a photo that is no
-        part of the adjustment.
+    own
+        (n, 2, 6) root of the covariance of what is no unknown: the telemetry's own error of a photo
+        that is no part of the adjustment.
     """
 
     frame_id: tuple[str, ...]
@@ -67,11 +66,12 @@ class PixelRows:
     pixel_px: Floats
     jacobian: Floats
     columns: Ints
-    own_px2: Floats
+    own: Floats
 
     def covariance(self, adjustment: Adjustment) -> Floats:
         """(n, 2, 2) of the pixels."""
-        return self.own_px2 + propagated(adjustment, self.columns, self.jacobian)
+        own = self.own @ np.swapaxes(self.own, 1, 2)
+        return np.asarray(own + propagated(adjustment, self.columns, self.jacobian))
 
     def predicted(self, adjustment: Adjustment) -> PredictedPixels:
         """The pixels with their covariances."""
@@ -143,18 +143,19 @@ def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats,
 def rows_at(adjustment: Adjustment, frame: Ints, label: Ints) -> PixelRows:
     """Labels (n,) in frames (n,) of the adjustment, by index; NaN behind the camera."""
     problem, state, n = adjustment.problem, adjustment.state, len(frame)
-    place = np.nan_to_num(adjustment.pixels(frame, label))
-    # In its row the residual is 0, whatever the camera moved meanwhile.
+    place = adjustment.pixels(frame, label)
+    shown = np.isfinite(place).all(axis=1)
     points = problem.layout.point_columns(label), problem.plane_columns(label)
     asked = seen(problem, points, frame, place, np.ones(n))
-    placed = problem.world_points(state, label)
-    block = rows_of_sightings(problem, state, asked, placed)
+    pixel, jacobian = np.full((n, 2), np.nan), np.full((n, 2, asked.columns.shape[1]), np.nan)
+    placed = problem.world_points(state, label[shown])
+    # Sought in the row where they appear, they are off by 0, whatever the camera moved meanwhile.
+    where = Seen(frame[shown], place[shown], np.ones(int(shown.sum())), asked.columns[shown])
+    block = rows_of_sightings(problem, state, where, placed)
+    if block is not None:
+        pixel[shown], jacobian[shown] = place[shown] + block.residual, block.jacobian
     names = tuple(adjustment.survey.frame_id[f] for f in frame)
-    if block is None:
-        unknown = np.full((*asked.columns.shape[:1], 2, asked.columns.shape[1]), np.nan)
-        block = Block(unknown[..., 0], asked.columns, unknown)
-    pixel = place + block.residual
-    return PixelRows(names, label, pixel, block.jacobian, block.columns, np.zeros((n, 2, 2)))
+    return PixelRows(names, label, pixel, jacobian, asked.columns, np.zeros((n, 2, 6)))
 
 
 def propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Floats:
@@ -234,7 +235,7 @@ def _in_others(
         ],
         axis=1,
     )
-    own = d_pose @ prior.covariance[rows][frame] @ np.swapaxes(d_pose, 1, 2)
+    own = d_pose @ np.linalg.cholesky(prior.covariance[rows])[frame]
     return PixelRows(tuple(chosen[f] for f in frame), label, pixel, jacobian, columns, own)
 
 

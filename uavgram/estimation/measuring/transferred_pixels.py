@@ -9,7 +9,7 @@ poses of both photos have in common nearly does. The height above the ground sta
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,6 +53,10 @@ class Transferred:
         (n, 2), (n, 2, 2) where, and how well that is known.
     affine
         (n, 2, 2) d pixel there / d pixel here.
+    jacobian, columns
+        (n, 2, k), (n, k): derivatives of the error by which unknowns.
+    own
+        (n, 2, 6) root of what the other photo's telemetry adds, where it is not adjusted.
     """
 
     click: Ints
@@ -60,6 +64,18 @@ class Transferred:
     pixel_px: Floats
     covariance_px2: Floats
     affine: Floats
+    jacobian: Floats
+    columns: Ints
+    own: Floats
+
+    def joint_covariance(self, adjustment: Adjustment, rows: Ints) -> Floats:
+        """(2 m, 2 m) of some places in one other photo, together."""
+        size, m = adjustment.problem.layout.size, len(rows)
+        gradient = np.zeros((size, m, 2))
+        at = self.columns[rows, :, None], np.arange(m)[:, None, None], np.arange(2)
+        np.add.at(gradient, at, np.swapaxes(self.jacobian[rows], 1, 2))
+        flat, own = gradient.reshape(size, 2 * m), self.own[rows].reshape(2 * m, -1)
+        return np.asarray(flat.T @ adjustment.minimum.factor.solve(flat) + own @ own.T)
 
 
 def transferred(
@@ -80,12 +96,21 @@ def transferred(
     parts = [
         _carried(adjustment, here, there, clicked) for there in unpicked_rows(adjustment, flight)
     ]
-    return Transferred(
-        np.concatenate([part.click for part in parts]),
-        tuple(name for part in parts for name in part.frame_id),
-        np.concatenate([part.pixel_px for part in parts]),
-        np.concatenate([part.covariance_px2 for part in parts]),
-        np.concatenate([part.affine for part in parts]),
+    width = max(part.columns.shape[1] for part in parts)
+    parts = [_widened(part, width) for part in parts]
+    names = tuple(name for part in parts for name in part.frame_id)
+    arrays = ("click", "pixel_px", "covariance_px2", "affine", "jacobian", "columns", "own")
+    joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
+    return Transferred(frame_id=names, **joined)
+
+
+def _widened(part: Transferred, width: int) -> Transferred:
+    """With further columns that nothing hangs on."""
+    more = width - part.columns.shape[1]
+    return replace(
+        part,
+        jacobian=np.pad(part.jacobian, ((0, 0), (0, 0), (0, more))),
+        columns=np.pad(part.columns, ((0, 0), (0, more))),
     )
 
 
@@ -95,14 +120,17 @@ def _carried(
     """Every picked pixel in the photos `there` that show its label."""
     click, row = np.nonzero(clicked.label[:, None] == there.label[None])
     at, to = here.jacobian[click], there.jacobian[row]
-    seen = np.abs(np.linalg.det(at[:, :, PLACE])) > SMALLEST  # NaN is not
+    finite = np.isfinite(at).all(axis=(1, 2)) & np.isfinite(to).all(axis=(1, 2))
+    place = np.where(finite[:, None, None], at[:, :, PLACE], 0.0)
+    area = place[:, 0, 0] * place[:, 1, 1] - place[:, 0, 1] * place[:, 1, 0]
+    seen = np.abs(area) > SMALLEST
     click, row, at, to = click[seen], row[seen], at[seen], to[seen]
     affine = to[:, :, PLACE] @ np.linalg.inv(at[:, :, PLACE])
     beside = clicked.pixel_px[click] - here.pixel_px[click]
     moved = there.pixel_px[row] + np.einsum("nij,nj->ni", affine, beside)
     jacobian = np.concatenate([to, -affine @ at], axis=2)
     columns = np.concatenate([there.columns[row], here.columns[click]], axis=1)
-    covariance = there.own_px2[row] + propagated(adjustment, columns, jacobian)
-    return Transferred(
-        click, tuple(there.frame_id[k] for k in row), moved, covariance, np.asarray(affine)
-    )
+    own = there.own[row]
+    covariance = own @ np.swapaxes(own, 1, 2) + propagated(adjustment, columns, jacobian)
+    names = tuple(there.frame_id[k] for k in row)
+    return Transferred(click, names, moved, covariance, affine, jacobian, columns, own)

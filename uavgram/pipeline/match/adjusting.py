@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
 from uavgram.model.arrays import Bools, Ints
 from uavgram.model.survey.observations import Picks
@@ -33,6 +35,34 @@ the ground to the roof of a van."""
 
 TRIED_AGAIN = (LeftOutCause.UNDETERMINED, LeftOutCause.NOT_JOINED)
 """Why picks were left out that what is found may bring back."""
+
+
+SPREAD = 2.0
+"""Factor of the matches' sigmas from which on one of them may have spread its error over all."""
+
+BETTER = 0.8
+"""To this share the square of that factor must fall without a find that spread its error."""
+
+
+class _Tried(NamedTuple):
+    """An adjustment with some finds.
+
+    Attributes
+    ----------
+    adjustment
+        Without those that stand out.
+    kept
+        The others.
+    factor
+        By which their sigmas are too small, as their residuals show it.
+    worst
+        The one that fits worst, where that is a large factor.
+    """
+
+    adjustment: Adjustment
+    kept: frozenset[Pair]
+    factor: float
+    worst: Pair | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,17 +93,33 @@ class Base:
         return [i for i in by_hand if (picks.image[i], picks.label[i]) in there]
 
     def adjusted(self, found: Mapping[Pair, Found]) -> tuple[Adjustment, frozenset[Pair]]:
-        """The adjustment with what was found, and what of that it contradicts."""
+        """The adjustment with what was found, and what of that it contradicts.
+
+        A find that is far off spreads its error over few others, so that none stands out of them:
+        what makes all others fit much better is contradicted too.
+        """
+        tried = self._tried(found)
+        while tried.factor > SPREAD and tried.worst is not None:
+            kept = tried.kept - {tried.worst}
+            rest = self._tried({pair: one for pair, one in found.items() if pair in kept})
+            if rest.factor**2 > BETTER * tried.factor**2:
+                break
+            tried = rest
+        return tried.adjustment, frozenset(found) - tried.kept
+
+    def _tried(self, found: Mapping[Pair, Found]) -> _Tried:
+        """Adjusted with some finds, but for those that stand out."""
         picks = with_found(self.inputs.picks, found)
         survey = assembled_survey(replace(self.inputs, picks=picks), self.posed).survey
         sound = with_sound_ties(self._prepared(survey))
-        left_out = sound.left_out["matches"].tolist()
         taking = Participants(
             sound.survey, self.keep, self.refined.line_removed, {}, self.refined.known_removed
         )
         adjustment = best_minima(taking).adjustment
-        wrong = frozenset((picks.image[i], picks.label[i]) for i in left_out)
-        return adjustment, wrong & frozenset(found)
+        out = {(picks.image[i], picks.label[i]) for i in sound.left_out["matches"].tolist()}
+        factor = max((one.factor for one in sound.noise if one.source == "match"), default=0.0)
+        worst = _worst(adjustment, picks) if factor > SPREAD else None
+        return _Tried(adjustment, frozenset(found) - out, factor, worst)
 
     def _prepared(self, survey: Survey) -> Survey:
         """With ground that may be uneven, and heights that the full adjustment found or lacks."""
@@ -122,3 +168,14 @@ def _photos_of_labels(survey: Survey) -> Ints:
     label = np.concatenate([survey.pick_label, own])
     pairs = np.unique(np.stack([label, frame]), axis=1)
     return np.bincount(pairs[0], minlength=len(survey.label))
+
+
+def _worst(adjustment: Adjustment, picks: Picks) -> Pair | None:
+    """The match that fits worst; picked pixels, from which chains begin, are none."""
+    sightings = adjustment.survey.matches
+    if not sightings.points:
+        return None
+    fall = falls_without(adjustment.minimum.blocks["matches"], adjustment.covariance)
+    fall = np.where(picks.of_source("match")[sightings.row], fall, -1.0)
+    row = int(sightings.row[fall.argmax()])
+    return picks.image[row], picks.label[row]

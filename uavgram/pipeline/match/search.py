@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.estimation.measuring.predicted_pixels import FlightOfPhotos
-from uavgram.estimation.measuring.transferred_pixels import Clicked, Transferred, transferred
+from uavgram.estimation.measuring.transferred_pixels import Clicked, transferred
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.matched import Sought
 from uavgram.model.arrays import Ints
 from uavgram.pipeline.match.adjusting import Base
 from uavgram.pipeline.match.looking import Photos, look, reason, tasks
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.stages.match.found import Found, Missed, Pair, Record
-from uavgram.stages.match.plan import next_places, radii
+from uavgram.stages.match.agreement import contradicted
+from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record
+from uavgram.stages.match.plan import Candidates, next_places, radii
 
 MOST_ROUNDS = 10
 """Rounds of looking and adjusting."""
@@ -24,8 +25,6 @@ MOST_ROUNDS = 10
 LEAST_PX = 0.5
 """Sigma that is added to every prediction: of what no adjustment knows, such as a lens's last
 distortion."""
-
-CONTRADICTED = "what looks like it lies where the other photos contradict it"
 
 
 class Search(NamedTuple):
@@ -53,13 +52,13 @@ def searched(
     """
     adjustment, record = _agreeing(base, Record())
     for _ in range(MOST_ROUNDS):
-        places, picks = _places(base, adjustment)
-        pairs = _pairs(base, places, picks)
-        asked = np.array([wanted(pair) for pair in pairs], dtype=np.bool_)
-        rows = next_places(places, pairs, picks, asked, record)
+        candidates = _candidates(base, adjustment)
+        asked = np.array([wanted(pair) for pair in candidates.pair], dtype=np.bool_)
+        rows = next_places(candidates, asked, record)
         if not rows.size:
             break
-        looked = _looked(photos, base, (places, picks), rows, progress)
+        looked = _looked(photos, base, candidates, rows, progress)
+        looked = _agreeing_in_photos(adjustment, candidates, rows, looked)
         adjustment, record = _agreeing(base, record.with_results(looked))
     return Search(record, adjustment)
 
@@ -70,20 +69,59 @@ def _agreeing(base: Base, record: Record) -> tuple[Adjustment, Record]:
     return adjustment, record.without(dict.fromkeys(sorted(wrong), CONTRADICTED))
 
 
-def _places(base: Base, adjustment: Adjustment) -> tuple[Transferred, Ints]:
-    """Where picks made by people should appear, and the number of the pick of each place."""
+def _candidates(base: Base, adjustment: Adjustment) -> Candidates:
+    """Where picks made by people should appear."""
     survey, project = adjustment.survey, base.inputs.picks
     frame = {name: k for k, name in enumerate(survey.frame_id)}
     label = {name: k for k, name in enumerate(survey.label)}
-    taking = base.sources(adjustment)
-    picks = np.array(taking, dtype=np.int64)
+    sources = np.array(base.sources(adjustment), dtype=np.int64)
     clicked = Clicked(
-        np.array([frame[project.image[i]] for i in taking], dtype=np.int64),
-        np.array([label[project.label[i]] for i in taking], dtype=np.int64),
-        project.pixel_px[picks].reshape(-1, 2),
+        np.array([frame[project.image[i]] for i in sources], dtype=np.int64),
+        np.array([label[project.label[i]] for i in sources], dtype=np.int64),
+        project.pixel_px[sources],
     )
     places = transferred(adjustment, _flight(base), clicked)
-    return places, picks[places.click]
+    pick = sources[places.click]
+    return Candidates(
+        places,
+        tuple((name, project.label[i]) for name, i in zip(places.frame_id, pick, strict=True)),
+        pick,
+        survey.off_ground[clicked.label[places.click]],
+    )
+
+
+def _agreeing_in_photos(
+    adjustment: Adjustment,
+    candidates: Candidates,
+    rows: Ints,
+    looked: Mapping[Pair, Found | Missed],
+) -> dict[Pair, Found | Missed]:
+    """What was found, but for what the other finds in the same photo contradict.
+
+    Parameters
+    ----------
+    adjustment, candidates
+        What predicted the places, and all of them.
+    rows
+        Those that were looked for.
+    looked
+        What was found and what was not.
+    """
+    by_photo: dict[str, dict[int, Found]] = {}
+    for row in rows.tolist():
+        one = looked[candidates.pair[row]]
+        if isinstance(one, Found):
+            by_photo.setdefault(candidates.pair[row][0], {})[row] = one
+    results = dict(looked)
+    for own in by_photo.values():
+        some = np.array(list(own), dtype=np.int64)
+        joint = candidates.places.joint_covariance(adjustment, some)
+        off = np.array([one.pixel_px for one in own.values()]) - candidates.places.pixel_px[some]
+        sigma = np.hypot([one.sigma_px for one in own.values()], LEAST_PX)
+        for row in some[contradicted(off, joint, sigma)].tolist():
+            one = own[row]
+            results[candidates.pair[row]] = Missed(one.pick, one.radius_px, CONTRADICTED)
+    return results
 
 
 def _flight(base: Base) -> FlightOfPhotos | None:
@@ -93,15 +131,10 @@ def _flight(base: Base) -> FlightOfPhotos | None:
     return telemetry.prior, telemetry.track, telemetry.poses.frame_id
 
 
-def _pairs(base: Base, places: Transferred, picks: Ints) -> list[Pair]:
-    labels = base.inputs.picks.label
-    return [(str(image), labels[i]) for image, i in zip(places.frame_id, picks, strict=True)]
-
-
 def _looked(
     photos: Photos,
     base: Base,
-    predicted: tuple[Transferred, Ints],
+    candidates: Candidates,
     rows: Ints,
     progress: Progress,
 ) -> dict[Pair, Found | Missed]:
@@ -111,31 +144,30 @@ def _looked(
     ----------
     photos, base, progress
         As of `searched`.
-    predicted
-        All places, and the number of the pick of each.
+    candidates
+        All places.
     rows
         Which of them to look at.
     """
-    (places, picks), project = predicted, base.inputs.picks
+    places, pick = candidates.places, candidates.pick[rows]
+    project = base.inputs.picks
     covariance = places.covariance_px2[rows] + LEAST_PX**2 * np.eye(2)
     sought = Sought(
-        source_px=project.pixel_px[picks[rows]],
+        source_px=project.pixel_px[pick],
         target_px=places.pixel_px[rows],
         covariance_px2=covariance,
         affine=places.affine[rows],
     )
-    target = [str(places.frame_id[row]) for row in rows]
-    work = tasks([project.image[i] for i in picks[rows]], target, sought)
+    pairs = [candidates.pair[row] for row in rows]
+    work = tasks([project.image[i] for i in pick], [image for image, _ in pairs], sought)
     found = look(photos, work, len(rows), progress)
     radius = radii(places.covariance_px2[rows])
     results: dict[Pair, Found | Missed] = {}
-    for k, (image, pick) in enumerate(zip(target, picks[rows].tolist(), strict=True)):
+    for k, (pair, own) in enumerate(zip(pairs, pick.tolist(), strict=True)):
         if found.refused[k]:
-            why = reason(int(found.refused[k]))
-            results[image, project.label[pick]] = Missed(pick, float(radius[k]), why)
+            results[pair] = Missed(own, float(radius[k]), reason(int(found.refused[k])))
         else:
             u, v = found.pixel_px[k].tolist()
-            results[image, project.label[pick]] = Found(
-                pick, (u, v), float(found.sigma_px[k]), float(found.score[k]), float(radius[k])
-            )
+            sigma, score = float(found.sigma_px[k]), float(found.score[k])
+            results[pair] = Found(own, (u, v), sigma, score, float(radius[k]))
     return results

@@ -9,6 +9,9 @@ Pair = tuple[str, str]
 """A photo and a label."""
 
 
+CONTRADICTED = "what looks like it has moved, or is something else: the other photos contradict it"
+
+
 @dataclass(frozen=True)
 class Found:
     """A label found in a photo.
@@ -77,7 +80,9 @@ class Record:
 
     @property
     def in_vain(self) -> dict[Pair, str]:
-        """What was not found in the end, and why not when it was tried last."""
+        """What was not found in the end, and why: contradicted, else the last reason."""
+        left = {pair: tried for pair, tried in self.missed.items() if pair not in self.found}
         return {
-            pair: tried[-1].why for pair, tried in self.missed.items() if pair not in self.found
+            pair: CONTRADICTED if any(one.why == CONTRADICTED for one in tried) else tried[-1].why
+            for pair, tried in left.items()
         }

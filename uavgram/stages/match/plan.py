@@ -7,7 +7,7 @@ not found is tried again from another pick, or once its region has become much s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import chdtri
@@ -43,24 +43,42 @@ def stretches(affine: Floats) -> Floats:
     return np.asarray(np.abs(np.log(np.maximum(size, 1e-9))).max(axis=1))
 
 
-def next_places(
-    places: Transferred, pairs: Sequence[Pair], picks: Ints, wanted: Bools, record: Record
-) -> Ints:
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """n predicted places to choose from.
+
+    Attributes
+    ----------
+    places
+        The predictions.
+    pair
+        (n,) photo and label of each.
+    pick
+        (n,) number of the pick that each is predicted from.
+    is_raised
+        (n,) whether the label stands off the ground: what is seen behind its edges changes from
+        photo to photo, so it waits for the poses that the ground gives.
+    """
+
+    places: Transferred
+    pair: tuple[Pair, ...]
+    pick: Ints
+    is_raised: Bools
+
+
+def next_places(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
     """Which places to look at in the next round; none where there is nothing left to try.
 
     Parameters
     ----------
-    places
+    candidates
         n predicted places.
-    pairs
-        (n,) photo and label of each.
-    picks
-        (n,) number of the pick that each is predicted from.
     wanted
         (n,) which are asked for.
     record
         The search so far.
     """
+    places, pairs, picks = candidates.places, candidates.pair, candidates.pick
     radius, stretch = radii(places.covariance_px2), stretches(places.affine)
     best: dict[Pair, int] = {}
     for row in np.argsort(stretch, kind="stable").tolist():
@@ -70,6 +88,8 @@ def next_places(
             if not tried or radius[row] < NARROWED * min(tried):
                 best[pair] = row
     rows = np.array(sorted(best.values()), dtype=np.int64)
+    if not candidates.is_raised[rows].all():
+        rows = rows[~candidates.is_raised[rows]]
     if not rows.size:
         return rows
     limit = max(FINE_PX, ALIKE * float(np.quantile(radius[rows], BEST)))

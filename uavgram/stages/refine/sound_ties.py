@@ -159,7 +159,8 @@ def _without(adjustment: Adjustment, out: dict[Group, Bools]) -> Adjustment:
     problem = SurveyProblem(less, adjustment.problem.pivot_m, lines_used(adjustment))
     size = problem.layout.point_size
     state: State = adjustment.state
-    start = replace(state, point=state.point[:, :size], tie=state.tie[kept, :size])
+    rates = state.turning[:, : problem.layout.frame_size - 6]
+    start = replace(state, point=state.point[:, :size], tie=state.tie[kept, :size], turning=rates)
     minimum = iterate(problem, start, iterations_for(survey.calibration))
     return Adjustment(problem, minimum, minimum.factor.covariance())
 

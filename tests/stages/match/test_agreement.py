@@ -1,0 +1,45 @@
+"""Finds in one photo against each other, by what its pose makes them share."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from uavgram.model.arrays import Floats
+from uavgram.stages.match.agreement import contradicted
+
+
+def pose_errors(place_px: Floats) -> Floats:
+    """(2 n, 3) how places move with a shift of the photo and its turn [px, px, rad]."""
+    u, v = place_px[:, 0], place_px[:, 1]
+    one, none = np.ones(len(u)), np.zeros(len(u))
+    by_u, by_v = np.stack([one, none, -v], axis=1), np.stack([none, one, u], axis=1)
+    return np.stack([by_u, by_v], axis=1).reshape(-1, 3)
+
+
+@pytest.mark.parametrize("wrong", [[], [3], [3, 8], [0, 4, 7]])
+def test_look_alikes_far_closer_than_the_prediction_tells_stand_out(wrong: list[int]) -> None:
+    rng = np.random.default_rng(len(wrong))
+    for _ in range(40):
+        place = rng.uniform(-1000, 1000, (12, 2))
+        by_pose, sigma = pose_errors(place), np.array([40.0, 40.0, 0.02])
+        off = (by_pose @ (sigma * rng.normal(size=3))).reshape(-1, 2) + rng.normal(0, 0.5, (12, 2))
+        off[wrong] += rng.choice([-25.0, 25.0], (len(wrong), 2))
+        covariance = (by_pose * sigma**2) @ by_pose.T
+
+        found = contradicted(off, covariance, np.full(12, 0.6))
+
+        assert np.flatnonzero(found).tolist() == wrong
+
+
+def test_of_two_that_contradict_each_other_neither_is_believed() -> None:
+    place = np.array([[100.0, 0.0], [-100.0, 0.0]])
+    by_pose = pose_errors(place)
+    covariance = (by_pose * np.array([30.0, 30.0, 0.001]) ** 2) @ by_pose.T
+
+    assert contradicted(np.array([[9.0, 0.0], [-9.0, 0]]), covariance, np.full(2, 0.6)).all()
+    assert not contradicted(np.array([[9.0, 0.0], [9.2, 0]]), covariance, np.full(2, 0.6)).any()
+
+
+def test_nothing_found_contradicts_nothing() -> None:
+    assert contradicted(np.empty((0, 2)), np.empty((0, 0)), np.empty(0)).shape == (0,)

@@ -1,0 +1,81 @@
+"""What is looked for next."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.measuring.transferred_pixels import Transferred
+from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record
+from uavgram.stages.match.plan import REGION, Candidates, next_places, radii
+
+A, B = ("a.jpg", "P"), ("b.jpg", "P")
+
+
+def places(sigma_px: list[float], stretch: list[float]) -> Transferred:
+    n = len(sigma_px)
+    return Transferred(
+        click=np.arange(n),
+        frame_id=("",) * n,
+        pixel_px=np.zeros((n, 2)),
+        covariance_px2=np.array(sigma_px)[:, None, None] ** 2 * np.eye(2),
+        affine=np.array(stretch)[:, None, None] * np.eye(2),
+        jacobian=np.zeros((n, 2, 0)),
+        columns=np.zeros((n, 0), np.int64),
+        own=np.zeros((n, 2, 6)),
+    )
+
+
+def chosen(
+    sigma_px: list[float], stretch: list[float], pairs: list[Pair], record: Record | None = None
+) -> list[int]:
+    n = len(pairs)
+    is_raised = np.array([label.startswith("roof") for _, label in pairs], dtype=np.bool_)
+    candidates = Candidates(places(sigma_px, stretch), tuple(pairs), np.arange(n), is_raised)
+    return next_places(candidates, np.ones(n, np.bool_), record or Record()).tolist()
+
+
+def test_of_several_picks_that_lead_to_a_place_the_most_alike_view_is_taken() -> None:
+    assert chosen([2.0, 2.0, 2.0], [0.5, 1.1, 1.9], [A, A, A]) == [1]
+
+
+def test_a_place_that_is_predicted_much_worse_waits_for_better_poses() -> None:
+    pairs = [(f"{k}.jpg", "P") for k in range(6)]
+    assert chosen([10, 11, 12, 13, 14, 90.0], [1.0] * 6, pairs) == [0, 1, 2, 3, 4]
+    assert chosen([0.1, 3.0, 5.0], [1.0] * 3, pairs[:3]) == [0, 1, 2]  # fine enough, all of them
+
+
+def test_a_place_in_vain_is_tried_again_from_another_pick_or_when_its_region_has_halved() -> None:
+    wide = float(np.sqrt(REGION)) * 2.0
+    assert radii(4.0 * np.eye(2)[None])[0] == np.float64(wide)
+    record = Record().with_results({A: Missed(0, wide, "several places look like it")})
+
+    assert chosen([2.0], [1.0], [A], record) == []
+    assert chosen([1.2], [1.0], [A], record) == []
+    assert chosen([0.9], [1.0], [A], record) == [0]
+    assert chosen([2.0, 2.0], [1.0, 3.0], [A, A], record) == [1]
+
+
+def test_what_was_found_is_not_looked_for_until_it_is_contradicted() -> None:
+    found = Record().with_results({A: Found(0, (1.0, 2.0), 0.05, 0.9, 20.0)})
+    assert chosen([5.0, 5.0], [1.0, 1.0], [A, B], found) == [1]
+
+    back = found.without({A: CONTRADICTED})
+    assert not back.found
+    assert chosen([5.0], [1.0], [A], back) == []
+    assert chosen([0.5], [1.0], [A], back) == [0]
+
+
+def test_a_contradiction_outlasts_the_reasons_of_later_tries() -> None:
+    record = Record().with_results({A: Found(0, (1.0, 2.0), 0.05, 0.9, 20.0)})
+    record = record.without({A: CONTRADICTED}).with_results({A: Missed(0, 2.0, "nothing there")})
+    record = record.with_results({B: Missed(0, 2.0, "first"), A: Missed(0, 1.0, "last")})
+
+    assert record.in_vain == {A: CONTRADICTED, B: "first"}
+
+
+def test_what_stands_off_the_ground_waits_until_the_ground_is_done() -> None:
+    roof = "a.jpg", "roof"
+    assert chosen([2.0, 2.0], [1.0, 1.0], [A, roof]) == [0]
+
+    done = Record().with_results({A: Found(0, (1.0, 2.0), 0.05, 0.9, 20.0)})
+    assert chosen([2.0, 2.0], [1.0, 1.0], [A, roof], done) == [1]
