@@ -6,16 +6,18 @@ import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from types import SimpleNamespace
-from typing import cast
+from typing import ClassVar, cast
 
 import numpy as np
 import pytest
 
 from uavgram.errors import InputError
 from uavgram.estimation.measuring.transferred_pixels import Transferred
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.matched import REASON, Matched, Refused
 from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.imaging.raster import Image
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.picking.document.proposals import BY_HAND, Outcomes
 from uavgram.picking.document.state import Pick, State
@@ -24,6 +26,7 @@ from uavgram.picking.session.seeker import Seeker, Wanted
 from uavgram.pipeline.match.looking import Photos, Task
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.places import Places
+from uavgram.stages.match.found import CONTRADICTED
 
 LAST = cast("Adjusted", SimpleNamespace())
 LONGEST_WAIT_S = 20.0
@@ -32,6 +35,15 @@ TARGETS = ("2.jpg", "3.jpg")
 
 def state(*labels: str, u: float = 10.0) -> State:
     return State(picks=tuple(Pick(image="1.jpg", label=one, u_px=u, v_px=5.0) for one in labels))
+
+
+class Agreeing(Places):
+    """Places of which some are contradicted: of these photo and label."""
+
+    wrong: ClassVar[Collection[tuple[str, str]]] = ()
+
+    def contradicted(self, rows: Ints, pixel_px: Floats, sigma_px: Floats) -> Bools:
+        return np.array([(self.image[k], self.label[k]) in self.wrong for k in rows])
 
 
 class World:
@@ -52,6 +64,8 @@ class World:
         self.refused: dict[str, Refused] = {}
         self.looked: list[tuple[str, str]] = []
         self.places: Places | None = None
+        self.wrong: list[tuple[str, str]] = []
+        self.adjustment = cast("Adjustment", SimpleNamespace())
         self.go_on, self.begun = threading.Event(), threading.Event()
         self.go_on.set()
 
@@ -65,15 +79,14 @@ class World:
             if picks.source_of(i) != "match" and (labels is None or label in labels)
         ]
         n, pick = len(rows), np.array([i for i, _ in rows], dtype=np.int64)
-        found = Transferred(
-            pick,
-            tuple(image for _, image in rows),
-            np.full((n, 2), 50.0),
-            np.tile(np.eye(2), (n, 1, 1)),
-            np.tile(np.eye(2), (n, 1, 1)),
-        )
+        image = tuple(image for _, image in rows)
+        both = np.tile(np.eye(2), (n, 1, 1))
+        nothing = np.zeros((n, 2, 0)), np.zeros((n, 0), np.int64), np.zeros((n, 2, 6))
+        found = Transferred(pick, image, np.full((n, 2), 50.0), both, both, *nothing)
         label = tuple(picks.label[i] for i in pick)
-        self.places = Places(pick, found.frame_id, label, found, np.full(n, self.radius_px))
+        radius, row = np.full(n, self.radius_px), np.arange(n)
+        Agreeing.wrong = self.wrong
+        self.places = Agreeing(pick, image, label, radius, row, found, self.adjustment)
         return self.places
 
     def look(self, photos: Photos, work: Sequence[Task], count: int) -> Matched:
@@ -144,6 +157,17 @@ def test_what_is_found_is_proposed_and_what_is_not_is_asked_for_in_words(start: 
     assert (asked.found, asked.why) == (None, REASON[Refused.NOT_UNIQUE])
     until(lambda: bool(told) and told[-1][2] == 0)
     assert told[-1][1] == {"A"}
+
+
+def test_what_others_in_the_photo_contradict_is_proposed_no_longer(start: Start) -> None:
+    world = World()
+    world.wrong = [("2.jpg", "B")]
+    seeker, told = start(world)
+    seeker.submit(Wanted(state("A", "B"), LAST))
+    until(lambda: bool(told) and told[-1][1] == {"B"})
+    assert seeker.outcomes["2.jpg", "B"].why == CONTRADICTED
+    assert seeker.outcomes["2.jpg", "B"].found is None
+    assert seeker.outcomes["3.jpg", "B"].found is not None
 
 
 def test_nothing_is_looked_at_twice_until_far_more_is_known(start: Start) -> None:

@@ -30,6 +30,7 @@ from uavgram.picking.document.state import State, observations_of
 from uavgram.pipeline.match.looking import look, reason, tasks
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.places import Places, places_in_other_photos
+from uavgram.stages.match.found import CONTRADICTED
 from uavgram.stages.match.plan import NARROWED
 
 log = logging.getLogger(__name__)
@@ -127,6 +128,7 @@ class Seeker:
             places = places_in_other_photos(self._survey, last, picks, labels)
             if places is None or not self._look(places, wanted, picks):
                 return
+            self._withdraw(places)
         self._known = frozenset(own)
 
     def _let_go(self, state: State) -> None:
@@ -149,6 +151,28 @@ class Seeker:
             left -= len(some)
             self._take(places, some, picks, self._looked(places, some, picks), left)
         return not self._is_outdated
+
+    def _withdraw(self, places: Places) -> None:
+        """Propose no longer what the other finds in the same photo contradict."""
+        at = {pair: k for k, pair in enumerate(zip(places.image, places.label, strict=True))}
+        by_photo: dict[str, dict[Pair, c.Place]] = {}
+        for pair, one in self.outcomes.items():
+            if one.found is not None and pair in at:
+                by_photo.setdefault(pair[0], {})[pair] = one.found
+        wrong: list[Pair] = []
+        for own in by_photo.values():
+            pixel = np.array([(one.u_px, one.v_px) for one in own.values()])
+            sigma = np.array([one.sigma_px for one in own.values()], dtype=np.float64)
+            out = places.contradicted(np.array([at[pair] for pair in own]), pixel, sigma)
+            wrong += [pair for pair, is_out in zip(own, out, strict=True) if is_out]
+        if not wrong:
+            return
+        with self._changed:
+            for pair in wrong:
+                before = self._outcomes[pair]
+                self._outcomes[pair] = replace(before, found=None, why=CONTRADICTED)
+            told = dict(self._outcomes)
+        self._tell(told, {label for _, label in wrong}, 0)
 
     @property
     def _is_outdated(self) -> bool:

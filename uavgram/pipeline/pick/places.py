@@ -12,12 +12,13 @@ from uavgram.estimation.measuring.transferred_pixels import Clicked, Transferred
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.matched import Sought
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.match.adjusting import UNEVEN_M
 from uavgram.pipeline.match.search import LEAST_PX
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.match.agreement import contradicted
 from uavgram.stages.match.plan import REGION, radii, stretches
 from uavgram.stages.refine.more_picks import MorePicks, with_more_picks
 
@@ -32,35 +33,55 @@ class Places:
         (n,) number of the pick that each is predicted from.
     image, label
         (n,) the photo, and the label.
-    predicted
-        Pixels, covariances, derivatives.
     radius_px
         (n,) half lengths of the regions that hold 99.9 %.
+    row, predicted
+        (n,) which of the predictions each is, and all of these.
+    adjustment
+        What predicted them.
     """
 
     pick: Ints
     image: tuple[str, ...]
     label: tuple[str, ...]
-    predicted: Transferred
     radius_px: Floats
+    row: Ints
+    predicted: Transferred
+    adjustment: Adjustment
 
     def __len__(self) -> int:
         return len(self.image)
 
     def holds(self, row: int, pixel_px: tuple[float, float]) -> bool:
         """Whether a pixel lies where a place is expected."""
-        off = np.array(pixel_px) - self.predicted.pixel_px[row]
-        covariance = self.predicted.covariance_px2[row] + LEAST_PX**2 * np.eye(2)
+        at = self.row[row]
+        off = np.array(pixel_px) - self.predicted.pixel_px[at]
+        covariance = self.predicted.covariance_px2[at] + LEAST_PX**2 * np.eye(2)
         return bool(off @ np.linalg.solve(covariance, off) <= REGION)
+
+    def contradicted(self, rows: Ints, pixel_px: Floats, sigma_px: Floats) -> Bools:
+        """(m,) which finds in one photo the others there contradict.
+
+        Parameters
+        ----------
+        rows
+            (m,) places in that photo.
+        pixel_px, sigma_px
+            (m, 2), (m,) what was found there, and the matching's sigma.
+        """
+        at = self.row[rows]
+        joint = self.predicted.joint_covariance(self.adjustment, at)
+        off = pixel_px - self.predicted.pixel_px[at]
+        return contradicted(off, joint, np.hypot(sigma_px, LEAST_PX))
 
     def sought(self, picks: Picks, rows: Ints) -> Sought:
         """Some of them as the matching takes them."""
-        found = self.predicted
+        found, at = self.predicted, self.row[rows]
         return Sought(
             source_px=picks.pixel_px[self.pick[rows]],
-            target_px=found.pixel_px[rows],
-            covariance_px2=found.covariance_px2[rows] + LEAST_PX**2 * np.eye(2),
-            affine=found.affine[rows],
+            target_px=found.pixel_px[at],
+            covariance_px2=found.covariance_px2[at] + LEAST_PX**2 * np.eye(2),
+            affine=found.affine[at],
         )
 
 
@@ -109,24 +130,29 @@ def places_in_other_photos(
         picks.pixel_px[rows].reshape(-1, 2),
     )
     found = transferred(adjustment, survey.flight(), clicked)
-    return _most_alike(found, rows[found.click], picks)
+    return _most_alike(adjustment, found, rows[found.click], picks)
 
 
-def _most_alike(found: Transferred, pick: Ints, picks: Picks) -> Places:
-    """Of each label in each photo the place by the pick that looks most like it there."""
+def _most_alike(adjustment: Adjustment, found: Transferred, pick: Ints, picks: Picks) -> Places:
+    """Of each label in each photo the place by the pick that looks most like it there.
+
+    Parameters
+    ----------
+    adjustment, found
+        What predicted the places, and all of them.
+    pick
+        Number of the pick of each.
+    picks
+        As they are now.
+    """
     best: dict[tuple[str, str], int] = {}
     for row in np.argsort(stretches(found.affine), kind="stable").tolist():
         best.setdefault((found.frame_id[row], picks.label[pick[row]]), row)
     rows = np.array(sorted(best.values()), dtype=np.int64)
-    some = Transferred(
-        found.click[rows],
-        tuple(found.frame_id[row] for row in rows),
-        found.pixel_px[rows],
-        found.covariance_px2[rows],
-        found.affine[rows],
-    )
     label = tuple(picks.label[i] for i in pick[rows])
-    return Places(pick[rows], some.frame_id, label, some, radii(some.covariance_px2))
+    image = tuple(found.frame_id[row] for row in rows)
+    radius = radii(found.covariance_px2[rows])
+    return Places(pick[rows], image, label, radius, rows, found, adjustment)
 
 
 def _up_to_date(survey: LiveSurvey, last: Adjusted, picks: Picks) -> Adjustment:
