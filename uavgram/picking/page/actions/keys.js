@@ -35,7 +35,7 @@ export const KEYS = [
     ["click, Enter", "place the label (Enter: in the middle of the photo)"], ["drag, Shift + drag", "move; ten times finer"],
     ["arrows, Shift, Alt", "nudge by 0.1, 1, 10 px"], ["G", "go to where the label is expected"], ["S, Shift+S", "snap to a corner, to a round target"],
     ["Q", "height: free (found from photos), or on the ground"], ["N, B, Tab", "next, previous point"], ["/", "to the label: type one, Enter selects it"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
-    [".   Delete", "found in this photo by the program (P1?): accept it, refuse it"], ["Shift+Enter, Ctrl+Enter", "accept all that was found of this point, in this photo"],
+    [".   Delete", "a hollow mark (P1?): accept, refuse"], ["Shift, Ctrl + Enter", "accept all of the point, all in the photo"],
   ]],
   ["Lengths and measurements", [
     ["P L D A Y J", "tools: point, length, distance, area, polyline, angle"], ["I V C H", "distance from a line, skid, coordinate, speed"],
