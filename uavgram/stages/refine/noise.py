@@ -120,6 +120,8 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
     few, fits = outstanding(stated)
     redundancy = redundancy_of(stated, "pixels")
     models = [_as_stated(stated, redundancy)]
+    if "matches" in stated.minimum.blocks:  # they show the ground as well as picks do
+        redundancy += redundancy_of(stated, "matches")
     if not fits and redundancy > LITTLE:
         models += _grown(stated)
     elif stated.survey.is_free.any() and redundancy > LITTLE:
