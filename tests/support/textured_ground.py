@@ -6,6 +6,7 @@ A car stands elsewhere in the last photo, and one label lies on stripes that rep
 from __future__ import annotations
 
 import csv
+import functools
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,10 +18,10 @@ from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
 
 WIDTH_PX, HEIGHT_PX, FOCAL_PX = 480, 360, 400.0
-ABOVE_M, METRES = 30.0, 0.05
+ABOVE_M, METRES = 30.0, 0.075
 """Height of the flight, and size of a pixel of the ground's picture."""
 
-HALF_M = 30.0
+HALF_M = 24.0
 """Half the side of the ground's picture."""
 
 CENTERS = np.array([[-3.0, 0.0, ABOVE_M], [2.0, 3.0, 31.0], [4.0, -3.0, 29.5]])
@@ -152,22 +153,29 @@ def _write_photo(path: Path, k: int) -> None:
 
 def _ground(car_moved_m: Floats) -> Image:
     """The ground from above, north up: noise of several sizes, stripes, and a car."""
-    rng = np.random.default_rng(5)
+    grey = _still_ground().copy()
+    half = round(1.2 / METRES)
+    car = cv2.GaussianBlur(_noise(2 * half), (0, 0), 0.125 / METRES)
+    column = round((CAR[0] + car_moved_m[0] + HALF_M) / METRES) - half
+    row = round((HALF_M - CAR[1] - car_moved_m[1]) / METRES) - half
+    grey[row : row + 2 * half, column : column + 2 * half] = 150.0 + 35.0 * car / car.std()
+    return np.clip(cv2.GaussianBlur(grey, (0, 0), 0.05 / METRES), 0, 255).astype(np.uint8)
+
+
+@functools.cache
+def _still_ground() -> Floats:
     size = int(2 * HALF_M / METRES)
     grey = np.full((size, size), 120.0)
-    for grain, weight in ((3.0, 14.0), (8.0, 16.0), (30.0, 14.0)):
-        noise = cv2.GaussianBlur(rng.normal(size=(size, size)), (0, 0), grain)
+    for grain_m, weight in ((0.15, 14.0), (0.4, 16.0), (1.5, 14.0)):
+        noise = cv2.GaussianBlur(_noise(size), (0, 0), grain_m / METRES)
         grey += weight * noise / noise.std()
-    east, north = (
-        (np.arange(size) + 0.5) * METRES - HALF_M,
-        HALF_M - (np.arange(size) + 0.5) * METRES,
-    )
+    middle = (np.arange(size) + 0.5) * METRES
+    east, north = middle - HALF_M, HALF_M - middle
     striped = np.where(np.sin(2 * np.pi * east / PERIOD_M) > 0, 200.0, 70.0)
-    band = np.abs(north - STRIPE[1]) < 1.8
-    wide = np.abs(east - STRIPE[0]) < 9.0
+    band, wide = np.abs(north - STRIPE[1]) < 1.8, np.abs(east - STRIPE[0]) < 9.0
     grey[np.ix_(band, wide)] = striped[wide]
-    car = cv2.GaussianBlur(rng.normal(size=(48, 48)), (0, 0), 2.5)
-    column = round((CAR[0] + car_moved_m[0] + HALF_M) / METRES) - 24
-    row = round((HALF_M - CAR[1] - car_moved_m[1]) / METRES) - 24
-    grey[row : row + 48, column : column + 48] = 150.0 + 35.0 * car / car.std()
-    return np.clip(cv2.GaussianBlur(grey, (0, 0), 1.0), 0, 255).astype(np.uint8)
+    return grey
+
+
+def _noise(size: int) -> Floats:
+    return np.random.default_rng(size).normal(size=(size, size))

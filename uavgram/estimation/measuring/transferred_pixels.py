@@ -120,10 +120,10 @@ def _carried(
     """Every picked pixel in the photos `there` that show its label."""
     click, row = np.nonzero(clicked.label[:, None] == there.label[None])
     at, to = here.jacobian[click], there.jacobian[row]
-    finite = np.isfinite(at).all(axis=(1, 2)) & np.isfinite(to).all(axis=(1, 2))
-    place = np.where(finite[:, None, None], at[:, :, PLACE], 0.0)
+    place = at[:, :, PLACE]
     area = place[:, 0, 0] * place[:, 1, 1] - place[:, 0, 1] * place[:, 1, 0]
-    seen = np.abs(area) > SMALLEST
+    with np.errstate(invalid="ignore"):  # NaN is not seen
+        seen = np.asarray((np.abs(area) > SMALLEST) & np.isfinite(to.sum(axis=(1, 2))))
     click, row, at, to = click[seen], row[seen], at[seen], to[seen]
     affine = to[:, :, PLACE] @ np.linalg.inv(at[:, :, PLACE])
     beside = clicked.pixel_px[click] - here.pixel_px[click]

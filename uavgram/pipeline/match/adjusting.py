@@ -14,6 +14,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
+from uavgram.estimation.survey.departures import heights_at
 from uavgram.model.arrays import Bools, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.model.survey.survey import Survey
@@ -21,7 +22,7 @@ from uavgram.pipeline.match.rows import with_found
 from uavgram.pipeline.measure.compute import assembled_survey, refined_survey
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import Posed
-from uavgram.stages.match.found import Found, Pair
+from uavgram.stages.match.found import CONTRADICTED, Found, Pair
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.off_ground.heights import with_free
 from uavgram.stages.refine.sound_ties import with_sound_ties
@@ -32,6 +33,15 @@ UNEVEN_M = 0.1
 RAISED_M = 0.8, 1.0
 """Height of a point of which nothing is known, and its sigma, while one photo alone shows it: from
 the ground to the roof of a van."""
+
+LEAST_HEIGHT_M = 0.25
+"""Of a point off the ground, below which what was found is taken for the ground behind its edge."""
+
+ENOUGH = 3
+"""Photos that must agree on a height of which nothing is known."""
+
+BESIDE = "what looks like it is the ground beside it"
+ALONE = "its height is not known, and too few photos show it to be sure"
 
 TRIED_AGAIN = (LeftOutCause.UNDETERMINED, LeftOutCause.NOT_JOINED)
 """Why picks were left out that what is found may bring back."""
@@ -92,8 +102,8 @@ class Base:
         by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
         return [i for i in by_hand if (picks.image[i], picks.label[i]) in there]
 
-    def adjusted(self, found: Mapping[Pair, Found]) -> tuple[Adjustment, frozenset[Pair]]:
-        """The adjustment with what was found, and what of that it contradicts.
+    def adjusted(self, found: Mapping[Pair, Found]) -> tuple[Adjustment, dict[Pair, str]]:
+        """The adjustment with what was found, and what of that it contradicts, with the reason.
 
         A find that is far off spreads its error over few others, so that none stands out of them:
         what makes all others fit much better is contradicted too.
@@ -105,7 +115,25 @@ class Base:
             if rest.factor**2 > BETTER * tried.factor**2:
                 break
             tried = rest
-        return tried.adjustment, frozenset(found) - tried.kept
+        wrong = dict.fromkeys(sorted(frozenset(found) - tried.kept), CONTRADICTED)
+        return tried.adjustment, wrong | self._unsure(tried)
+
+    def _unsure(self, tried: _Tried) -> dict[Pair, str]:
+        """Finds of points of unknown height that are the ground behind an edge, or may be.
+
+        Two photos agree on a height whatever they show; only a third one says that it is one thing.
+        """
+        picks, survey = self.inputs.picks, tried.adjustment.survey
+        free = {picks.label[i] for i in np.flatnonzero(picks.is_free).tolist()}
+        height = heights_at(tried.adjustment, tried.adjustment.state)
+        photos = _photos_of_labels(survey)
+        alone = {name for name, count in zip(survey.label, photos, strict=True) if count < ENOUGH}
+        low = {survey.label[k] for k in np.flatnonzero(np.abs(height) < LEAST_HEIGHT_M)}
+        return {
+            pair: ALONE if pair[1] in alone else BESIDE
+            for pair in sorted(tried.kept)
+            if pair[1] in free & (alone | low)
+        }
 
     def _tried(self, found: Mapping[Pair, Found]) -> _Tried:
         """Adjusted with some finds, but for those that stand out."""

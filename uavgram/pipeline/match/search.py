@@ -59,14 +59,16 @@ def searched(
             break
         looked = _looked(photos, base, candidates, rows, progress)
         looked = _agreeing_in_photos(adjustment, candidates, rows, looked)
-        adjustment, record = _agreeing(base, record.with_results(looked))
+        before, record = record, record.with_results(looked)
+        if record.found != before.found:
+            adjustment, record = _agreeing(base, record)
     return Search(record, adjustment)
 
 
 def _agreeing(base: Base, record: Record) -> tuple[Adjustment, Record]:
     """The adjustment with what was found, and the record without what it contradicts."""
     adjustment, wrong = base.adjusted(record.found)
-    return adjustment, record.without(dict.fromkeys(sorted(wrong), CONTRADICTED))
+    return adjustment, record.without(wrong)
 
 
 def _candidates(base: Base, adjustment: Adjustment) -> Candidates:
@@ -162,12 +164,13 @@ def _looked(
     work = tasks([project.image[i] for i in pick], [image for image, _ in pairs], sought)
     found = look(photos, work, len(rows), progress)
     radius = radii(places.covariance_px2[rows])
+    worse = np.sqrt(np.linalg.eigvalsh(np.nan_to_num(found.covariance_px2))[:, 1])
     results: dict[Pair, Found | Missed] = {}
     for k, (pair, own) in enumerate(zip(pairs, pick.tolist(), strict=True)):
         if found.refused[k]:
             results[pair] = Missed(own, float(radius[k]), reason(int(found.refused[k])))
         else:
             u, v = found.pixel_px[k].tolist()
-            sigma, score = float(found.sigma_px[k]), float(found.score[k])
+            sigma, score = float(worse[k]), float(found.score[k])
             results[pair] = Found(own, (u, v), sigma, score, float(radius[k]))
     return results

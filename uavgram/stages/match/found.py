@@ -23,7 +23,7 @@ class Found:
     pixel_px
         (u, v).
     sigma_px, score
-        Of the matching alone, and how alike both places look, 0 to 1.
+        Of the matching alone, in its worse direction; and how alike both places look, 0 to 1.
     radius_px
         Half the length of the region that was searched.
     """

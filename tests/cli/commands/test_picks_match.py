@@ -1,0 +1,154 @@
+"""`uavgram picks match` through the command line, on three small photos of one texture."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_projects import Command
+from textured_ground import LABELS, NAMES, Textured, write_textured
+
+from uavgram.errors import UavgramError
+from uavgram.io.project_lock import ProjectLock
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Textured:
+    return write_textured(tmp_path_factory.mktemp("written"), labels=("STRIPE", "CAR"))
+
+
+@pytest.fixture
+def project(written: Textured, tmp_path: Path) -> Textured:
+    """A fresh copy."""
+    shutil.copytree(written.path.parent, tmp_path / "copy")
+    return Textured(tmp_path / "copy" / "project.yaml", written.pixel_px)
+
+
+def test_points_are_found_to_a_tenth_of_a_pixel_and_what_moved_is_not(
+    project: Textured, command: Command
+) -> None:
+    before = project.picks.read_text()
+
+    done = command("picks", "match", project.path)
+
+    assert done.status == 0, done
+    assert project.picks.read_text().splitlines()[0].startswith(before.splitlines()[0])
+    rows = [row for row in project.rows() if row["source"] == "match"]
+    found = {(row["image"], row["label"]) for row in rows}
+    assert found >= {(name, label) for name in NAMES[1:] for label in LABELS}
+    assert ("c.png", "CAR") not in found
+    off = [
+        np.array([float(row["u_px"]), float(row["v_px"])])
+        - project.pixel_px[row["image"], row["label"]]
+        for row in rows
+    ]
+    sigma = np.array([float(row["sigma_px"]) for row in rows])
+    assert (np.abs(off).max(axis=1) < 4.5 * sigma).all()
+    assert (sigma > 0.02).all()
+    assert (sigma < 0.3).all()
+    first = project.rows()[0]
+    assert (rows[0]["from_image"], rows[0]["from_u_px"]) == (NAMES[0], first["u_px"])
+    for said in (f"{len(rows)} of", "CAR in c.png", "the other photos contradict it", "b.png"):
+        assert said in done.stdout
+
+
+def test_a_second_search_replaces_the_first_and_undo_gives_the_very_file_back(
+    project: Textured, command: Command
+) -> None:
+    before = project.picks.read_bytes()
+    asked = "--labels", "P1, P2", "--photos", "b.png"
+    assert command("picks", "match", project.path, *asked).status == 0
+    once = project.picks.read_bytes()
+    assert once.count(b"match") == 2
+
+    assert "in place of 2 earlier" in command("picks", "match", project.path, *asked).stdout
+    assert project.picks.read_bytes() == once
+    assert command("picks", "match", project.path, "--undo", "--photos", "c.png").status == 0
+    assert project.picks.read_bytes() == once
+    assert "2 matches" in command("picks", "match", project.path, "--undo").stdout
+    # The columns of the matches stay, empty: what people wrote is as it was.
+    assert [line.rstrip(",") for line in project.picks.read_text().splitlines()[1:]] == (
+        before.decode().splitlines()[1:]
+    )
+
+
+def test_a_dry_run_says_what_it_would_find_and_writes_nothing(
+    project: Textured, command: Command
+) -> None:
+    files = {path.name: path.read_bytes() for path in project.path.parent.iterdir()}
+
+    done = command("picks", "match", project.path, "--dry-run", "--labels", "P1")
+
+    assert done.status == 0
+    assert "2 of 2" in done.stdout
+    assert "nothing was written" in done.stdout
+    assert {path.name: path.read_bytes() for path in project.path.parent.iterdir()} == files
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--labels", "p1"), "no label 'p1' is picked: did you mean 'P1'?"),
+        (("--photos", "b.jpg"), "the project has no photo 'b.jpg': did you mean 'b.png'?"),
+    ],
+)
+def test_names_that_are_not_there_are_refused_with_what_was_meant(
+    project: Textured, command: Command, arguments: tuple[str, ...], said: str
+) -> None:
+    done = command("picks", "match", project.path, *arguments)
+
+    assert done.status == 1
+    assert said in done.stderr
+
+
+def test_a_project_that_is_open_elsewhere_is_left_alone(
+    project: Textured, command: Command
+) -> None:
+    before = project.picks.read_bytes()
+    lock = ProjectLock(project.path.parent / "out", "other")
+    try:
+        done = command("picks", "match", project.path)
+    finally:
+        lock.release()
+
+    assert done.status == 1
+    assert "is open in another picking page" in done.stderr
+    assert project.picks.read_bytes() == before
+
+
+def test_a_photo_that_cannot_be_read_stops_it_and_nothing_is_written(
+    project: Textured, command: Command
+) -> None:
+    before = project.picks.read_bytes()
+    whole = (project.path.parent / "b.png").read_bytes()
+    (project.path.parent / "b.png").write_bytes(whole[: len(whole) // 3])
+
+    done = command("picks", "match", project.path)
+
+    assert done.status == 1
+    assert "b.png" in done.stderr
+    assert project.picks.read_bytes() == before
+
+
+def test_without_poses_or_lengths_it_says_that_nothing_can_be_looked_for(
+    project: Textured, command: Command
+) -> None:
+    text = project.path.read_text()
+    project.path.write_text(
+        text.replace("poses: poses.csv\n", "").replace("lines: lines.csv\n", "")
+    )
+
+    done = command("picks", "match", project.path)
+
+    assert done.status == 1
+    assert "nothing can be looked for yet" in done.stderr
+
+
+def test_the_lock_is_gone_after_a_search(project: Textured, command: Command) -> None:
+    assert command("picks", "match", project.path, "--labels", "P1").status == 0
+    try:
+        ProjectLock(project.path.parent / "out", "other").release()
+    except UavgramError as why:
+        pytest.fail(str(why))
