@@ -2,7 +2,8 @@
 
 Gruen 1985, "Adaptive least squares correlation", with brightness and contrast free; solved by the
 inverse compositional algorithm (Baker and Matthews 2004, "Lucas-Kanade 20 years on"): gradients
-are those of the fixed patch, so the normal equations are made once.
+are those of the fixed patch, so the normal equations are made once. The poses say how patches are
+turned and stretched to some per cent, which matters where the picture says little.
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ import numpy as np
 
 from uavgram.imaging.matching.patches import Grey
 from uavgram.model.arrays import Floats, Ints
+
+CHANGE_SIGMA = 0.05
+"""Of each element of the affine map: what errors of poses and slopes of the ground leave."""
 
 _CONVERGED = 2e-3  # steps
 _FARTHEST = 6.0  # steps from the start: farther is no refinement
@@ -48,13 +52,13 @@ class Fitted(NamedTuple):
 
 
 class _System(NamedTuple):
-    """The fixed patches: grid, weights, normalised values, and the step per residual."""
+    """The fixed patches: grid, weights, normalised values and how the map changes them."""
 
     grid: Floats  # (k, 2)
     weight: Floats  # (k,)
     value: Floats  # (m, k) mean 0, weighted variance 1
     contrast: Floats  # (m,)
-    gain: Floats  # (m, 6, k) change of the parameters by each residual
+    by: Floats  # (m, 6, k) change of the values by the map's parameters
 
 
 def fitted(
@@ -76,14 +80,21 @@ def fitted(
         At most so many.
     """
     system = _system(fixed, half)
+    everyone = np.arange(len(start))
     place, linear = start.copy(), linear.copy()
-    active = np.arange(len(start))
-    for _ in range(steps):
-        value, _ = _sampled(moving, active, place, linear, system)
-        delta = (system.gain[active] @ (value - system.value[active])[..., None])[..., 0]
+    value, _ = _sampled(moving, everyone, place, linear, system)
+    inverse, pull = _inverse(system, _variance(value - system.value, system.weight, 2))
+    gain = inverse @ (system.by * system.weight)
+    active = everyone
+    for step in range(steps):
+        if step:
+            value, _ = _sampled(moving, active, place, linear, system)
+        changed = (linear[active] - np.eye(2)).reshape(-1, 4)
+        delta = (gain[active] @ (value - system.value[active])[..., None])[..., 0]
+        delta += pull[active, None] * (inverse[active][..., 2:] @ changed[..., None])[..., 0]
         # The patch is moved by the inverse of what would move the fixed one.
-        inverse = np.linalg.inv(np.eye(2) + delta[:, 2:].reshape(-1, 2, 2))
-        linear[active] = linear[active] @ inverse
+        back = np.linalg.inv(np.eye(2) + delta[:, 2:].reshape(-1, 2, 2))
+        linear[active] = linear[active] @ back
         move = (linear[active] @ delta[:, :2, None])[..., 0]
         place[active] -= move
         size = np.hypot(*move.T)
@@ -91,19 +102,34 @@ def fitted(
         active = active[(size > _CONVERGED) & near & np.isfinite(size)]
         if not len(active):
             break
-    value, contrast = _sampled(moving, np.arange(len(start)), place, linear, system)
-    rest = value - system.value
-    spread = system.weight.sum() ** 2 / (system.weight**2).sum()
-    variance = (rest**2 @ system.weight) / system.weight.sum() * spread / (spread - 8.0)
-    by = linear @ system.gain[:, :2]
+    value, contrast = _sampled(moving, everyone, place, linear, system)
+    noise = _variance(value - system.value, system.weight, 8)
+    by = linear @ gain[:, :2]
+    prior = linear @ inverse[:, :2, 2:] * (pull * CHANGE_SIGMA)[:, None, None]
+    covariance = noise[:, None, None] * (by @ np.swapaxes(by, 1, 2))
     return Fitted(
         place=place,
         linear=linear,
-        covariance=variance[:, None, None] * (by @ np.swapaxes(by, 1, 2)),
+        covariance=covariance + prior @ np.swapaxes(prior, 1, 2),
         likeness=(value * system.value) @ system.weight / system.weight.sum(),
         gain=contrast / system.contrast,
         contrast=system.contrast,
     )
+
+
+def _variance(rest: Floats, weight: Floats, unknowns: int) -> Floats:
+    """(m,) of one residual, from weighted residuals (m, k)."""
+    number = weight.sum() ** 2 / (weight**2).sum()
+    return np.asarray((rest**2 @ weight) / weight.sum() * number / (number - unknowns))
+
+
+def _inverse(system: _System, noise: Floats) -> tuple[Floats, Floats]:
+    """Inverse normal equations (m, 6, 6) with what is known of the map, and its weight (m,)."""
+    normal = (system.by * system.weight) @ np.swapaxes(system.by, 1, 2)
+    normal += (1e-9 * np.trace(normal, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(6)
+    pull = noise / CHANGE_SIGMA**2
+    normal += pull[:, None, None] * np.diag([0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
+    return np.linalg.inv(normal), pull
 
 
 def _system(fixed: Grey, half: int) -> _System:
@@ -126,10 +152,7 @@ def _system(fixed: Grey, half: int) -> _System:
     # What brightness and contrast explain says nothing of the place.
     by -= (by @ weight / weight.sum())[..., None]
     by -= (by @ (weight * value)[..., None] / weight.sum()) * value[:, None]
-    weighted = by * weight
-    normal = weighted @ np.swapaxes(by, 1, 2)
-    normal += (1e-9 * np.trace(normal, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(6)
-    return _System(grid, weight, value, contrast, np.linalg.solve(normal, weighted))
+    return _System(grid, weight, value, contrast, by)
 
 
 def _sampled(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.stats import chi2
@@ -12,12 +12,70 @@ from uavgram.imaging.matching.matched import Matched, Refused, Sought
 from uavgram.imaging.matching.patches import Frames, Grey, common_frames, window, within
 from uavgram.imaging.matching.search import best_place
 from uavgram.imaging.raster import Image
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints, rows_of
 
 REGION = float(chi2.ppf(0.999, 2))
 """Squared distance, in sigmas, of the edge of what is searched: 99.9 % of predictions."""
 
+_LARGE = 40.0  # steps: regions that reach farther are searched at every other step first
+_MOST_OUTSIDE = 0.15  # of the probability: more, and something alike within could be taken for it
+_ABOUT = 4.0  # steps about a place found so
 _MARGIN = 8  # steps about a patch in its window, for the patch to move and for interpolation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Patch:
+    """How much of the picture about a point is compared.
+
+    Attributes
+    ----------
+    half, other_halves
+        Of the sides of the patch that is matched, and of those that must agree with it [steps].
+    search_half
+        Of the side of the patch that is searched [steps].
+    likeness
+        Least correlation after matching: a small patch alone must fit better.
+    step
+        Of the common window, in pixels of the coarser photo.
+    after
+        Why a point was refused before, to be tried with this one.
+    """
+
+    half: int
+    other_halves: tuple[int, int]
+    search_half: int
+    likeness: float
+    step: float = 1.0
+    after: tuple[Refused, ...] = ()
+
+
+PATCHES = (
+    Patch(half=10, other_halves=(7, 15), search_half=12, likeness=0.8),
+    # Where something hides part of the patch, or ends the photo, a smaller one may see it all.
+    Patch(
+        half=7,
+        other_halves=(5, 9),
+        search_half=8,
+        likeness=0.95,
+        after=(
+            Refused.OUTSIDE,
+            Refused.NOT_LIKE,
+            Refused.NOT_BACK,
+            Refused.UNSTABLE,
+            Refused.DISTORTED,
+        ),
+    ),
+    # What drowns in noise pixel by pixel may stand out of it in twos.
+    Patch(
+        half=10,
+        other_halves=(7, 14),
+        search_half=11,
+        likeness=0.8,
+        step=2.0,
+        after=(Refused.WEAK,),
+    ),
+)
+"""One after the other is tried for what was not found before."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,45 +84,42 @@ class MatchOptions:
 
     Attributes
     ----------
-    half, other_halves
-        Of the sides of the patch that is matched, and of those that must agree with it [steps].
-    search_half
-        Of the side of the patch that is searched.
-    search_likeness, likeness
-        Least correlation after the search, and after matching.
+    patches
+        Tried one after the other.
+    search_likeness
+        Least correlation after the search.
     second_peak
         Most that 1 - correlation may be of that of the next best place.
-    back_px, agree_px
+    back, agree
         Most distance from the point after matching back, and between sizes [steps].
     change, shift, gain
         Most change of the map, most way from the search's place [steps], most change of contrast
         either way.
-    contrast
-        Least weighted standard deviation of a patch [grey values].
+    contrast, noisy_contrast
+        Least standard deviation of a patch [grey values], and that below which the noise may be
+        why nothing looks like it.
     sigma_px
         Most standard deviation in the worse direction.
-    lsm_scale, floor_px
-        sigma^2 = (scale * formal)^2 + floor^2: the floor is what rendering, JPEG and
+    lsm_scale, floor
+        sigma^2 = (scale * formal)^2 + floor^2: the floor [steps] is what JPEG, sharpening and
         interpolation leave at best.
     farthest
         Most steps from the prediction that are searched.
     """
 
-    half: int = 10
-    other_halves: tuple[int, int] = (7, 15)
-    search_half: int = 12
+    patches: tuple[Patch, ...] = PATCHES
     search_likeness: float = 0.75
-    likeness: float = 0.8
     second_peak: float = 0.75
-    back_px: float = 0.3
-    agree_px: float = 0.35
+    back: float = 0.3
+    agree: float = 0.35
     change: float = 0.2
     shift: float = 2.0
     gain: float = 2.0
     contrast: float = 1.5
+    noisy_contrast: float = 6.0
     sigma_px: float = 0.3
-    lsm_scale: float = 0.85
-    floor_px: float = 0.03
+    lsm_scale: float = 0.9
+    floor: float = 0.03
     farthest: int = 420
 
 
@@ -85,19 +140,53 @@ def matched(
     options
         What is asked of a match.
     """
-    return _Search(source, target, sought, options).result()
+    n = len(sought)
+    found = Matched(
+        pixel_px=np.full((n, 2), np.nan),
+        covariance_px2=np.full((n, 2, 2), np.nan),
+        sigma_px=np.full(n, np.nan),
+        score=np.zeros(n),
+        refused=np.full(n, Refused.OUTSIDE),
+    )
+    for number, patch in enumerate(options.patches):
+        index = np.flatnonzero(np.isin(found.refused, patch.after)) if number else np.arange(n)
+        if not len(index):
+            break
+        part = replace(sought, **rows_of(sought, index))
+        again = _Search(source, target, part, options, patch).result()
+        # The first patch's reason stands where no other finds the point.
+        use = (again.refused == Refused.NONE) | (number == 0)
+        found = _with_rows(found, index[use], replace(again, **rows_of(again, np.flatnonzero(use))))
+    return found
+
+
+def _with_rows(found: Matched, index: Ints, rows: Matched) -> Matched:
+    columns = {}
+    for field in fields(Matched):
+        column = getattr(found, field.name).copy()
+        column[index] = getattr(rows, field.name)
+        columns[field.name] = column
+    return Matched(**columns)
 
 
 class _Search:
     """One call: what is left of the points after each check."""
 
-    def __init__(self, source: Image, target: Image, sought: Sought, options: MatchOptions) -> None:
+    def __init__(
+        self,
+        source: Image,
+        target: Image,
+        sought: Sought,
+        options: MatchOptions,
+        patch: Patch,
+    ) -> None:
         n = len(sought)
         self._source, self._target, self._sought, self._options = source, target, sought, options
-        self._frames: Frames = common_frames(sought.affine)
+        self._patch = patch
+        frames = common_frames(sought.affine)
+        self._frames = Frames(frames.source * patch.step, frames.target * patch.step)
         self._refused: Ints = np.full(n, Refused.NONE, np.int64)
         self._score: Floats = np.zeros(n)
-        self._half = max(options.half, *options.other_halves)
 
     def result(self) -> Matched:
         """What was found."""
@@ -129,50 +218,85 @@ class _Search:
     def _searched(self) -> Floats:
         """(n, 2) pixels in the target that look most like the points, to some tenths."""
         n, options = len(self._sought), self._options
+        half = self._patch.search_half
+        inside = within(self._source, self._sought.source_px, self._frames.source, half)
+        self._refuse(np.arange(n), ~inside, Refused.OUTSIDE)
         into = np.linalg.inv(self._frames.target)
         spread = into @ self._sought.covariance_px2 @ np.swapaxes(into, 1, 2)
         far = np.sqrt(REGION * np.diagonal(spread, axis1=1, axis2=2)).max(axis=1, initial=0.0)
-        reach = np.ceil(far).astype(int) + 2
-        everyone = np.arange(n)
-        half = options.search_half
-        inside = within(self._source, self._sought.source_px, self._frames.source, half)
-        self._refuse(everyone, ~inside, Refused.OUTSIDE)
-        self._refuse(everyone, reach > options.farthest, Refused.TOO_FAR)
+        self._refuse(np.arange(n), far > options.farthest, Refused.TOO_FAR)
         at = np.full((n, 2), np.nan)
         for i in self._left():
-            at[i] = self._search_one(int(i), int(reach[i]), spread[i])
+            at[i] = self._search_one(int(i), self._sought.covariance_px2[i], float(far[i]))
         return at
 
-    def _search_one(self, i: int, reach: int, spread: Floats) -> Floats:
-        options, frame = self._options, self._frames.target[i]
-        half, center = options.search_half, self._sought.target_px[i]
-        patch = window(self._source, self._sought.source_px[i], self._frames.source[i], half)
+    def _search_one(self, i: int, covariance: Floats, far: float) -> Floats:
+        """Look in a large region at every other step first, then about what was found."""
+        at = self._sought.target_px[i]
+        if far > _LARGE:
+            at = self._best(i, at, covariance, 2.0, alone=True)
+            covariance = self._frames.target[i] @ self._frames.target[i].T * _ABOUT**2 / REGION
+        if self._refused[i] == Refused.NONE:
+            at = self._best(i, at, covariance, 1.0, alone=far <= _LARGE)
+        return at
+
+    def _best(
+        self, i: int, center: Floats, covariance: Floats, coarse: float, *, alone: bool
+    ) -> Floats:
+        """Pixel in the target of the best place about a centre, to some tenths.
+
+        Parameters
+        ----------
+        i
+            Of the point.
+        center, covariance
+            (2,), (2, 2) of where it may be.
+        coarse
+            How many steps are one.
+        alone
+            Whether it must be the only one, and searched for in the middle of the region.
+        """
+        options, half = self._options, self._patch.search_half
+        near, frame = self._frames.source[i] * coarse, self._frames.target[i] * coarse
+        patch = window(self._source, self._sought.source_px[i], near, half)
         if patch.std() < options.contrast:
             self._refused[i] = Refused.WEAK
             return center
-        allowed = _region(reach, spread)
-        allowed &= self._in_target(center, frame, reach)
+        distance = _squared_distance(frame, covariance)
+        reach = len(distance) // 2
+        inside = self._in_target(center, frame, reach)
+        allowed = inside & (distance <= REGION)
         if not allowed.any():
             self._refused[i] = Refused.OUTSIDE
             return center
         around = window(self._target, center, frame, half + reach, exact=False)
         peak = best_place(patch, around, allowed)
         self._score[i] = peak.likeness
+        likely = np.exp(-0.5 * distance)
+        cut = likely[~inside].sum() > _MOST_OUTSIDE * likely.sum()
+        near_second = 1 - peak.likeness > options.second_peak * (1 - peak.second)
         one = np.array([i])
-        self._refuse(one, np.array([peak.likeness < options.search_likeness]), Refused.NOT_LIKE)
-        near = 1 - peak.likeness > options.second_peak * (1 - peak.second)
-        self._refuse(one, np.array([near or peak.at_edge]), Refused.NOT_UNIQUE)
+        unlike = np.array([peak.likeness < options.search_likeness])
+        self._refuse(one, unlike & (patch.std() < options.noisy_contrast), Refused.WEAK)
+        self._refuse(one, unlike, Refused.NOT_LIKE)
+        self._refuse(one, np.array([alone and cut]), Refused.OUTSIDE)
+        self._refuse(one, np.array([alone and near_second]), Refused.NOT_UNIQUE)
+        self._refuse(one, np.array([peak.at_edge]), Refused.NOT_UNIQUE)
         return np.asarray(center + frame @ peak.place)
 
     def _in_target(self, center: Floats, frame: Floats, reach: int) -> Bools:
         """(2 reach + 1, 2 reach + 1) whether a patch there is within the target."""
-        step = np.arange(-reach, reach + 1.0)
-        place = center + np.stack(np.meshgrid(step, step), axis=-1).reshape(-1, 2) @ frame.T
-        half = self._options.search_half
-        return within(self._target, place, frame[None], half).reshape(len(step), -1)
+        step = np.arange(-reach, reach + 1.0, dtype=np.float32)
+        far = np.abs(frame).sum(axis=1) * self._patch.search_half + 1.0
+        inside: Bools = np.ones((len(step), len(step)), bool)
+        for axis, size in enumerate(self._target.shape[1::-1]):
+            first, second = frame[axis].astype(np.float32)
+            place = (first * step + np.float32(center[axis])) + (second * step)[:, None]
+            inside &= (place >= far[axis]) & (place <= size - 1 - far[axis])
+        return inside
 
     def _windows(self, index: Ints, at: Floats) -> tuple[Grey, Grey]:
-        half = self._half + _MARGIN
+        half = max(self._patch.half, *self._patch.other_halves) + _MARGIN
         sides = (
             (self._source, self._sought.source_px[index], self._frames.source[index]),
             (self._target, at, self._frames.target[index]),
@@ -185,22 +309,22 @@ class _Search:
 
     def _refined(self, index: Ints, at: Floats) -> tuple[Floats, Floats]:
         """Pixels (m, 2) and covariances of the points that are left."""
-        options = self._options
+        options, patch = self._options, self._patch
         near, far = self._windows(index, at)
         square = np.broadcast_to(np.eye(2), (len(index), 2, 2))
-        there = fitted(near, far, np.zeros((len(index), 2)), square, options.half, 12)
+        there = fitted(near, far, np.zeros((len(index), 2)), square, patch.half, 12)
         self._score[index] = there.likeness
         self._judge_fit(index, there)
         back_map = np.linalg.inv(there.linear)
         back_start = -(back_map @ there.place[..., None])[..., 0]
-        back = fitted(far, near, np.zeros_like(back_start), square, options.half, 12)
+        back = fitted(far, near, np.zeros_like(back_start), square, patch.half, 12)
         others = [
-            fitted(near, far, there.place, there.linear, half, 5) for half in options.other_halves
+            fitted(near, far, there.place, there.linear, half, 5) for half in patch.other_halves
         ]
         self._judge_back(index, there, back, others)
         into = self._frames.target[index]
-        covariance = options.lsm_scale**2 * (into @ there.covariance @ np.swapaxes(into, 1, 2))
-        covariance += options.floor_px**2 * np.eye(2)
+        covariance = options.lsm_scale**2 * there.covariance + options.floor**2 * np.eye(2)
+        covariance = into @ covariance @ np.swapaxes(into, 1, 2)
         worst = np.sqrt(np.linalg.eigvalsh(covariance)[:, 1])
         self._refuse(index, ~(worst < options.sigma_px), Refused.WEAK)
         return at + (into @ there.place[..., None])[..., 0], covariance
@@ -208,7 +332,7 @@ class _Search:
     def _judge_fit(self, index: Ints, there: Fitted) -> None:
         options = self._options
         self._refuse(index, ~(there.contrast > options.contrast), Refused.WEAK)
-        self._refuse(index, ~(there.likeness > options.likeness), Refused.NOT_LIKE)
+        self._refuse(index, ~(there.likeness > self._patch.likeness), Refused.NOT_LIKE)
         change = np.linalg.norm(there.linear - np.eye(2), ord=2, axis=(1, 2))
         far = np.hypot(*there.place.T) > options.shift
         gain = np.abs(np.log(there.gain)) > np.log(options.gain)
@@ -217,16 +341,25 @@ class _Search:
     def _judge_back(self, index: Ints, there: Fitted, back: Fitted, others: list[Fitted]) -> None:
         options = self._options
         home = back.place + (back.linear @ there.place[..., None])[..., 0]
-        self._refuse(index, ~(np.hypot(*home.T) < options.back_px), Refused.NOT_BACK)
+        self._refuse(index, ~(np.hypot(*home.T) < options.back), Refused.NOT_BACK)
         apart = np.max([np.hypot(*(o.place - there.place).T) for o in others], axis=0)
-        self._refuse(index, ~(apart < options.agree_px), Refused.UNSTABLE)
+        self._refuse(index, ~(apart < options.agree), Refused.UNSTABLE)
 
 
-def _region(reach: int, covariance: Floats) -> Bools:
-    """(2 reach + 1, 2 reach + 1) what lies within the region, and a step about it."""
-    step = np.arange(-reach, reach + 1.0)
-    x, y = np.meshgrid(step, step)
-    weight = np.linalg.inv(covariance + np.eye(2) / REGION)
-    return np.asarray(
-        weight[0, 0] * x**2 + 2 * weight[0, 1] * x * y + weight[1, 1] * y**2 <= REGION
-    )
+def _squared_distance(frame: Floats, covariance: Floats) -> Floats:
+    """(2 r + 1, 2 r + 1) squared distances in sigmas of places by steps, up to the region's edge.
+
+    Parameters
+    ----------
+    frame
+        (2, 2) pixels by steps.
+    covariance
+        (2, 2) of the prediction [px^2].
+    """
+    into = np.linalg.inv(frame)
+    spread = into @ covariance @ into.T + np.eye(2) / REGION  # a step about a sure prediction
+    reach = int(np.ceil(np.sqrt(REGION * np.diagonal(spread).max()))) + 1
+    step = np.arange(-reach, reach + 1.0, dtype=np.float32)
+    weight = np.linalg.inv(spread).astype(np.float32)
+    along = weight[0, 0] * step**2 + (weight[1, 1] * step**2)[:, None]
+    return np.asarray(along + (2 * weight[0, 1] * step) * step[:, None])

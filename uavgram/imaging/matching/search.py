@@ -46,8 +46,8 @@ def best_place(patch: Grey, searched: Grey, allowed: Bools) -> Peak:
         (2 r + 1, 2 r + 1) where its middle may lie.
     """
     like = cv2.matchTemplate(searched, patch, cv2.TM_CCOEFF_NORMED)
-    like = np.where(np.isfinite(like) & (like < 1.01), like, -1.0)
-    inside = np.where(allowed, like, -1.0)
+    like[~(np.abs(like) < 1.01)] = -1.0  # of even places: not finite
+    inside = np.where(allowed, like, np.float32(-1.0))
     y, x = np.unravel_index(int(inside.argmax()), inside.shape)
     reach = like.shape[0] // 2
     if not 0 < x < 2 * reach or not 0 < y < 2 * reach:
