@@ -48,7 +48,7 @@ def textured(size: int) -> Image:
 
 
 def write_flight(folder: Path, megapixels: float, photos: int) -> tuple[Path, Floats]:
-    """Write the project; returns its file and the pixels (CLICKS, 2) to click in the first photo."""
+    """Write the project; its file, and the pixels (CLICKS, 2) to click in the first photo."""
     width = round(np.sqrt(megapixels * 1e6 * 4 / 3))
     height = round(width * 3 / 4)
     focal = width * HEIGHT_M / ACROSS_M
@@ -78,7 +78,8 @@ def write_flight(folder: Path, megapixels: float, photos: int) -> tuple[Path, Fl
     (folder / "picks.csv").write_text("\n".join(rows) + "\n")
     lines = ["name,from,to,length_m,sigma_m"]
     for i in range(0, LABELS, 2):
-        lines.append(f"L{i},R{i + 1},R{i + 2},{np.linalg.norm(place[i] - place[i + 1]):.4f},0.01")
+        length = np.linalg.norm(place[i] - place[i + 1])
+        lines.append(f"L{i},R{i + 1},R{i + 2},{length:.4f},0.01")
     (folder / "lines.csv").write_text("\n".join(lines) + "\n")
     (folder / "measure.csv").write_text("name,kind,points\n")
     (folder / "camera.yaml").write_text(

@@ -42,7 +42,7 @@ class Agreeing(Places):
 
     wrong: ClassVar[Collection[tuple[str, str]]] = ()
 
-    def contradicted(self, rows: Ints, pixel_px: Floats, sigma_px: Floats) -> Bools:
+    def contradicted(self, rows: Ints, *_: Floats) -> Bools:
         return np.array([(self.image[k], self.label[k]) in self.wrong for k in rows])
 
 
