@@ -193,6 +193,7 @@ def test_newer_picks_are_not_waited_for(start: Start) -> None:
     world.go_on.set()
     until(lambda: len(seeker.outcomes) == 6)
     assert all(one.source == ("1.jpg", 99.0, 5.0) for one in seeker.outcomes.values())
+    assert ("3.jpg", "10") not in world.looked  # the second photo was no longer looked at
 
 
 def test_a_pick_that_moved_takes_its_proposals_along(start: Start) -> None:
@@ -216,6 +217,7 @@ def test_what_is_refused_is_not_proposed_again(start: Start) -> None:
     until(lambda: len(seeker.outcomes) == 4)
     assert seeker.outcomes["2.jpg", "A"].why == BY_HAND
     assert seeker.outcomes["2.jpg", "A"].found is None
+    assert len(world.looked) == 4  # nor looked at
 
 
 def test_what_is_picked_there_is_not_sought(start: Start) -> None:

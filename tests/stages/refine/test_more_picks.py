@@ -12,6 +12,7 @@ from uavgram.estimation.measuring.transferred_pixels import Clicked, Transferred
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
+from uavgram.stages.refine.continued import continued
 from uavgram.stages.refine.more_picks import MorePicks, with_more_picks
 
 NEW = "P22"
@@ -118,3 +119,13 @@ def test_a_camera_that_looks_at_the_sky_tells_nothing(base: Adjusted) -> None:
     new = MorePicks(("sky",), np.array([0]), np.array([[1500.0, 1100.0]]), SIGMA_PX)
     with pytest.raises(ValueError, match="impossible"):
         with_more_picks(upward, new, 0.0)
+
+
+def test_what_was_learnt_of_uneven_ground_holds_for_a_new_label(
+    survey: LiveSurvey, base: Adjusted, rows: tuple[list[int], int]
+) -> None:
+    even, new = base.adjustment, more(survey, base, rows[1])
+    departs = np.full(len(even.survey.label), 0.5)
+    learnt = continued(even, replace(even.survey, height_sigma_m=departs))
+    assert with_more_picks(learnt, new, 0.0).survey.height_sigma_m[-1] == 0.5
+    assert with_more_picks(even, new, 0.0).survey.height_sigma_m[-1] == 0.0
