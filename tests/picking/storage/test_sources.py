@@ -99,3 +99,19 @@ def test_the_page_is_told_who_made_a_pick(tmp_path: Path) -> None:
     told = {name: match[name] for name in ("source", "score", "from_image", "from_u_px")}
     assert told == {"source": "match", "score": 0.93, "from_image": 0, "from_u_px": 10.0}
     assert (target["source"], target["from_image"]) == ("target", None)
+
+
+def test_a_journal_knows_what_was_accepted_in_one_step(tmp_path: Path) -> None:
+    after = state_in(tmp_path / "picks.csv")
+    hand, *found, target = after.picks
+    before = State(picks=(hand, target))
+    names = c.Place.__dataclass_fields__
+    do = c.PlaceAll(
+        places=tuple(c.Place(**{name: getattr(pick, name) for name in names}) for pick in found)
+    )
+    journal = Journal(tmp_path / "j.jsonl", fresh=True)
+    journal.open(before, {}, resumed=False)
+    journal.record(do, 0)
+    journal.close()
+    left = left_in(tmp_path / "j.jsonl").session
+    assert left == apply(Session(state=before), do)

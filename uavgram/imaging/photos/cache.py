@@ -61,6 +61,12 @@ class LruCache(Generic[Key, Value]):
             self._fill(key, future)
         return future.result()
 
+    def has(self, key: Key) -> bool:
+        """Whether the value of a key is made."""
+        with self._lock:
+            future = self._kept.get(key)
+        return future is not None and future.done()
+
     def prefetch(self, key: Key) -> None:
         """Begin to make a value that will be asked for."""
         future, mine = self._asked(key)

@@ -39,6 +39,27 @@ class Place:
 
 
 @dataclass(frozen=True, kw_only=True)
+class PlaceAll:
+    """Pick several in one step; what is picked already stays as it is."""
+
+    places: tuple[Place, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accept:
+    """Pick what the program found: photo and label of each."""
+
+    pairs: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refuse:
+    """Do not take what the program found, or do not ask for it: photo and label of each."""
+
+    pairs: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class Unpick:
     """Remove the pick of a label in a photo."""
 
@@ -135,12 +156,17 @@ class Redo:
 
 @dataclass(frozen=True, kw_only=True)
 class Snap:
-    """Find the exact place of the corner or the round target near a pixel."""
+    """Find the exact place of the corner or the round target near a pixel.
+
+    Where the photo is expected to show the label `expected`, that is the one inside the region in
+    which it is expected; the pixel tells several apart.
+    """
 
     image: str
     u_px: float
     v_px: float
     target: Target
+    expected: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,6 +231,7 @@ class UseCamera:
 
 Change = (
     Place
+    | PlaceAll
     | Unpick
     | Forget
     | Rename
@@ -217,6 +244,14 @@ Change = (
 )
 Command = Change | Undo | Redo
 ProjectAction = (
-    Export | Reload | TakeAside | DiscardAside | Folders | Calibrate | StopCalibration | UseCamera
+    Refuse
+    | Export
+    | Reload
+    | TakeAside
+    | DiscardAside
+    | Folders
+    | Calibrate
+    | StopCalibration
+    | UseCamera
 )
 Question = Snap | SameGround | SideView

@@ -122,6 +122,13 @@ def _place(state: State, do: c.Place) -> State:
     return replace(state, picks=(*state.picks, new))
 
 
+def _place_all(state: State, do: c.PlaceAll) -> State:
+    for place in do.places:
+        if state.pick(place.image, place.label) is None:
+            state = _place(state, place)
+    return state
+
+
 def _placed_anew(state: State, there: Pick, do: c.Place) -> State:
     """With a pick where it is placed now; where that is elsewhere, it is of whoever placed it.
 
@@ -231,6 +238,7 @@ def _remove_measurement(state: State, do: c.RemoveMeasurement) -> State:
 
 _CHANGES: dict[type, Callable[..., State]] = {
     c.Place: _place,
+    c.PlaceAll: _place_all,
     c.Unpick: _unpick,
     c.Forget: _forget,
     c.Rename: _rename,

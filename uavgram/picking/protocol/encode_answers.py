@@ -4,22 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
+from uavgram.imaging.snap_region import Region, snap_circle_within, snap_corner_within
 from uavgram.model.result.profiles import COLUMNS
 from uavgram.picking.document.commands import SameGround, SideView, Snap
 from uavgram.picking.protocol.encode_survey import Json, number
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
-from uavgram.pipeline.pick.other_photos import same_ground
+from uavgram.pipeline.pick.other_photos import ExpectedPlace, same_ground
 from uavgram.pipeline.pick.side_view import side_view
 
 _DIGITS = 5
 
 
-def snap_json(photo: Pixels, asked: Snap) -> Json:
-    """The exact place with its sigma, or why there is none."""
-    find = snap_corner if asked.target == "corner" else snap_circle
-    found = find(photo, asked.u_px, asked.v_px)
+def snap_json(photo: Pixels, asked: Snap, expected: ExpectedPlace | None) -> Json:
+    """The exact place with its sigma, or why there is none.
+
+    Parameters
+    ----------
+    photo
+        (height, width, 3) BGR.
+    asked
+        What is to be found, and the pixel.
+    expected
+        Where, if that is known; else near the pixel.
+    """
+    found: Snapped | str
+    if expected is None:
+        find = snap_corner if asked.target == "corner" else snap_circle
+        found = find(photo, asked.u_px, asked.v_px)
+    else:
+        within = snap_corner_within if asked.target == "corner" else snap_circle_within
+        found = within(photo, Region(*expected, np.array([asked.u_px, asked.v_px])))
     if not isinstance(found, Snapped):
         return {"why": found}
     return {"u_px": found.u_px, "v_px": found.v_px, "sigma_px": round(found.sigma_px, 3)}

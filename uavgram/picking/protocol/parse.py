@@ -35,6 +35,7 @@ from uavgram.picking.document.refused import RefusedError
 
 LONGEST_MESSAGE = 1_000_000
 MOST_POINTS = 256
+MOST_PAIRS = 10_000
 LARGEST_INTEGER = 2**53
 
 _UNIT = re.compile(r"_(px|m)$")  # of a field; people know the field without it
@@ -72,7 +73,7 @@ class Message:
     seq: int
     step: int
     final: bool
-    body: c.Command | c.Question | c.ProjectAction
+    body: c.Command | c.Accept | c.Question | c.ProjectAction
 
 
 def parse_message(text: str | bytes, photos: Sequence[PhotoSize]) -> Message:
@@ -242,6 +243,19 @@ class _Fields:
         self.kind = self.choice("kind", tuple(POINT_COUNTS))
         return self.kind
 
+    def pairs(self, name: str) -> tuple[tuple[str, str], ...]:
+        """Photos by number, each with a label."""
+        values = self._take(name)
+        if not isinstance(values, list) or not 0 < len(values) <= MOST_PAIRS:
+            _refuse(f"{name} must be a list of 1 to {MOST_PAIRS} pairs of photo and label")
+        found = []
+        for value in values:
+            if not isinstance(value, list) or len(value) != 2:
+                _refuse(f"{name} must hold pairs of photo and label")
+            one = _Fields({"image": value[0], "label": value[1]}, self._photos)
+            found.append((one.photo().name, one.label()))
+        return tuple(found)
+
     def labels(self, name: str) -> tuple[str, ...]:
         values = self._take(name)
         if not isinstance(values, list) or len(values) > MOST_POINTS:
@@ -293,15 +307,19 @@ _READERS: dict[str, Callable[[_Fields], object]] = {
     "along": lambda f: f.choice("along", get_args(Along)) if f.has("along") else None,
     "kind": _Fields.measurement_kind,
     "points": lambda f: f.labels("points"),
+    "pairs": lambda f: f.pairs("pairs"),
     "parameters": _Fields.parameters,
     "target": lambda f: f.choice("target", _TARGETS),
+    "expected": lambda f: f.label("expected") if f.has("expected") else "",
     "folder": lambda f: f.integer("folder"),
     "board": lambda f: f.text("board"),
     "model": lambda f: f.choice("model", _MODELS),
 }
 
-_KINDS: dict[str, type[c.Command | c.Question | c.ProjectAction]] = {
+_KINDS: dict[str, type[c.Command | c.Accept | c.Question | c.ProjectAction]] = {
     "place": c.Place,
+    "accept": c.Accept,
+    "refuse": c.Refuse,
     "unpick": c.Unpick,
     "forget": c.Forget,
     "rename": c.Rename,

@@ -108,6 +108,8 @@ class OpenProject:
             It cannot be done; says why.
         """
         match action:
+            case c.Refuse():
+                self.picking.refuse(action)
             case c.Export():
                 return {"t": "exported", **await self._exported()}
             case c.Folders():

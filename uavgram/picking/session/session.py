@@ -8,15 +8,18 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 from uavgram.errors import OutputError
 from uavgram.imaging.photos.cache import LruCache
+from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.imaging.photos.preview import read_preview
 from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
 from uavgram.imaging.photos.tiles import TILE_PX
+from uavgram.io.photos.board_photos import read_grey
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
+from uavgram.picking.document.proposals import Outcomes, accepted
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import State, state_of
 from uavgram.picking.protocol.encode_answers import same_ground_json, side_json, snap_json
@@ -25,6 +28,7 @@ from uavgram.picking.protocol.encode_project import (
     clock_json,
     photos_json,
 )
+from uavgram.picking.protocol.encode_proposals import proposals_json
 from uavgram.picking.protocol.encode_survey import (
     Json,
     difference_json,
@@ -33,10 +37,11 @@ from uavgram.picking.protocol.encode_survey import (
     state_json,
 )
 from uavgram.picking.protocol.parse import Message, PhotoSize, parse_message
+from uavgram.picking.session.seeker import Seeker, Wanted
 from uavgram.picking.session.workers import Live, Task
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.pick.live import LiveSurvey
-from uavgram.pipeline.pick.other_photos import known_places
+from uavgram.pipeline.pick.other_photos import expected_place, known_places
 
 log = logging.getLogger(__name__)
 
@@ -89,6 +94,12 @@ class PickSession:
             lambda k: read_preview(photos.path[k], THUMBNAIL_PX)[0].jpeg, len, 64_000_000
         )
         self._live = Live(survey, self.index, self._adjusted)
+        paths = dict(zip(photos.frame_id, photos.path, strict=True))
+        self._grey = GreyPhotos(
+            {photo.name: photo.width_px * photo.height_px for photo in self.photos},
+            lambda name: read_grey(paths[name]),
+        )
+        self._seeker = Seeker(survey, self._grey, self._sought)
 
     @property
     def output(self) -> str:
@@ -104,11 +115,14 @@ class PickSession:
         """Begin: adjust what is there, and decode the photo that a page shows first."""
         self._tiled.read_ahead(0)
         self._live.start()
+        self._seeker.start()
         self._live.submit(Task(self.version, self.state, final=True))
 
     def stop(self) -> None:
-        """Adjust no more; waits for an adjustment under way."""
+        """Adjust and seek no more; waits for an adjustment under way."""
         self._live.stop()
+        self._seeker.stop()
+        self._grey.stop()
 
     def close(self) -> None:
         """End: save everything, let go of the project."""
@@ -144,6 +158,7 @@ class PickSession:
             "state": state_json(self.state, self.index),
             **self._standing(),
             "live": self._last_message or None,
+            "proposals": self._proposals(),
         }
 
     def answer(self, message: Message) -> Json:
@@ -155,14 +170,20 @@ class PickSession:
             The photo cannot be read.
         """
         if isinstance(message.body, c.Snap):
-            photo = self._tiled.pixels(self.index[message.body.image])
-            return {"t": "snapped", "seq": message.seq, **snap_json(photo, message.body)}
+            return {"t": "snapped", "seq": message.seq, **self._snapped(message.body)}
         if isinstance(message.body, c.SameGround):
             found = same_ground_json(self.survey, self._live.last, message.body, self.index)
             return {"t": "ground", "seq": message.seq, **found}
         if isinstance(message.body, c.SideView):
             return {"t": "side", "seq": message.seq, **side_json(self._live.last, message.body)}
         raise TypeError(f"{type(message.body).__name__} is no question")
+
+    def _snapped(self, asked: c.Snap) -> Json:
+        photo = self._tiled.pixels(self.index[asked.image])
+        label, expected = asked.expected, None
+        if label and self.state.pick(asked.image, label) is None:
+            expected = expected_place(self.survey, self._live.last, asked.image, label)
+        return snap_json(photo, asked, expected)
 
     def change(self, message: Message) -> Json:
         """Do what a command says, and keep it; the answer is for all pages.
@@ -176,23 +197,31 @@ class PickSession:
         """
         if isinstance(message.body, c.Question | c.ProjectAction):
             raise TypeError(f"{type(message.body).__name__} is no command")
-        before = self.session
-        after = apply(before, message.body, message.step)
+        before, do = self.session, message.body
+        if isinstance(do, c.Accept):
+            do = accepted(self._seeker.outcomes, self.state, do.pairs)
+        after = apply(before, do, message.step)
         if after is before:
             return {"t": "changed", "seq": message.seq, "diff": {}, **self._standing()}
         self._try(after.state, final=message.final)  # while the disk works
         try:
-            self._saver.record(message.body, message.step)
+            self._saver.record(do, message.step)
         except OutputError:
             self._try(before.state, final=True)
             raise
         self.session = after
+        if message.final:
+            self._seeker.submit(Wanted(after.state, self._live.last))
         return {
             "t": "changed",
             "seq": message.seq,
             "diff": difference_json(before.state, after.state, self.index),
             **self._standing(),
         }
+
+    def refuse(self, action: c.Refuse) -> None:
+        """Propose or ask for some of what was sought no longer."""
+        self._seeker.refuse(action.pairs)
 
     def take(self, changes: Sequence[Json], step: int) -> int:
         """Make changes in one step, each as if a page had sent it; how many do not fit any more.
@@ -246,6 +275,9 @@ class PickSession:
     def show(self, page: str, photos: tuple[int, ...]) -> None:
         """Know which photos a page shows side by side."""
         self._tiled.show(page, photos)
+        if photos:  # what lies near in the list was as a rule taken near
+            near = sorted(range(len(self.photos)), key=lambda k: min(abs(k - p) for p in photos))
+            self._grey.read_ahead([self.photos[k].name for k in near])
 
     def thumbnail(self, photo: int) -> bytes | None:
         """JPEG of a small picture of a photo; None where there is none."""
@@ -261,9 +293,19 @@ class PickSession:
     def _expected(self) -> list[Json]:
         return expected_json(known_places(self.survey, self._live.last), self.index)
 
+    def _sought(self, outcomes: Outcomes, labels: Collection[str], left: int) -> None:
+        told = proposals_json(outcomes, self.index, labels, left)
+        self._broadcast({"t": "proposals", **told})
+
+    def _proposals(self) -> Json:
+        outcomes = self._seeker.outcomes
+        return proposals_json(outcomes, self.index, {label for _, label in outcomes}, 0)
+
     def _adjusted(self, version: int, found: Json) -> None:
         answer = {"t": "live", "for": version, **found}
         if found["mode"] != "linearised":
             answer["expected"] = self._expected()
             self._last_message = answer
         self._broadcast(answer)
+        if found["mode"] == "adjusted":
+            self._seeker.submit(Wanted(self.state, self._live.last))

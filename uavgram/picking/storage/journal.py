@@ -203,6 +203,8 @@ def _entries(path: Path) -> Iterator[dict[str, Any]]:
 
 
 def _command(kind: str, fields: dict[str, Any]) -> c.Command:
+    if kind == c.PlaceAll.__name__:
+        return c.PlaceAll(places=tuple(c.Place(**place) for place in fields["places"]))
     command: c.Command = _COMMANDS[kind](**_tuples(fields))
     return command
 

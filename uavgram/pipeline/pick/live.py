@@ -16,6 +16,7 @@ import numpy as np
 from uavgram.errors import UavgramError
 from uavgram.estimation.measuring.next_length import LineAdvice, next_line
 from uavgram.estimation.measuring.predicted_pixels import (
+    FlightOfPhotos,
     PredictedPixels,
     pixels_at,
     predict_unpicked,
@@ -26,8 +27,6 @@ from uavgram.estimation.survey.departures import heights_at
 from uavgram.estimation.survey.terms.tapes import taped_known
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.photo_poses import Flight
-from uavgram.model.flight.pose import TelemetryPrior
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import KnownLines, MeasurementRequest, Picks
 from uavgram.pipeline.measure.compute import Computed, compute
@@ -171,7 +170,7 @@ class LiveSurvey:
         return Adjusted(
             observed=observed,
             computed=computed,
-            predicted=predict_unpicked(adjustment, self._flight()),
+            predicted=predict_unpicked(adjustment, self.flight()),
             picked_px=picked,
             picked_covariance_px2=covariance,
             advice=next_line(adjustment),
@@ -199,7 +198,8 @@ class LiveSurvey:
             height_m=heights_at(base.adjustment, update.state),
         )
 
-    def _flight(self) -> tuple[TelemetryPrior, Flight, tuple[str, ...]] | None:
+    def flight(self) -> FlightOfPhotos | None:
+        """Of all photos with telemetry; None without."""
         telemetry = None if self.posed is None else self.posed.telemetry
         if telemetry is None:
             return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,6 +24,13 @@ class KnownPlaces:
 
     frame_id: tuple[str, ...]
     label: tuple[str, ...]
+    pixel_px: Floats
+    covariance_px2: Floats
+
+
+class ExpectedPlace(NamedTuple):
+    """Where one label should appear: the pixel (2,) and its covariance (2, 2) [px^2]."""
+
     pixel_px: Floats
     covariance_px2: Floats
 
@@ -60,6 +68,30 @@ def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
         found.pixel_px,
         found.covariance_px2,
     )
+
+
+def expected_place(
+    survey: LiveSurvey, last: Adjusted | None, image: str, label: str
+) -> ExpectedPlace | None:
+    """Where a photo should show a label that is not picked in it; None where nothing says.
+
+    Parameters
+    ----------
+    survey, last
+        As for `known_places`.
+    image, label
+        The photo, and the label.
+    """
+    if last is not None:
+        found, names = last.predicted, last.adjustment.survey.label
+        for k, (frame, row) in enumerate(zip(found.frame_id, found.label.tolist(), strict=True)):
+            if (frame, names[row]) == (image, label):
+                return ExpectedPlace(found.pixel_px[k], found.covariance_px2[k])
+    known = known_places(survey, last)
+    for k, key in enumerate(zip(known.frame_id, known.label, strict=True)):
+        if key == (image, label):
+            return ExpectedPlace(known.pixel_px[k], known.covariance_px2[k])
+    return None
 
 
 def same_ground(

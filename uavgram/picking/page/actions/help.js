@@ -1,7 +1,7 @@
 // What the keys do, and what is drawn and written means.
 
 import { node, shape } from "../elements/dom.js";
-import { DIAMOND, KNOWN } from "../photos/marks.js";
+import { DIAMOND, HOLLOW, KNOWN } from "../photos/marks.js";
 import { SHAPES } from "../photos/sources.js";
 import { KEYS } from "./keys.js";
 
@@ -14,6 +14,7 @@ const MARKS = [
   ["placed", SHAPES.hand, "a point that you placed; the ellipse is where it lies, 95\u00a0%"],
   ["placed found", SHAPES.match, "the same point in another photo, found by the program. Rest the pointer there: from which pick, how exactly. Move it, and it is yours"],
   ["placed found", SHAPES.target, "a coded plate or target, found by the program"],
+  ["proposed", HOLLOW, "found by the program; no pick before a click accepts it"],
   ["predicted", ROUND, "where a point should be that is placed in other photos, 95\u00a0%"],
   ["suspect", DIAMOND, "suspect: it does not fit the rest. Look whether it is the right place, or the right length"],
   ["pulled", STROKE, "residual: from the point to where all else says it is, enlarged as the photo's corner says"],

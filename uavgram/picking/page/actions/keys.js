@@ -35,6 +35,7 @@ export const KEYS = [
     ["click, Enter", "place the label (Enter: in the middle of the photo)"], ["drag, Shift + drag", "move; ten times finer"],
     ["arrows, Shift, Alt", "nudge by 0.1, 1, 10 px"], ["G", "go to where the label is expected"], ["S, Shift+S", "snap to a corner, to a round target"],
     ["Q", "height: free (found from photos), or on the ground"], ["N, B, Tab", "next, previous point"], ["/", "to the label: type one, Enter selects it"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
+    [".   Delete", "a hollow mark (P1?): accept, refuse"], ["Shift, Ctrl + Enter", "accept all of the point, all in the photo"],
   ]],
   ["Lengths and measurements", [
     ["P L D A Y J", "tools: point, length, distance, area, polyline, angle"], ["I V C H", "distance from a line, skid, coordinate, speed"],
@@ -135,9 +136,10 @@ function isTyped({ key, target }) {
 function handle(acted, event) {
   const { key, shiftKey, altKey } = event;
   const arrow = ARROWS[key];
+  if (key === "Enter" && (shiftKey || event.ctrlKey)) return acted.tools.proposals.acceptAll(event.ctrlKey);
   if (event.ctrlKey || event.metaKey) return arrow ? acted.navigation.pan(...arrow) : withControl(acted, key.toLowerCase(), shiftKey);
   if (arrow) return acted.navigation.arrow(...arrow, shiftKey ? 1 : altKey ? 10 : 0.1);
-  if (key === "Enter") return acted.navigation.enter();
+  if (key === "Enter") return acted.tools.proposals.acceptFocused() || acted.navigation.enter();
   const named = NAMED[key];
   if (named) {
     named(acted, event);
@@ -161,6 +163,7 @@ function withControl({ tools, setPanes }, key, shift) {
 const NAMED = {
   Escape: ({ tools }) => tools.cancel(),
   Delete: ({ tools }, { shiftKey }) => tools.remove(shiftKey),
+  ".": ({ tools }) => tools.proposals.acceptSelected(),
   F2: ({ navigation }) => navigation.beginRename(),
   "/": ({ tools }) => tools.toLabel(),
   F6: ({ navigation }, { shiftKey }) => navigation.nextRegion(shiftKey ? -1 : 1),

@@ -1,6 +1,6 @@
-// A pick moved to the exact place of a target.
+// A pick moved to the exact place of a target, or made there: of the target that stands where the label is expected.
 
-import { pickAt } from "../connection/store.js";
+import { pickAt, predictedIn } from "../connection/store.js";
 
 /** @import { Target } from "../connection/protocol.js" */
 /** @import { Tools } from "./tools.js" */
@@ -11,12 +11,14 @@ export async function snap(tools, target) {
   const { state, link, notice, panes: { active: pane } } = tools;
   if (!pane) return;
   const pick = state.selected ? pickAt(pane.image, state.selected) : null;
+  const wanted = state.selected ?? tools.label;
+  const expected = !pick && predictedIn(pane.image).some((one) => one.label === wanted) ? { expected: wanted } : {};
   const [u_px, v_px] = pick ? [pick.u_px, pick.v_px] : pane.inside(...pane.aim);
   try {
-    const found = await link.ask({ t: "snap", image: pane.image, u_px, v_px, target });
+    const found = await link.ask({ t: "snap", image: pane.image, u_px, v_px, target, ...expected });
     if (found.why !== undefined) notice.show(found.why);
     else {
-      const label = pick ? pick.label : tools.labelFor(pane.image);
+      const label = pick ? pick.label : expected.expected ?? tools.labelFor(pane.image);
       tools.placeAt(pane, label, found.u_px, found.v_px, found.sigma_px);
       notice.show(`${label}: ${target} at u ${found.u_px.toFixed(2)}, v ${found.v_px.toFixed(2)}, sigma ${found.sigma_px.toFixed(2)} px`, true);
     }

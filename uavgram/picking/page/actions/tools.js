@@ -6,6 +6,7 @@ import { entryMessage, noNumber, parse, showFault } from "../panel/entry.js";
 import { placeFault } from "../panel/speed.js";
 import { byHand, goneWith } from "../photos/sources.js";
 import { Heights } from "./heights.js";
+import { Proposals } from "./proposals.js";
 import { TOOLS } from "./keys.js";
 import { showTool } from "./tool_menu.js";
 
@@ -39,6 +40,7 @@ export class Tools {
     this.moved = moved;
     this.showForms = showForms;
     this.heights = new Heights({ state, link, notice });
+    this.proposals = new Proposals({ state, link, notice, panes, tools: this });
     this.box = as(HTMLInputElement, byId("label")); // of the label that the next click places
     this.box.addEventListener("keydown", ({ key }) => { if (key === "Enter") this.name(this.label); });
     this.box.addEventListener("input", () => { state.typed = true; });
@@ -282,7 +284,7 @@ export class Tools {
     else if (pick) {
       this.say(goneWith(pick));
       this.send({ t: "unpick", image: active.image, label });
-    }
+    } else this.proposals.refuse([[active.image, label]]);
   }
 
   /** @param {string} words */

@@ -33,6 +33,10 @@ export interface Camera {
 export interface ClockOffset { offset_s: Maybe; sigma_s: Maybe }
 export interface Clock extends ClockOffset { log: string; events: number; unused: string[] }
 export interface Predicted { image: number; label: string; pixel_px: [number, number]; spread: Spread }
+// What the program found of a label in a photo, and where it is to be picked by hand, and why.
+export interface Proposal { image: number; label: string; u_px: number; v_px: number; sigma_px: number; score: number; from_image: number }
+export interface Asked { image: number; label: string; why: string }
+export interface Proposals { labels: string[]; found: Proposal[]; asked: Asked[]; left: number } // all of these labels; left: places to look at
 export interface Outputs { folder: string; files: { name: string; words: string }[]; recording: boolean; version: number | null }
 export interface Folder { id: number; name: string; photos: number; width_px: number; height_px: number }
 export type Calibration = { t: "calibration" } & (
@@ -77,7 +81,7 @@ export interface InitialState extends Standing {
   t: "initial-state"; project: string; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null;
   control: string[]; check: string[]; expected: Predicted[]; recovered: boolean; messages: Remark[];
   state: { picks: Pick[]; lines: Line[]; measurements: Measurement[] };
-  live: FullLive | null; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;
+  live: FullLive | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;
 }
 export interface Changed extends Standing {
   t: "changed"; diff: { picks?: { put: Pick[]; gone: [number, string][] }; lines?: Line[]; measurements?: Measurement[] };
@@ -85,7 +89,7 @@ export interface Changed extends Standing {
 export interface Refused { t: "refused"; why: string }
 export type ServerMessage = { seq?: number | null } & (
   | InitialState | Changed | Live | Calibration | Refused | Answers[keyof Answers]
-  | { t: "saved"; version: number; fault: string } | { t: "outside"; files: string[] } | { t: "outputs"; outputs: Outputs });
+  | { t: "saved"; version: number; fault: string } | { t: "outside"; files: string[] } | { t: "outputs"; outputs: Outputs } | { t: "proposals" } & Proposals);
 
 // From the page: changes of what is picked, and questions.
 
@@ -93,15 +97,16 @@ export interface Place extends Made { t: "place"; image: number; label: string; 
 export interface SetLine extends Reading { t: "line"; was: string; tape?: string; along?: Along }
 export interface SetMeasurement extends Measurement { t: "measure"; was: string }
 export interface SetHeight extends Height { t: "height"; label: string; step?: number }
-export type Change = Place | SetLine | SetMeasurement
+type Pair = [number, string]; // photo and label
+export type Change = Place | { t: "accept"; pairs: Pair[] } | SetLine | SetMeasurement
   | { t: "unpick"; image: number; label: string } | { t: "forget"; label: string } | { t: "rename"; label: string; new: string }
   | { t: "sigma"; image: number; label: string; sigma_px: Maybe } | SetHeight
   | { t: "remove-line"; name: string } | { t: "remove-measurement"; name: string } | { t: "undo" } | { t: "redo" };
 
 export type Target = "corner" | "circle";
 export type Question =
-  | { t: "snap"; image: number; u_px: number; v_px: number; target: Target } | { t: "ground"; image: number; u_px: number; v_px: number }
-  | { t: "side"; name: string } | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
+  | { t: "snap"; image: number; u_px: number; v_px: number; target: Target; expected?: string } | { t: "ground"; image: number; u_px: number; v_px: number }
+  | { t: "side"; name: string } | { t: "refuse"; pairs: Pair[] } | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
   | { t: "calibrate"; folder: number; board: string; model: string };
 type Placed = [Maybe, Maybe]; // value and sigma [m]
 export interface SidePoint { label: string; station_m: Placed; offset_m: Placed; height_m: Placed; ground_m: Placed } // heights over the first point
@@ -112,5 +117,5 @@ export interface Answers {
   ground: { t: "ground"; places: Record<number, [number, number, number] | undefined> }; // u, v [px] and scale
   export: { t: "exported"; why?: string; outputs?: Outputs };
   folders: { t: "folders"; why?: string; folders: Folder[] };
-  reload: Done; "stop-calibration": Done; "use-camera": Done; calibrate: Done; "discard-aside": Done; "take-aside": Done & { refused: number };
+  refuse: Done; reload: Done; "stop-calibration": Done; "use-camera": Done; calibrate: Done; "discard-aside": Done; "take-aside": Done & { refused: number };
 }

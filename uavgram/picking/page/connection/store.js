@@ -1,6 +1,6 @@
 // What the server sent: the picked state, and what the adjustment makes of it.
 
-/** @import { Adjusted, Calibration, Camera, Changed, Clock, Fit, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Predicted, Remark, ServerMessage, Standing } from "./protocol.js" */
+/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, Fit, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Predicted, Proposal, Proposals, Remark, ServerMessage, Standing } from "./protocol.js" */
 
 /**
  * @typedef {object} Store
@@ -23,6 +23,9 @@
  * @property {Map<string, Pick>} picks "image|label" -> pick
  * @property {Line[]} lines
  * @property {Measurement[]} measurements
+ * @property {Map<string, Proposal>} found "image|label" -> what the program found there
+ * @property {Map<string, Asked>} asked "image|label" -> why it is to be picked by hand there
+ * @property {number} seeking how many places the program has still to look at
  * @property {number} undo
  * @property {number} redo
  * @property {number} version
@@ -56,6 +59,9 @@ export const store = {
   picks: new Map(),
   lines: [],
   measurements: [],
+  found: new Map(),
+  asked: new Map(),
+  seeking: 0,
   undo: 0,
   redo: 0,
   version: 0,
@@ -84,6 +90,7 @@ export function receive(message, moved) {
   else if (message.t === "saved") store.fault = message.fault;
   else if (message.t === "outside") store.outside = message.files;
   else if (message.t === "outputs") store.outputs = message.outputs;
+  else if (message.t === "proposals") proposed(message);
   else if (message.t === "calibration") store.calibration = message;
   return true;
 }
@@ -97,6 +104,9 @@ function begin({ project, photos, camera, control, check, recovered, clock, expe
     pickSigmaPx: message.pick_sigma_px,
     opening: message.messages,
     picks: byKey(picks),
+    found: byKey(message.proposals.found),
+    asked: byKey(message.proposals.asked),
+    seeking: 0,
     live: null,
     liveFor: -1,
     mode: "waiting",
@@ -163,6 +173,23 @@ function layOver({ residuals_px, lengths_m, values, heights_m, earth_deg }) {
   base.earth_deg = earth_deg;
 }
 
+// All that stands of some labels.
+/** @param {Proposals} message */
+function proposed({ labels: of, found, asked, left }) {
+  for (const all of [store.found, store.asked]) for (const [key, { label }] of all) if (of.includes(label)) all.delete(key);
+  for (const [key, one] of byKey(found)) store.found.set(key, one);
+  for (const [key, one] of byKey(asked)) store.asked.set(key, one);
+  store.seeking = left;
+}
+
+// What was found, or is asked for, where nobody has picked it meanwhile.
+/** @template {{ image: number, label: string }} T @param {Map<string, T>} all */
+const open = (all) => [...all].flatMap(([key, one]) => (store.picks.has(key) ? [] : [one]));
+export const proposals = () => open(store.found);
+export const askedFor = () => open(store.asked);
+/** @param {number} image @param {string} label */
+export const proposalAt = (image, label) => (pickAt(image, label) ? undefined : store.found.get(pickKey(image, label)));
+
 /** @returns {Adjusted | null} */
 export const adjusted = () => (store.live?.mode === "adjusted" ? store.live : null);
 export const stale = () => store.liveFor < store.version;
@@ -216,6 +243,8 @@ const isPicked = (label) => picksOf(label).length > 0;
 export function placeOf(image, label) {
   const pick = pickAt(image, label);
   if (pick) return { u: pick.u_px, v: pick.v_px, picked: true };
+  const proposal = proposalAt(image, label);
+  if (proposal) return { u: proposal.u_px, v: proposal.v_px, picked: false };
   const found = predictedIn(image).find((one) => one.label === label);
   return found ? { u: found.pixel_px[0], v: found.pixel_px[1], picked: false } : null;
 }

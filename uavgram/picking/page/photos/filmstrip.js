@@ -1,6 +1,6 @@
 // The strip of small pictures: what is picked in each photo, and how well it fits.
 
-import { isSuspect, picksIn, store, worstIn } from "../connection/store.js";
+import { isSuspect, picksIn, proposals, store, worstIn } from "../connection/store.js";
 import { as, byId, node } from "../elements/dom.js";
 
 /** @import { Photo } from "../connection/protocol.js" */
@@ -33,14 +33,15 @@ export class Filmstrip {
     const count = picksIn(k).length;
     const worst = worstIn(k);
     const isBad = isSuspect(worst.status);
+    const found = proposals().filter((one) => one.image === k).length;
     button.classList.toggle("unmatched", !photo.matched && store.photos.some((one) => one.matched));
     button.setAttribute("aria-current", `${this.panes.all.some((pane) => pane.image === k)}`);
     button.tabIndex = k === (this.panes.active?.image ?? 0) ? 0 : -1;
     const badge = as(HTMLElement, button.lastChild);
-    badge.textContent = `${count || ""}${isBad ? ` \u25c6 ${worst.w.toFixed(1)}` : ""}`;
-    badge.hidden = !count;
+    badge.textContent = `${count || ""}${found ? ` +${found}` : ""}${isBad ? ` \u25c6 ${worst.w.toFixed(1)}` : ""}`;
+    badge.hidden = !count && !found;
     badge.classList.toggle("bad", isBad);
-    const words = `${photo.matched ? "matched" : `not matched: ${photo.reason}`}, ${count} picks${worst.w ? `, worst w ${worst.w.toFixed(1)}` : ""}`;
+    const words = `${photo.matched ? "matched" : `not matched: ${photo.reason}`}, ${count} picks${found ? `, ${found} more found by the program` : ""}${worst.w ? `, worst w ${worst.w.toFixed(1)}` : ""}`;
     button.setAttribute("aria-label", `${photo.name}, ${words}`);
     button.title = `${photo.name}: ${words}`;
   }

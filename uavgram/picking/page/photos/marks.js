@@ -1,12 +1,12 @@
 // The marks of one pane as SVG: made when the state changes, moved when the view does.
 
-import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, standsAt, store } from "../connection/store.js";
+import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, proposalAt, proposals, standsAt, store } from "../connection/store.js";
 import { put, shape } from "../elements/dom.js";
 import { fixed, heightText, missing, places, valueText, withSigma } from "../elements/numbers.js";
 import { showTag } from "./labels.js";
 import { madeBy, SHAPES, sourceOf } from "./sources.js";
 
-/** @import { Fit, Line, Measurement, Pick, Predicted, Spread } from "../connection/protocol.js" */
+/** @import { Fit, Line, Measurement, Pick, Predicted, Proposal, Spread } from "../connection/protocol.js" */
 /** @import { PageState, Shown } from "../actions/page_state.js" */
 /** @import { View } from "./view.js" */
 
@@ -38,6 +38,7 @@ const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
 const CROWD = 24; // measurements from which on they are too many to read
 
 export const KNOWN = { control: "M0 -13L11.5 7H-11.5Z", check: "M-10 -10H10V10H-10Z" }; // points with known coordinates
+export const HOLLOW = "M-8 0A8 8 0 1 0 8 0A8 8 0 1 0 -8 0ZM-2 0H2M0 -2V2"; // found by the program, not accepted
 export const DIAMOND = "M0 -13L13 0L0 13L-13 0Z";
 
 // The residual of a pick where there is one.
@@ -65,6 +66,7 @@ export function buildMarks(image, { selected, shown, draft }) {
     ...paths.filter(({ path }) => path.words).map(({ name, path }) => wordsPart(name, path)), // over all lines
     ...(drawn ? [pathPart(image, "", drawn)] : []),
     ...(shown.predicted ? predictedIn(image).map((one) => predictedPart(one, selected, shown)) : []),
+    ...(shown.predicted ? proposals().filter((one) => one.image === image).map((one) => proposalPart(one, selected, shown)) : []),
     ...picksIn(image).map((pick) => pickPart(pick, selected, shown, scale)),
   ];
 }
@@ -146,22 +148,48 @@ function spokenPick(pick, fit) {
 }
 
 /** @param {Predicted} one @param {string | null} selected @param {Shown} shown @returns {Part} */
-function predictedPart({ label, pixel_px: at, spread }, selected, shown) {
+function predictedPart({ image, label, pixel_px: at, spread }, selected, shown) {
+  const proposed = Boolean(proposalAt(image, label)); // which has the label then
   return {
     key: `predicted ${label}`,
-    mark: { label, at },
-    sign: JSON.stringify([label, at, spread, selected === label, shown.labels]),
+    mark: proposed ? undefined : { label, at },
+    sign: JSON.stringify([label, at, spread, selected === label, shown.labels, proposed]),
     make: () => {
       const group = shape("g", {
         class: `predicted${selected === label ? " selected" : ""}`, "data-predicted": label,
         role: "img", "aria-label": `${label} expected at u ${at[0].toFixed(1)}, v ${at[1].toFixed(1)}`,
-      }, ...ellipse(spread, 5), shape("circle", { class: "ring", r: 15, fill: "none" }));
-      if (shown.labels) group.append(textShape(label, "tag"));
+      }, ...ellipse(spread, 5));
+      if (!proposed) group.append(shape("circle", { class: "ring", r: 15, fill: "none" }));
+      if (shown.labels && !proposed) group.append(textShape(label, "tag"));
       return group;
     },
     move: (group, view) => { place(group, view, ...at); showTag(group); },
   };
 }
+
+// What the program found: a hollow mark, which is no pick before somebody says so.
+/** @param {Proposal} one @param {string | null} selected @param {Shown} shown @returns {Part} */
+function proposalPart(one, selected, shown) {
+  const { label, u_px, v_px } = one;
+  const words = proposalWords(one);
+  return {
+    key: `proposal ${label}`,
+    mark: { label: `${label}?`, at: [u_px, v_px] },
+    sign: JSON.stringify([words, selected === label, shown.labels]),
+    make: () => {
+      const group = shape("g", { class: `mark proposed${selected === label ? " selected" : ""}`, tabindex: 0, role: "button", "data-proposal": label, "aria-label": `Accept ${words}` },
+        titleShape(`${words}. Click accepts it, Delete refuses it`),
+        ...stroke(HOLLOW), shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: 12 }));
+      if (shown.labels) group.append(textShape(`${label}?`, "tag"));
+      return group;
+    },
+    move: (group, view) => { place(group, view, u_px, v_px); showTag(group); },
+  };
+}
+
+/** @param {Proposal} one */
+const proposalWords = ({ label, from_image, sigma_px, score }) =>
+  `${label}, found from the pick in ${store.photos[from_image].name}, \u03c3 ${sigma_px.toFixed(2)} px, score ${score.toFixed(2)}`;
 
 /** @type {WeakMap<Element, (scale: number) => void>} */
 const resizers = new WeakMap(); // of ellipses, whose size hangs on the zoom

@@ -22,6 +22,7 @@ import { View } from "./view.js";
  * @property {(pane: Pane) => void} viewed the view has changed
  * @property {(pane: Pane, u: number, v: number) => void} clicked
  * @property {(label: string) => void} clickedMark
+ * @property {(pane: Pane, label: string) => void} accepted what the program found there
  * @property {(label: string) => void} doubled
  * @property {(label: string) => void} selected
  * @property {(image: number, label: string, at: [number, number], step: number, final: boolean) => void} dragged
@@ -140,7 +141,7 @@ export class Pane {
 
   /** @param {string | null} label */
   markOf(label) {
-    return [...this.parts].find(([part]) => part.key === `pick ${label}`)?.[1];
+    return [...this.parts].find(([part]) => part.key === `pick ${label}` || part.key === `proposal ${label}`)?.[1];
   }
 
   moveMarks() {

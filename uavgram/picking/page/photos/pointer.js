@@ -13,6 +13,7 @@ import { pickAt } from "../connection/store.js";
  * @property {boolean} far whether it moved so far that it is no click
  * @property {boolean} primary
  * @property {boolean} pans whether it can do nothing else
+ * @property {string | null} offered label of the proposal that is held
  * @property {{ label: string, at: [number, number], step: number } | null} mark that is held
  */
 
@@ -26,6 +27,15 @@ function markAt({ target }) {
   const mark = target instanceof Element ? target.closest("[data-label]") : null;
   return mark instanceof SVGElement ? mark : null;
 }
+
+/** The mark of what the program found, that an event is on. @param {Event} event */
+function offeredMark({ target }) {
+  const mark = target instanceof Element ? target.closest("[data-proposal]") : null;
+  return mark instanceof SVGElement ? mark : null;
+}
+
+/** @param {Event} event */
+const offeredAt = (event) => offeredMark(event)?.dataset.proposal ?? null;
 
 export class Pointer {
   /** @param {Pane} pane */
@@ -50,7 +60,7 @@ export class Pointer {
     svg.addEventListener("focusout", ({ relatedTarget }) => { if (!(relatedTarget instanceof Node && svg.contains(relatedTarget))) pane.calm(); });
     box.addEventListener("focusin", ({ target }) => {
       events.entered(pane);
-      const label = target instanceof SVGElement ? target.dataset.label : undefined;
+      const label = target instanceof SVGElement ? target.dataset.label ?? target.dataset.proposal : undefined;
       if (label) events.selected(label);
     });
   }
@@ -79,7 +89,7 @@ export class Pointer {
     const label = mark?.dataset.label;
     const pick = label && !pans ? pickAt(pane.image, label) : null;
     this.press = {
-      x, y, last: [x, y], far: false, primary, pans,
+      x, y, last: [x, y], far: false, primary, pans, offered: offeredAt(event),
       mark: pick ? { label: pick.label, at: [pick.u_px, pick.v_px], step: pane.events.newStep() } : null,
     };
     if (pick && pane.state.tool === "pick") pane.events.selected(pick.label);
@@ -89,7 +99,7 @@ export class Pointer {
       // the pointer is gone already: there is nothing to capture
     }
     event.preventDefault();
-    (mark ?? pane.svg).focus({ preventScroll: true });
+    (mark ?? offeredMark(event) ?? pane.svg).focus({ preventScroll: true });
   }
 
   /** @param {PointerEvent} event */
@@ -129,6 +139,7 @@ export class Pointer {
     if (press.far) {
       if (mark && pane.state.tool === "pick") pane.events.dragged(pane.image, mark.label, mark.at, mark.step, true);
     } else if (mark) pane.events.clickedMark(mark.label);
+    else if (press.primary && !press.pans && press.offered) pane.events.accepted(pane, press.offered);
     else if (press.primary && !press.pans) {
       const [u, v] = pane.view.toPhoto(...this.local(event));
       if (pane.contains(u, v)) pane.events.clicked(pane, u, v);

@@ -1,0 +1,128 @@
+"""A click finds the same point in the other photos: proposed, accepted, refused, kept on disk."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from open_projects import change, opened
+from textured_ground import NAMES, Textured, write_textured
+
+from uavgram.io.tables.picks import read_picks
+from uavgram.picking.document import commands as c
+from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.session.project import OpenProject
+
+Json = dict[str, Any]
+LONGEST_WAIT_S = 30.0
+NEW = "P6"
+"""A label that is not picked to begin with: the tests click it."""
+
+
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Textured:
+    return write_textured(tmp_path_factory.mktemp("textured"))
+
+
+@pytest.fixture
+def textured(once: Textured, tmp_path: Path) -> Textured:
+    shutil.copytree(once.path.parent, tmp_path / "copy")
+    copy = Textured(tmp_path / "copy" / once.path.name, once.pixel_px)
+    rows = copy.picks.read_text().splitlines(keepends=True)
+    copy.picks.write_text("".join(row for row in rows if NEW not in row))
+    return copy
+
+
+@pytest.fixture
+def project(textured: Textured) -> Iterator[tuple[OpenProject, list[Json]]]:
+    with opened(textured.path) as (project, sent):
+        project.open()
+        yield project, sent
+        project.picking.stop()
+
+
+def wait(holds: Callable[[], bool]) -> None:
+    latest = time.monotonic() + LONGEST_WAIT_S
+    while not holds():
+        assert time.monotonic() < latest
+        time.sleep(0.005)
+
+
+def told(project: OpenProject, label: str) -> tuple[list[Json], list[Json]]:
+    """What a page that opens now is told of a label: what was found, and what is asked for."""
+    now = project.picking.initial_state()["proposals"]
+    found, asked = ([one for one in now[of] if one["label"] == label] for of in ("found", "asked"))
+    return found, asked
+
+
+def click(project: OpenProject, textured: Textured) -> None:
+    wait(lambda: project.picking.initial_state()["live"] is not None)
+    u, v = textured.pixel_px[NAMES[0], NEW].tolist()
+    change(project, "place", image=0, label=NEW, u_px=u, v_px=v)
+
+
+def test_a_click_is_proposed_in_the_photos_that_show_it_and_accepted_ones_are_saved(
+    project: tuple[OpenProject, list[Json]], textured: Textured
+) -> None:
+    opened_, sent = project
+    click(opened_, textured)
+    wait(lambda: len(told(opened_, NEW)[0]) == 2)
+    found, _ = told(opened_, NEW)
+    for one in found:
+        truth = textured.pixel_px[NAMES[one["image"]], NEW]
+        off = np.hypot(one["u_px"] - truth[0], one["v_px"] - truth[1])
+        assert off < 5 * one["sigma_px"]
+        assert one["from_image"] == 0
+    assert any(m["t"] == "proposals" and NEW in m["labels"] for m in sent)
+    assert len(opened_.picking.state.picks) == 6  # nothing is picked before somebody says so
+
+    answer = change(opened_, "accept", pairs=[[one["image"], NEW] for one in found])
+    assert {pick["source"] for pick in answer["diff"]["picks"]["put"]} == {"match"}
+    opened_.picking.save()
+    picks = read_picks(textured.picks)
+    rows = np.flatnonzero(picks.of_source("match"))
+    assert {picks.image[i] for i in rows} == {NAMES[one["image"]] for one in found}
+    assert {picks.from_image[i] for i in rows} == {NAMES[0]}
+    u, v = textured.pixel_px[NAMES[0], NEW]
+    assert picks.from_px[rows] == pytest.approx(np.tile([u, v], (2, 1)), abs=0.01)
+    assert np.isfinite(picks.sigma_px[rows]).all()
+    assert np.isfinite(picks.score[rows]).all()
+    change(opened_, "undo")
+    assert len(opened_.picking.state.picks) == 6
+
+
+def test_what_is_refused_is_asked_for_and_the_rest_can_still_be_accepted(
+    project: tuple[OpenProject, list[Json]], textured: Textured
+) -> None:
+    opened_, _ = project
+    click(opened_, textured)
+    wait(lambda: len(told(opened_, NEW)[0]) == 2)
+    opened_.picking.refuse(c.Refuse(pairs=((NAMES[1], NEW),)))
+    found, asked = told(opened_, NEW)
+    assert [one["image"] for one in found] == [2]
+    assert [one["image"] for one in asked] == [1]
+    change(opened_, "accept", pairs=[[1, NEW], [2, NEW]])
+    assert opened_.picking.state.pick(NAMES[1], NEW) is None
+    assert opened_.picking.state.pick(NAMES[2], NEW) is not None
+    with pytest.raises(RefusedError, match="not proposed"):
+        change(opened_, "accept", pairs=[[1, NEW]])
+
+
+def test_a_click_that_moves_is_sought_anew(
+    project: tuple[OpenProject, list[Json]], textured: Textured
+) -> None:
+    opened_, _ = project
+    click(opened_, textured)
+    wait(lambda: len(told(opened_, NEW)[0]) == 2)
+    before = {one["image"]: one["u_px"] for one in told(opened_, NEW)[0]}
+    u, v = textured.pixel_px[NAMES[0], NEW].tolist()
+    change(opened_, "place", image=0, label=NEW, u_px=u + 4.0, v_px=v)
+    wait(lambda: {one["u_px"] for one in told(opened_, NEW)[0]}.isdisjoint(before.values()))
+    wait(lambda: len(told(opened_, NEW)[0]) == 2)
+    for one in told(opened_, NEW)[0]:  # the photos are of about one scale
+        assert 2.0 < abs(one["u_px"] - before[one["image"]]) + 1.0 < 7.0

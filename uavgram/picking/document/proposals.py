@@ -1,0 +1,99 @@
+"""What the program found, or sought in vain, of picked labels in the other photos; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from uavgram.picking.document import commands as c
+from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.state import Pick, State
+
+Pair = tuple[str, str]
+"""Photo and label."""
+
+BY_HAND = "what was found there was refused"
+"""Why a label is asked for in a photo in which somebody refused what the program found."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """How the search for a label in a photo ended.
+
+    Attributes
+    ----------
+    source
+        The pick that was sought: its photo and place.
+    radius_px
+        Half the length of the region that was searched.
+    found
+        What would be picked; None where nothing was found, or what was found was refused.
+    why
+        Why nothing was found, in words.
+    is_over
+        Somebody refused it, or will not pick it: it is not sought again.
+    is_asked
+        Whether it is to be picked by hand.
+    """
+
+    source: tuple[str, float, float]
+    radius_px: float
+    found: c.Place | None = None
+    why: str = ""
+    is_over: bool = False
+    is_asked: bool = True
+
+
+Outcomes = Mapping[Pair, Outcome]
+
+
+def source_of(pick: Pick) -> tuple[str, float, float]:
+    """What names the source of an outcome: the photo and place of a pick."""
+    return pick.image, pick.u_px, pick.v_px
+
+
+def that_hold(outcomes: Outcomes, state: State) -> dict[Pair, Outcome]:
+    """The outcomes whose pick is still where it was."""
+    there = {(pick.label, source_of(pick)) for pick in state.picks}
+    return {
+        (image, label): one
+        for (image, label), one in outcomes.items()
+        if (label, one.source) in there
+    }
+
+
+def accepted(outcomes: Outcomes, state: State, pairs: Iterable[Pair]) -> c.PlaceAll:
+    """The command that picks what was found.
+
+    Parameters
+    ----------
+    outcomes, state
+        As they are now.
+    pairs
+        What is accepted; what is picked meanwhile is left as it is.
+
+    Raises
+    ------
+    RefusedError
+        Nothing of that is proposed any more.
+    """
+    found = []
+    for pair in pairs:
+        one = that_hold(outcomes, state).get(pair)
+        if one is not None and one.found is not None and state.pick(*pair) is None:
+            found.append(one.found)
+    if not found:
+        raise RefusedError("that is not proposed any more: its pick was moved or removed")
+    return c.PlaceAll(places=tuple(found))
+
+
+def refused(outcomes: Outcomes, pairs: Iterable[Pair]) -> dict[Pair, Outcome]:
+    """The outcomes after somebody refused some: what was found is asked for, the rest no longer."""
+    after = dict(outcomes)
+    for pair in pairs:
+        one = after.get(pair)
+        if one is not None and one.found is not None:
+            after[pair] = replace(one, found=None, why=BY_HAND, is_over=True)
+        elif one is not None:
+            after[pair] = replace(one, is_over=True, is_asked=False)
+    return after

@@ -1,0 +1,96 @@
+// What the program found of a point in other photos: accepted or refused by a person.
+
+import { askedFor, predictedIn, proposalAt, proposals } from "../connection/store.js";
+
+/** @import { Proposal } from "../connection/protocol.js" */
+/** @import { Link } from "../connection/link.js" */
+/** @import { Notice } from "../elements/notice.js" */
+/** @import { Pane } from "../photos/pane.js" */
+/** @import { Panes } from "../photos/panes.js" */
+/** @import { PageState } from "./page_state.js" */
+/** @import { Tools } from "./tools.js" */
+
+const REGION_SHARE = 0.3; // of the pane, that the region takes in which a point is expected
+const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
+const LARGEST_SCALE = 4;
+
+export class Proposals {
+  /** @param {{ state: PageState, link: Link, notice: Notice, panes: Panes, tools: Tools }} needs */
+  constructor({ state, link, notice, panes, tools }) {
+    this.state = state;
+    this.link = link;
+    this.notice = notice;
+    this.panes = panes;
+    this.tools = tools;
+  }
+
+  /** @param {{ image: number, label: string }[]} some */
+  accept(some) {
+    if (some.length) this.link.change({ t: "accept", pairs: some.map(({ image, label }) => [image, label]) });
+    return some.length > 0;
+  }
+
+  /** @param {[number, string][]} pairs */
+  refuse(pairs) {
+    const open = [...proposals(), ...askedFor()];
+    const some = pairs.filter(([image, label]) => open.some((one) => one.image === image && one.label === label));
+    if (some.length) void this.link.ask({ t: "refuse", pairs: some }).catch((/** @type {unknown} */ fault) => this.notice.fault(fault));
+  }
+
+  /** A mark was clicked. @param {Pane} pane @param {string} label */
+  acceptHere(pane, label) {
+    this.accept([{ image: pane.image, label }]);
+    this.tools.clickedMark(label);
+  }
+
+  // The mark that has the focus.
+  acceptFocused() {
+    const { activeElement: at } = document;
+    const label = at instanceof SVGElement ? at.dataset.proposal : undefined;
+    const { active } = this.panes;
+    if (!label || !active) return false;
+    this.acceptHere(active, label);
+    return true;
+  }
+
+  acceptSelected() {
+    const { active } = this.panes;
+    if (!active) return;
+    const here = proposals().filter(({ image }) => image === active.image);
+    const one = proposalAt(active.image, this.state.selected ?? this.tools.label) ?? (here.length === 1 ? here[0] : undefined);
+    if (one) this.acceptHere(active, one.label);
+    else this.notice.show(here.length ? "Choose which: click its mark, or N and B." : "Nothing was found in this photo that is not accepted.", true);
+  }
+
+  /** All of the selected point, or all in this photo. @param {boolean} inPhoto */
+  acceptAll(inPhoto) {
+    const { active } = this.panes;
+    const some = inPhoto ? this.inPhoto(active?.image) : this.ofLabel(this.state.selected);
+    if (!this.accept(some)) this.notice.show(`Nothing was found ${inPhoto ? "in this photo" : "of this point in other photos"} that is not accepted.`, true);
+    return true;
+  }
+
+  /** @param {number | undefined} image @returns {Proposal[]} */
+  inPhoto(image) {
+    return proposals().filter((one) => one.image === image);
+  }
+
+  /** @param {string | null} label @returns {Proposal[]} */
+  ofLabel(label) {
+    return proposals().filter((one) => one.label === label);
+  }
+
+  // To where a point is, or is expected, with the region on the screen.
+  /** @param {number} image @param {string} label */
+  goTo(image, label) {
+    const { active: pane } = this.panes;
+    if (!pane) return;
+    if (pane.image !== image) pane.show(image);
+    this.tools.choose(label);
+    this.tools.rebuild();
+    const region = predictedIn(image).find((one) => one.label === label)?.spread.major_px ?? 0;
+    const size = Math.min(pane.view.width, pane.view.height);
+    pane.goTo(label, Math.min((REGION_SHARE * size) / Math.max(CONFIDENCE * region, 1), LARGEST_SCALE));
+    pane.focus();
+  }
+}

@@ -1,0 +1,100 @@
+// What the program found in other photos and nobody has accepted yet, and what it asks for.
+
+import { askedFor, picksOf, proposals, store } from "../connection/store.js";
+import { node } from "../elements/dom.js";
+import { about, drop, keep, table, titled } from "../elements/table.js";
+
+/** @import { PageState } from "../actions/page_state.js" */
+/** @import { Tools } from "../actions/tools.js" */
+/** @import { Asked, Proposal } from "../connection/protocol.js" */
+
+const MOST = 60; // rows that anybody goes through
+const FEW = 6; // that push nothing else off the screen
+
+/** @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @returns {(HTMLElement | null)[]} */
+export function proposalParts(state, image, tools) {
+  return [foundPart(state, image, tools), askedPart(state, tools)];
+}
+
+/** @param {PageState} state @param {number | undefined} image @param {Tools} tools */
+function foundPart({ selected }, image, tools) {
+  const all = first(proposals(), (one) => one.label === selected || (!selected && one.image === image));
+  if (!all.length && !store.seeking) {
+    drop("found");
+    return null;
+  }
+  return keep("found", [all, selected, image, store.seeking], () => titled(`Found in other photos (${all.length})`,
+    acceptButtons(selected, image, tools),
+    store.seeking ? node("p", { class: "dim", role: "status" }, `Still looking: ${places(store.seeking)}.`) : null,
+    all.length ? table("Found in other photos", ["point", "photo", about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), about("score", "how much it looks like what was picked: 1 is exactly"), ""],
+      all.slice(0, MOST).map((one) => foundRow(one, tools))) : null,
+    more(all.length)));
+}
+
+/** @param {string | null} selected @param {number | undefined} image @param {Tools} tools */
+function acceptButtons(selected, image, tools) {
+  const own = selected ? tools.proposals.ofLabel(selected).length : 0;
+  const here = tools.proposals.inPhoto(image).length;
+  return node("div", { class: "row accept" },
+    own ? node("button", { name: "accept-label", title: "Shift+Enter", onclick: () => tools.proposals.acceptAll(false) }, `Accept all of ${selected} (${own})`) : null,
+    here ? node("button", { name: "accept-photo", title: "Ctrl+Enter", onclick: () => tools.proposals.acceptAll(true) }, `Accept all in this photo (${here})`) : null);
+}
+
+/** @param {Proposal} one @param {Tools} tools */
+function foundRow(one, tools) {
+  const { image, label, sigma_px, score } = one;
+  const { name } = store.photos[image];
+  return node("tr", { "data-row": `found ${label} ${image}` },
+    node("td", {}, label), node("td", { class: "named ended", title: name }, goButton(one, name, tools)),
+    node("td", {}, sigma_px.toFixed(2)), node("td", {}, score.toFixed(2)),
+    node("td", {}, node("button", { class: "small", name: "accept", "aria-label": `Accept ${label} in ${name}`, title: "Accept (click its mark, or the full stop)", onclick: () => tools.proposals.accept([one]) }, "\u2713"),
+      node("button", { class: "small", name: "remove", "aria-label": `Refuse ${label} in ${name}`, title: "Refuse", onclick: () => tools.proposals.refuse([[image, label]]) }, "\u00d7")));
+}
+
+/** @param {PageState} state @param {Tools} tools */
+function askedPart({ selected }, tools) {
+  const all = first(askedFor(), (one) => one.label === selected).filter(({ label }) => picksOf(label).length);
+  if (!all.length) {
+    drop("asked");
+    return null;
+  }
+  const rows = groups(all);
+  return keep("asked", [all, selected], () => node("details", { class: "part asked", open: rows.length <= FEW },
+    node("summary", {}, `Still to be picked by hand (${all.length})`),
+    node("ul", { class: "scroll", tabindex: 0, "aria-label": "Still to be picked by hand" }, ...rows.slice(0, MOST).map((some) => askedRow(some, tools))), more(rows.length)));
+}
+
+/** Those of one point and one reason together. @param {Asked[]} all @returns {Asked[][]} */
+function groups(all) {
+  /** @type {Map<string, Asked[]>} */
+  const found = new Map();
+  for (const one of all) {
+    const key = JSON.stringify([one.label, one.why]);
+    found.set(key, [...(found.get(key) ?? []), one]);
+  }
+  return [...found.values()];
+}
+
+/** @param {Asked[]} some @param {Tools} tools */
+function askedRow(some, tools) {
+  const [{ label, why }] = some;
+  const photos = some.flatMap((one, k) => [k ? ", " : " in ", goButton(one, store.photos[one.image].name, tools)]);
+  return node("li", { "data-row": `asked ${label} ${why}` }, label, ...photos, node("span", { class: "dim" }, ` (${why})`),
+    node("button", { class: "small", name: "remove", "aria-label": `Do not ask for ${label} there`, title: "It is not to be seen there: do not ask again", onclick: () => tools.proposals.refuse(some.map((one) => [one.image, one.label])) }, "\u00d7"));
+}
+
+/** @param {{ image: number, label: string }} one @param {string} words @param {Tools} tools */
+const goButton = ({ image, label }, words, tools) => node("button", { class: "link", name: "go", title: "Show where it is expected", onclick: () => tools.proposals.goTo(image, label) }, words);
+
+/** @param {number} count */
+const more = (count) => (count > MOST ? node("p", { class: "dim" }, `and ${count - MOST} more`) : null);
+
+/** @param {number} count */
+const places = (count) => `${count} place${count === 1 ? "" : "s"}`;
+
+// Those that are in hand, then the others by label and photo.
+/** @template {{ image: number, label: string }} T @param {T[]} all @param {(one: T) => boolean} isFirst */
+function first(all, isFirst) {
+  const order = all.sort((a, b) => a.label.localeCompare(b.label, undefined, { numeric: true }) || a.image - b.image);
+  return [...order.filter(isFirst), ...order.filter((one) => !isFirst(one))];
+}

@@ -1,0 +1,41 @@
+"""What the program found of picked labels in other photos, and what is to be picked by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from uavgram.picking.document.proposals import Outcomes
+from uavgram.picking.protocol.encode_survey import Json
+
+
+def proposals_json(
+    outcomes: Outcomes, index: Mapping[str, int], labels: Collection[str], left: int
+) -> Json:
+    """All that stands of some labels.
+
+    Parameters
+    ----------
+    outcomes
+        What was sought.
+    index
+        Numbers of the photos by name.
+    labels
+        Which labels to tell of.
+    left
+        Number of places that are still to be looked at.
+    """
+    found, asked = [], []
+    for (image, label), one in outcomes.items():
+        if label not in labels:
+            continue
+        key = {"image": index[image], "label": label}
+        if one.found is not None:
+            place = one.found
+            found.append(
+                key
+                | {"u_px": place.u_px, "v_px": place.v_px, "sigma_px": place.sigma_px}
+                | {"score": place.score, "from_image": index[place.from_image]}
+            )
+        elif one.is_asked:
+            asked.append(key | {"why": one.why})
+    return {"labels": sorted(labels), "found": found, "asked": asked, "left": left}

@@ -1,0 +1,269 @@
+"""Picked points are sought in the other photos, in the background: the newest picks first.
+
+What it found is proposed, never picked: that is for a person to say.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.errors import InputError
+from uavgram.imaging.matching.matched import Matched, Refused
+from uavgram.imaging.photos.grey_photos import GreyPhotos
+from uavgram.model.arrays import Ints
+from uavgram.model.survey.observations import Picks
+from uavgram.picking.document import commands as c
+from uavgram.picking.document.proposals import (
+    Outcome,
+    Outcomes,
+    Pair,
+    refused,
+    source_of,
+    that_hold,
+)
+from uavgram.picking.document.state import State, observations_of
+from uavgram.pipeline.match.looking import look, reason, tasks
+from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
+from uavgram.pipeline.pick.places import Places, places_in_other_photos
+from uavgram.stages.match.found import CONTRADICTED
+from uavgram.stages.match.plan import NARROWED
+
+log = logging.getLogger(__name__)
+
+AT_ONCE = 64
+"""Places that are looked at before what was found is told."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Picks as they are now, and the last full adjustment, where there is one."""
+
+    state: State
+    last: Adjusted | None
+
+
+Tell = Callable[[Outcomes, Collection[str], int], None]
+"""Takes all outcomes, the labels of which some changed, and how many places are left to look at."""
+
+
+class Seeker:
+    """A worker that seeks picked points in the other photos.
+
+    Parameters
+    ----------
+    survey
+        What is picked.
+    photos
+        Grey pixels.
+    tell
+        Called with what changed, by the worker or whoever refuses something.
+    """
+
+    def __init__(self, survey: LiveSurvey, photos: GreyPhotos, tell: Tell) -> None:
+        self._survey, self._photos, self._tell = survey, photos, tell
+        self._changed = threading.Condition()
+        self._newest: Wanted | None = None
+        self._stopped = False
+        self._outcomes: dict[Pair, Outcome] = {}
+        self._known: frozenset[tuple[str, str, float, float]] = frozenset()
+        self._thread = threading.Thread(target=self._work, name="seeker", daemon=True)
+
+    @property
+    def outcomes(self) -> dict[Pair, Outcome]:
+        """What stands so far."""
+        with self._changed:
+            return dict(self._outcomes)
+
+    def start(self) -> None:
+        """Begin to work."""
+        self._thread.start()
+
+    def submit(self, wanted: Wanted) -> None:
+        """Seek what these picks show; what is sought for older ones is left."""
+        with self._changed:
+            self._newest = wanted
+            self._changed.notify()
+
+    def refuse(self, pairs: Collection[Pair]) -> None:
+        """Propose or ask for some no longer."""
+        with self._changed:
+            self._outcomes = refused(self._outcomes, pairs)
+            told = dict(self._outcomes)
+        self._tell(told, {label for _, label in pairs}, 0)
+
+    def stop(self) -> None:
+        """End after the photo under way."""
+        with self._changed:
+            self._stopped = True
+            self._changed.notify()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _work(self) -> None:
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._newest is not None or self._stopped)
+                if self._stopped or self._newest is None:
+                    return
+                wanted, self._newest = self._newest, None
+            try:
+                self._seek(wanted)
+            except Exception:  # a fault of ours must not end the worker: picking goes on
+                log.exception("the search in other photos failed")
+
+    def _seek(self, wanted: Wanted) -> None:
+        state, last = wanted.state, wanted.last
+        self._let_go(state)
+        if last is None:
+            return
+        picks, _ = observations_of(state)
+        own = {(one.label, *source_of(one)) for one in state.picks if one.source != "match"}
+        new = {label for label, *_ in own - self._known}
+        for labels in [new, None] if new else [None]:
+            places = places_in_other_photos(self._survey, last, picks, labels)
+            if places is None or not self._look(places, wanted, picks):
+                return
+            self._withdraw(places)
+        self._known = frozenset(own)
+
+    def _let_go(self, state: State) -> None:
+        """Forget what was found from picks that are no longer there."""
+        with self._changed:
+            before = self._outcomes
+            self._outcomes = that_hold(before, state)
+            gone = {label for _, label in before.keys() - self._outcomes.keys()}
+            told = dict(self._outcomes)
+        if gone:
+            self._tell(told, gone, 0)
+
+    def _look(self, places: Places, wanted: Wanted, picks: Picks) -> bool:
+        """Look at what is not known; False where there is newer work before all was looked at."""
+        rows = self._unknown(places, wanted.state)
+        left = len(rows)
+        for some in self._batches(places, rows):
+            if self._is_outdated:
+                return False
+            left -= len(some)
+            self._take(places, some, picks, self._looked(places, some, picks), left)
+        return not self._is_outdated
+
+    def _withdraw(self, places: Places) -> None:
+        """Propose no longer what the other finds in the same photo contradict."""
+        at = {pair: k for k, pair in enumerate(zip(places.image, places.label, strict=True))}
+        by_photo: dict[str, dict[Pair, c.Place]] = {}
+        for pair, one in self.outcomes.items():
+            if one.found is not None and pair in at:
+                by_photo.setdefault(pair[0], {})[pair] = one.found
+        wrong: list[Pair] = []
+        for own in by_photo.values():
+            pixel = np.array([(one.u_px, one.v_px) for one in own.values()])
+            sigma = np.array([one.sigma_px for one in own.values()], dtype=np.float64)
+            out = places.contradicted(np.array([at[pair] for pair in own]), pixel, sigma)
+            wrong += [pair for pair, is_out in zip(own, out, strict=True) if is_out]
+        if not wrong:
+            return
+        with self._changed:
+            for pair in wrong:
+                before = self._outcomes[pair]
+                self._outcomes[pair] = replace(before, found=None, why=CONTRADICTED)
+            told = dict(self._outcomes)
+        self._tell(told, {label for _, label in wrong}, 0)
+
+    @property
+    def _is_outdated(self) -> bool:
+        with self._changed:
+            return self._newest is not None or self._stopped
+
+    def _unknown(self, places: Places, state: State) -> Ints:
+        """(n,) the places to look at, the best predicted first."""
+        picked = {pick.key for pick in state.picks}
+        outcomes, rows = self.outcomes, []
+        for row, pair in enumerate(zip(places.image, places.label, strict=True)):
+            if pair not in picked and _is_open(outcomes.get(pair), places, row):
+                rows.append(row)
+        order = np.argsort(places.radius_px[rows], kind="stable")
+        return np.array(rows, dtype=np.int64)[order]
+
+    def _batches(self, places: Places, rows: Ints) -> Iterator[Ints]:
+        """The places in photos that are decoded; then the others, one photo after the other."""
+        ready = np.array([self._photos.photos.has(places.image[row]) for row in rows], np.bool_)
+        for first in range(0, int(ready.sum()), AT_ONCE):
+            yield rows[ready][first : first + AT_ONCE]
+        later: dict[str, list[int]] = {}
+        for row in rows[~ready].tolist():
+            later.setdefault(places.image[row], []).append(row)
+        for own in later.values():
+            yield np.array(own, dtype=np.int64)
+
+    def _looked(self, places: Places, rows: Ints, picks: Picks) -> Matched | str:
+        """What is found at some places; why nothing where a photo cannot be read."""
+        source = [picks.image[i] for i in places.pick[rows]]
+        target = [places.image[row] for row in rows]
+        work = tasks(source, target, places.sought(picks, rows))
+        try:
+            return look(self._photos.photos, work, len(rows))
+        except InputError as why:
+            log.warning("not sought: %s", why)
+            return f"the photo cannot be read: {why}"
+
+    def _take(
+        self, places: Places, rows: Ints, picks: Picks, found: Matched | str, left: int
+    ) -> None:
+        """Keep what some places (n,) were found to show, and tell it.
+
+        Parameters
+        ----------
+        places, rows
+            What was looked at.
+        picks
+            From which.
+        found
+            What was found there, or why not one could be looked at.
+        left
+            Number of places that are still to be looked at.
+        """
+        new = {}
+        for k, row in enumerate(rows.tolist()):
+            i, image, label = int(places.pick[row]), places.image[row], places.label[row]
+            (u, v), at = picks.pixel_px[i].tolist(), picks.image[i]
+            outcome = Outcome(source=(at, u, v), radius_px=float(places.radius_px[row]))
+            if isinstance(found, str):
+                new[image, label] = replace(outcome, why=found)
+            elif found.refused[k]:
+                why, asked = reason(int(found.refused[k])), found.refused[k] != Refused.OUTSIDE
+                new[image, label] = replace(outcome, why=why, is_asked=bool(asked))
+            else:
+                place = c.Place(
+                    image=image,
+                    label=label,
+                    u_px=round(float(found.pixel_px[k, 0]), 3),
+                    v_px=round(float(found.pixel_px[k, 1]), 3),
+                    sigma_px=round(float(found.sigma_px[k]), 4),
+                    source="match",
+                    score=round(float(found.score[k]), 4),
+                    from_image=at,
+                    from_u_px=u,
+                    from_v_px=v,
+                )
+                new[image, label] = replace(outcome, found=place)
+        with self._changed:
+            over = {pair for pair, one in self._outcomes.items() if one.is_over}
+            self._outcomes |= {pair: one for pair, one in new.items() if pair not in over}
+            told = dict(self._outcomes)
+        self._tell(told, {label for _, label in new}, left)
+
+
+def _is_open(outcome: Outcome | None, places: Places, row: int) -> bool:
+    """Whether a place is to be looked at: for the first time, or as far more is known of it now."""
+    if outcome is None:
+        return True
+    if outcome.is_over:
+        return False
+    if outcome.found is not None:
+        return not places.holds(row, (outcome.found.u_px, outcome.found.v_px))
+    return bool(places.radius_px[row] < NARROWED * outcome.radius_px)

@@ -1,0 +1,182 @@
+"""Where the other photos should show what is picked, by the last adjustment and what came since."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.errors import UavgramError
+from uavgram.estimation.measuring.transferred_pixels import Clicked, Transferred, transferred
+from uavgram.estimation.solver.normal_equations import SingularError
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.imaging.matching.matched import Sought
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey.observations import Picks
+from uavgram.pipeline.match.adjusting import UNEVEN_M
+from uavgram.pipeline.match.search import LEAST_PX
+from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
+from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.match.agreement import contradicted
+from uavgram.stages.match.plan import REGION, radii, stretches
+from uavgram.stages.refine.more_picks import MorePicks, with_more_picks
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """n places of other photos that should show what was picked.
+
+    Attributes
+    ----------
+    pick
+        (n,) number of the pick that each is predicted from.
+    image, label
+        (n,) the photo, and the label.
+    radius_px
+        (n,) half lengths of the regions that hold 99.9 %.
+    row, predicted
+        (n,) which of the predictions each is, and all of these.
+    adjustment
+        What predicted them.
+    """
+
+    pick: Ints
+    image: tuple[str, ...]
+    label: tuple[str, ...]
+    radius_px: Floats
+    row: Ints
+    predicted: Transferred
+    adjustment: Adjustment
+
+    def __len__(self) -> int:
+        return len(self.image)
+
+    def holds(self, row: int, pixel_px: tuple[float, float]) -> bool:
+        """Whether a pixel lies where a place is expected."""
+        at = self.row[row]
+        off = np.array(pixel_px) - self.predicted.pixel_px[at]
+        covariance = self.predicted.covariance_px2[at] + LEAST_PX**2 * np.eye(2)
+        return bool(off @ np.linalg.solve(covariance, off) <= REGION)
+
+    def contradicted(self, rows: Ints, pixel_px: Floats, sigma_px: Floats) -> Bools:
+        """(m,) which finds in one photo the others there contradict.
+
+        Parameters
+        ----------
+        rows
+            (m,) places in that photo.
+        pixel_px, sigma_px
+            (m, 2), (m,) what was found there, and the matching's sigma.
+        """
+        at = self.row[rows]
+        joint = self.predicted.joint_covariance(self.adjustment, at)
+        off = pixel_px - self.predicted.pixel_px[at]
+        return contradicted(off, joint, np.hypot(sigma_px, LEAST_PX))
+
+    def sought(self, picks: Picks, rows: Ints) -> Sought:
+        """Some of them as the matching takes them."""
+        found, at = self.predicted, self.row[rows]
+        return Sought(
+            source_px=picks.pixel_px[self.pick[rows]],
+            target_px=found.pixel_px[at],
+            covariance_px2=found.covariance_px2[at] + LEAST_PX**2 * np.eye(2),
+            affine=found.affine[at],
+        )
+
+
+@with_one_blas_thread
+def places_in_other_photos(
+    survey: LiveSurvey, last: Adjusted, picks: Picks, labels: Collection[str] | None = None
+) -> Places | None:
+    """Every label in every photo that should show it, from the pick that looks most like it there.
+
+    Also of picks that came after the last adjustment, in photos that take part in it.
+
+    Parameters
+    ----------
+    survey, last
+        The project, and its last adjustment.
+    picks
+        As they are now. Matches are none to look for others from.
+    labels
+        Which are asked for; None: all.
+
+    Returns
+    -------
+    places
+        None where that cannot be told yet.
+    """
+    try:
+        adjustment = _up_to_date(survey, last, picks)
+    except (SingularError, ValueError, UavgramError):  # the next full adjustment will tell
+        return None
+    frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
+    label = {name: k for k, name in enumerate(adjustment.survey.label)}
+    pairs = zip(
+        adjustment.survey.pick_frame.tolist(), adjustment.survey.pick_label.tolist(), strict=True
+    )
+    there = set(pairs)
+    taking = [
+        i
+        for i in np.flatnonzero(~picks.of_source("match")).tolist()
+        if (labels is None or picks.label[i] in labels)
+        and (frame.get(picks.image[i], -1), label.get(picks.label[i], -1)) in there
+    ]
+    rows = np.array(taking, dtype=np.int64)
+    clicked = Clicked(
+        np.array([frame[picks.image[i]] for i in taking], dtype=np.int64),
+        np.array([label[picks.label[i]] for i in taking], dtype=np.int64),
+        picks.pixel_px[rows].reshape(-1, 2),
+    )
+    found = transferred(adjustment, survey.flight(), clicked)
+    return _most_alike(adjustment, found, rows[found.click], picks)
+
+
+def _most_alike(adjustment: Adjustment, found: Transferred, pick: Ints, picks: Picks) -> Places:
+    """Of each label in each photo the place by the pick that looks most like it there.
+
+    Parameters
+    ----------
+    adjustment, found
+        What predicted the places, and all of them.
+    pick
+        Number of the pick of each.
+    picks
+        As they are now.
+    """
+    best: dict[tuple[str, str], int] = {}
+    for row in np.argsort(stretches(found.affine), kind="stable").tolist():
+        best.setdefault((found.frame_id[row], picks.label[pick[row]]), row)
+    rows = np.array(sorted(best.values()), dtype=np.int64)
+    label = tuple(picks.label[i] for i in pick[rows])
+    image = tuple(found.frame_id[row] for row in rows)
+    radius = radii(found.covariance_px2[rows])
+    return Places(pick[rows], image, label, radius, rows, found, adjustment)
+
+
+def _up_to_date(survey: LiveSurvey, last: Adjusted, picks: Picks) -> Adjustment:
+    """The last adjustment with picks that came, or moved, since."""
+    adjustment, before = last.adjustment, last.observed.picks
+    was = {
+        key: tuple(place)
+        for key, place in zip(
+            zip(before.image, before.label, strict=True), before.pixel_px.tolist(), strict=True
+        )
+    }
+    frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
+    new = [
+        i
+        for i in np.flatnonzero(~picks.of_source("match")).tolist()
+        if picks.image[i] in frame
+        and was.get((picks.image[i], picks.label[i])) != tuple(picks.pixel_px[i].tolist())
+    ]
+    sigma = np.where(np.isnan(picks.sigma_px), survey.inputs.project.picks_sigma_px, picks.sigma_px)
+    rows = np.array(new, dtype=np.int64)
+    more = MorePicks(
+        [picks.label[i] for i in new],
+        np.array([frame[picks.image[i]] for i in new], dtype=np.int64),
+        picks.pixel_px[rows].reshape(-1, 2),
+        sigma[rows],
+    )
+    return with_more_picks(adjustment, more, UNEVEN_M)

@@ -1,0 +1,137 @@
+"""A few picks more on an adjustment, from where it stands: in milliseconds, and without a search.
+
+Nothing is looked for that could be wrong, and the noise stays as it was learnt: that is for the
+adjustment that follows. What it is good for is where the poses, and the new picks, say that other
+photos show the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import State
+from uavgram.geometry.ground.plane import intersect_ground
+from uavgram.geometry.ground.row_projection import RowPoses, sight_lines
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.begin.softened import iterate
+from uavgram.stages.refine.continued import carried, lines_used
+
+ITERATIONS = 4
+"""A pick of a new label changes nothing but its point; another one of a known label little."""
+
+
+@dataclass(frozen=True, eq=False)
+class MorePicks:
+    """m picks by name: label (m,), index of the frame (m,), pixel (m, 2), sigma (m,) [px].
+
+    Picks that the adjustment has are moved. A label that it does not have lies on the ground of the
+    first area.
+    """
+
+    label: Sequence[str]
+    frame: Ints
+    pixel_px: Floats
+    sigma_px: Floats
+
+
+def with_more_picks(adjustment: Adjustment, more: MorePicks, uneven_m: float) -> Adjustment:
+    """The adjustment with picks that it does not have yet, or has elsewhere.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    more
+        Picks in its frames. New labels that no sight line leads to the ground for are left out.
+    uneven_m
+        How rough the ground is at least.
+
+    Raises
+    ------
+    SingularError
+        An unknown is not determined.
+    ValueError
+        A pick lies behind its camera.
+    """
+    ground = _on_ground(adjustment, more)
+    known = {label: k for k, label in enumerate(adjustment.survey.label)}
+    new: dict[str, int] = {}
+    for row, label in enumerate(more.label):
+        if label not in known and np.isfinite(ground[row]).all():
+            new.setdefault(label, row)
+    survey = _with_picks(_with_labels(adjustment.survey, tuple(new)), more)
+    rough = tuple(
+        replace(one, roughness_sigma_m=max(one.roughness_sigma_m, uneven_m))
+        for one in survey.grounds
+    )
+    survey = replace(survey, grounds=rough)
+    problem = SurveyProblem(survey, adjustment.problem.pivot_m, lines_used(adjustment))
+    start = _start(adjustment, problem, ground[list(new.values()), :2])
+    minimum = iterate(problem, start, ITERATIONS)
+    return Adjustment(problem, minimum, minimum.factor.covariance())
+
+
+def _start(adjustment: Adjustment, problem: SurveyProblem, new_m: Floats) -> State:
+    """The state of an adjustment, with more labels at the end, at places (n, 2)."""
+    count = len(new_m)
+    padded = np.pad(adjustment.state.point, ((0, count), (0, 0)))
+    padded[len(padded) - count :, :2] = new_m
+    minimum = replace(adjustment.minimum, state=replace(adjustment.state, point=padded))
+    return carried(replace(adjustment, minimum=minimum), problem)
+
+
+def _with_labels(survey: Survey, labels: tuple[str, ...]) -> Survey:
+    """A survey with more labels, on the ground of its first area.
+
+    What the adjustment has learnt of how far points on the ground depart from it holds for them.
+    """
+    none = np.zeros(len(labels))
+    plain = (survey.height_above_m == 0.0) & ~survey.is_free & (survey.area == 0)
+    departs = float(survey.height_sigma_m[plain].max(initial=0.0))
+    return replace(
+        survey,
+        label=(*survey.label, *labels),
+        height_above_m=np.append(survey.height_above_m, none),
+        height_sigma_m=np.append(survey.height_sigma_m, none + departs),
+        is_free=np.append(survey.is_free, none.astype(np.bool_)),
+        area=np.append(survey.area, none.astype(np.int64)),
+    )
+
+
+def _with_picks(survey: Survey, more: MorePicks) -> Survey:
+    """A survey with more picks at the end, or others where they are now."""
+    label = {name: k for k, name in enumerate(survey.label)}
+    keys = zip(survey.pick_frame.tolist(), survey.pick_label.tolist(), strict=True)
+    there = {key: k for k, key in enumerate(keys)}
+    pixel, added = np.array(survey.pixel_px), []
+    for row, (name, frame) in enumerate(zip(more.label, more.frame.tolist(), strict=True)):
+        old = there.get((frame, label.get(name, -1)))
+        if old is not None:
+            pixel[old] = more.pixel_px[row]
+        elif name in label:
+            added.append(row)
+    labels = np.array([label[more.label[row]] for row in added], dtype=np.int64)
+    return replace(
+        survey,
+        pick_frame=np.append(survey.pick_frame, more.frame[added]),
+        pick_label=np.append(survey.pick_label, labels),
+        pixel_px=np.concatenate([pixel, more.pixel_px[added]]),
+        pick_sigma_px=np.append(survey.pick_sigma_px, more.sigma_px[added]),
+    )
+
+
+def _on_ground(adjustment: Adjustment, more: MorePicks) -> Floats:
+    """(m, 3) where sight lines meet the first area's plane; NaN where they do not."""
+    state, problem = adjustment.state, adjustment.problem
+    poses = RowPoses(
+        state.center[more.frame], state.rotation[more.frame], adjustment.sweep()[more.frame]
+    )
+    lens = problem.intrinsics(state)
+    lines = sight_lines(problem.survey.calibration, lens, poses, more.pixel_px)
+    return intersect_ground(*lines, state.plane[:3], problem.pivot_m[0])
