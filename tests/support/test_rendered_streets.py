@@ -11,6 +11,7 @@ from streets.street import Street, Wish, draw_street
 
 from uavgram.model.arrays import Floats
 
+
 def centroid_error(street: Street, photo: int) -> Floats:
     """(n, 2) white ring of the discs on the road in the photo less where exact projection has it."""
     ground = replace(street.scene, bodies=())  # their shadows stay

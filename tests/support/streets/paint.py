@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+
 from streets.canvas import Canvas, Grey, Layer, Single
 from streets.relief import ROAD_HALF_M
-
 from uavgram.model.arrays import Floats
 
 FOOTPATH_M = 6.5

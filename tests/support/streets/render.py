@@ -11,12 +11,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
 from streets.canvas import Layer, Single
 from streets.flight import Camera, View
 from streets.paint import tint
 from streets.relief import KERB_M, ROAD_HALF_M, Relief
 from streets.solids import Body, Convex, shadow
-
 from uavgram.model.arrays import Floats
 
 SOLID = 3  # samples of a pixel's side on things

@@ -9,13 +9,13 @@ from functools import cached_property
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+
 from streets.canvas import Canvas, Layer
 from streets.flight import Camera, Flight, Kind, View, camera, fly, views
 from streets.paint import Markings, bare_ground, markings, surroundings, wear
 from streets.relief import ROAD_HALF_M, Relief, draw_relief
 from streets.render import SHADE, Look, Renderer, Scene
 from streets.solids import Body, car, hidden, house, shadow, wall
-
 from uavgram.model.arrays import Floats
 
 FAMILIES = {

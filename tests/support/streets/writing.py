@@ -17,8 +17,8 @@ import numpy as np
 from hostile_log import BOOT_S, HOME, START_UTC_S, TO_WORLD, UNDULATION_M
 from hostile_world import Smooth
 from scipy.spatial.transform import Rotation
-from streets.street import Street
 
+from streets.street import Street
 from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.model.arrays import Floats
 from uavgram.model.demo.simulated import SimulatedLog
