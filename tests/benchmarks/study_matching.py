@@ -24,6 +24,7 @@ import time
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -102,7 +103,7 @@ def _write(street: Street, folder: Path, noise_px: float) -> Path:
     there = [p.label for p in picks if p.label[0] == "R"]
     lengths = [
         (a, b, float(np.linalg.norm(place[a] - place[b]) + 0.01 * rng.normal()), 0.01)
-        for a, b in zip(there[:-1], there[1:], strict=True)
+        for a, b in pairwise(there)
     ]
     natural = [p.label for p in picks if p.label[0] == "P"]
     distances = list(zip(natural[0::2], natural[1::2], strict=False))
@@ -181,9 +182,11 @@ def row(name: str, pairs: list[Pair]) -> str:
     off = np.linalg.norm(error, axis=1) > WRONG_PX
     good = found & seen & ~off
     rms, z = _rms(error[good]), _rms(error[good] / sigma[good, None])
+    wrong = found & off
+    share = 100 * wrong.sum() / max(found.sum(), 1)
     return (
         f"{name:26s} {len(visible):6d} {100 * (good.sum()) / max(len(visible), 1):6.1f} {rms:6.3f} "
-        f"{z:6.2f} {int((found & off).sum()):5d} {100 * (found & off).sum() / max(found.sum(), 1):6.2f} "
+        f"{z:6.2f} {int(wrong.sum()):5d} {share:6.2f} "
         f"{int((found & ~seen).sum()):6d}"
     )
 
@@ -210,8 +213,8 @@ def tell(done: list[dict[str, Any]], worst: int) -> None:
         error, sigma = (np.array(each["distances"][key]) for key in ("error", "sigma"))
         held = np.isfinite(sigma)
         print(
-            f"{each['flight']:20s} distances {held.sum()}: z {_rms(error[held] / sigma[held]):.2f}, "
-            f"mean error {np.abs(error[held]).mean():.4f} m; cpu {each['seconds']:.0f} s"
+            f"{each['flight']:20s} distances {held.sum()}: z "
+            f"{_rms(error[held] / sigma[held]):.2f}, mean error {np.abs(error[held]).mean():.4f} m; cpu {each['seconds']:.0f} s"
         )
         for message in each["distances"]["messages"]:
             print("   ", message)

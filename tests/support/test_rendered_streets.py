@@ -13,7 +13,7 @@ from uavgram.model.arrays import Floats
 
 
 def centroid_error(street: Street, photo: int) -> Floats:
-    """(n, 2) white ring of the discs on the road in the photo less where exact projection has it."""
+    """(n, 2) white rings of discs in the photo, less where exact projection has them."""
     ground = replace(street.scene, bodies=())  # their shadows stay
     clear, _ = Renderer(ground, street.camera).clear(street.view[photo])
     angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)

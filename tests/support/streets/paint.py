@@ -119,7 +119,15 @@ def wear(canvas: Canvas, rng: np.random.Generator, half_s_m: float) -> None:
         pixel = np.column_stack(layer.texels(path[:, 0].astype("f4"), path[:, 1].astype("f4")))
         thick = max(1, round(rng.uniform(0.012, 0.03) / layer.texel_m))
         fixed = np.rint(pixel * 16).astype(np.int32)
-        cv2.polylines(layer.grey, [fixed], False, [int(rng.uniform(35, 60))], thick, cv2.LINE_AA, 4)
+        cv2.polylines(
+            layer.grey,
+            [fixed],
+            isClosed=False,
+            color=[int(rng.uniform(35, 60))],
+            thickness=thick,
+            lineType=cv2.LINE_AA,
+            shift=4,
+        )
     for _ in range(round(1.5 * metres)):  # stains and litter
         place = np.array([rng.uniform(-half_s_m, half_s_m), rng.uniform(-6.4, 6.4)])
         size, grey = rng.uniform(0.03, 0.16, 2), float(rng.choice([45, 60, 150, 175]))

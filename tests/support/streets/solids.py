@@ -40,12 +40,12 @@ class Convex:
     def span(self, origin: Floats, ray: Floats) -> tuple[Floats, Floats, Floats]:
         """Where rays (n, 3) from origins (n, 3) or (3,) enter and leave, and by which face."""
         speed = ray @ self.normal.T
-        gap = self.offset - origin @ self.normal.T
+        gap = self.offset - np.atleast_2d(origin) @ self.normal.T
         with np.errstate(divide="ignore", invalid="ignore"):
             at = gap / speed
         entry = np.where(speed < 0, at, -np.inf)
         leave = np.where(speed > 0, at, np.inf)
-        entry = np.where((speed == 0) & (gap < 0), np.inf, entry)
+        entry[(speed == 0) & (gap < 0)] = np.inf
         return entry.max(axis=1), leave.min(axis=1), entry.argmax(axis=1)
 
 
@@ -71,7 +71,7 @@ class Body:
         return np.concatenate([each.vertex for each in self.solids])
 
 
-def convex(vertex: Floats, color: Color, contrast: float, glass: bool = False) -> Convex:
+def convex(vertex: Floats, color: Color, contrast: float, *, glass: bool = False) -> Convex:
     """The convex hull of some points; with `glass` all faces but the top are dark."""
     hull = ConvexHull(vertex)
     planes = np.unique(np.round(hull.equations, 6), axis=0)

@@ -131,7 +131,7 @@ def draw_street(seed: int, wish: Wish | None = None) -> Street:
     zebra, dash, zebra_s = markings(canvas, rng, half_s)
     marks = Markings(zebra=zebra, dash=dash, weak=weak, zebra_from_m=float(zebra_s[0]))
     reach = min(half_s, 0.5 * wish.height_m + 8.0)
-    bodies, mover = _things(canvas, relief, rng, reach, marks)
+    bodies, mover = _things(canvas, relief, rng, reach)
     sun = np.array([0.45, -0.5, 0.9]) / np.linalg.norm([0.45, -0.5, 0.9])
     points: dict[str, list[Floats]] = {kind: [] for kind in "PQZDVWRG"}
     for body in bodies:
@@ -180,7 +180,7 @@ def _halves(flight: Flight, wish: Wish) -> tuple[float, float]:
 
 
 def _things(
-    canvas: Canvas, relief: Relief, rng: np.random.Generator, reach: float, marks: Markings
+    canvas: Canvas, relief: Relief, rng: np.random.Generator, reach: float
 ) -> tuple[tuple[Body, ...], Body]:
     """Cars, a house, a garden wall, poles; and a car that drives."""
 

@@ -321,7 +321,8 @@ def _pose_rows(street: Street, seeds: Seeds) -> Iterable[str]:
     )
     for k, name in enumerate(photo_names(street)):
         height = up[k] - UNDULATION_M
-        row = f"{name},{latitude[k]:.9f},{longitude[k]:.9f},{height:.4f},{PLACE_SIGMA_M},{PLACE_SIGMA_M}"
+        row = f"{name},{latitude[k]:.9f},{longitude[k]:.9f},{height:.4f}"
+        row += f",{PLACE_SIGMA_M},{PLACE_SIGMA_M}"
         angles = f",{yaw[k]:.5f},{pitch[k]:.5f},{roll[k]:.5f},{ANGLE_SIGMA_DEG}"
         yield row + (angles if seeds == "csv" else "")
 
