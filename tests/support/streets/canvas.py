@@ -144,27 +144,23 @@ class Canvas:
         self.busy.append((*place.tolist(), 0.75 * side_m))
         return np.asarray(corner)
 
-    def shade(self, outline: Floats, light: float) -> None:
-        """Darken within an outline (k, 2), with a soft edge of two texels."""
+    def shade(self, outlines: list[Floats], light: float) -> None:
+        """Darken within outlines (k, 2) of one thing, with a soft edge of two texels."""
         layer, grey = self.layer, self.layer.grey
-        pixel = (
-            np.column_stack([(outline[:, 0] - layer.s_m), (layer.t_m - outline[:, 1])])
-            / layer.texel_m
-            - 0.5
-        )
-        low = np.maximum(pixel.min(axis=0).astype(np.int64) - 8, 0)
-        high = np.minimum(pixel.max(axis=0).astype(np.int64) + 9, grey.shape[::-1])
+        scale = np.array([1.0, -1.0]) / layer.texel_m
+        pixels = [(each - [layer.s_m, layer.t_m]) * scale - 0.5 for each in outlines]
+        every = np.concatenate(pixels)
+        low = np.maximum(every.min(axis=0).astype(np.int64) - 8, 0)
+        high = np.minimum(every.max(axis=0).astype(np.int64) + 9, grey.shape[::-1])
         if (high <= low).any():
             return
         mask = np.zeros((high - low)[::-1], np.uint8)
-        cv2.fillConvexPoly(
-            mask, np.rint((pixel - low) * 64).astype(np.int32), [255], cv2.LINE_AA, 6
-        )
-        soft = cv2.GaussianBlur(mask, (0, 0), 1.5).astype(np.float32) * np.float32(
-            (1 - light) / 255
-        )
+        for pixel in pixels:
+            fixed = np.rint((pixel - low) * 64).astype(np.int32)
+            cv2.fillConvexPoly(mask, fixed, [255], cv2.LINE_AA, 6)
+        soft = cv2.GaussianBlur(mask, (0, 0), 1.5).astype(np.float32)
         part = grey[low[1] : high[1], low[0] : high[0]]
-        part[:] = np.rint(part * (1 - soft)).astype(np.uint8)
+        part[:] = np.rint(part * (1 - soft * np.float32((1 - light) / 255))).astype(np.uint8)
 
     def free(self, place: Floats, radius: float) -> bool:
         """Whether nothing has its place within a radius."""

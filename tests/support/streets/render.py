@@ -172,19 +172,19 @@ class Renderer:
 
     def _shaded(self, picture: Picture, body: Body, view: View) -> None:
         """The shadow of a body that the top view does not have."""
+        ground = float(self.scene.relief.up(body.corner[:, :2].mean(axis=0))[0])
+        mask = np.zeros(picture.shape[:2], np.uint8)
         for solid in body.solids:
-            ground = float(self.scene.relief.up(solid.vertex[:, :2].mean(axis=0))[0])
             outline = shadow(solid, ground, self.scene.sun)
             steps = np.linspace(0, 1, 10)[:-1, None]
-            path = np.concatenate(
-                [a + steps * (b - a) for a, b in zip(outline, np.roll(outline, -1, 0), strict=True)]
-            )
+            ends = zip(outline, np.roll(outline, -1, 0), strict=True)
+            path = np.concatenate([a + steps * (b - a) for a, b in ends])
             pixel = view.pixels(np.column_stack([path, self.scene.relief.up(path)]))
             if np.isnan(pixel).any():
                 continue
-            mask = np.zeros(picture.shape[:2], np.uint8)
             fixed = np.rint(np.clip(pixel, -1e4, 1e4) * 64).astype(np.int32)
             cv2.fillPoly(mask, [fixed], [255], cv2.LINE_AA, 6)
+        if mask.any():
             picture *= (1 - mask.astype(np.float32) * np.float32((1 - SHADE) / 255))[..., None]
 
     def _draw(self, picture: Picture, depth: Single, body: Body, view: View) -> None:

@@ -139,9 +139,8 @@ def draw_street(seed: int, wish: Wish | None = None) -> Street:
     points["R"], points["G"] = _targets(canvas, rng, reach)
     plates = _plates(canvas, relief, rng, (reach, wish, bodies))
     for body in bodies:
-        for solid in body.solids:
-            ground = float(relief.up(solid.vertex[:, :2].mean(axis=0))[0])
-            canvas.shade(shadow(solid, ground, sun), SHADE)
+        ground = float(relief.up(body.corner[:, :2].mean(axis=0))[0])
+        canvas.shade([shadow(solid, ground, sun) for solid in body.solids], SHADE)
     points["Z"] = list(marks.zebra)
     points["D"] = [p for p in marks.dash if abs(p[0]) < half_s - 1]
     points["P"], points["Q"] = _natural(canvas, rng, (wish, half_s, taken_by), marks)
