@@ -1,0 +1,252 @@
+"""Matches of picks in rendered streets against their truth: `uavgram picks match`, whole.
+
+Each point is picked in one photo and looked for in all others. Streets of tests/support/streets,
+each of its own seed: nothing was tuned on them.
+
+    found   share of pairs (point, photo that shows it) that were found, per cent
+    rms     of the error of a coordinate [px], of those that are not wrong
+    z       root mean square of error over stated sigma, of those
+    wrong   beyond 3 px, per cent of those accepted; of points that the photo hides: hidden
+
+Then the same with 0.8 px of noise in every pick: distances between the things meant.
+
+    python tests/benchmarks/study_matching.py --flights 6 --seed 700 --json matching.json
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import os
+import sys
+import time
+from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
+
+import cv2
+import numpy as np
+from streets.flight import Kind
+from streets.street import Street, Wish, draw_street
+from streets.writing import Tables, picked, truth, write_street
+from uavgram.pipeline.match.run import match_picks
+
+from uavgram.errors import UavgramError
+from uavgram.model.arrays import Floats
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import read_inputs
+
+FLIGHTS: tuple[tuple[Kind, float], ...] = (
+    ("nadir", 0.0),
+    ("oblique", 0.0),
+    ("nadir", 0.03),
+    ("oblique", 0.03),
+    ("orbit", 0.0),
+)
+HEIGHTS_M = (30.0, 40.0, 50.0)
+WRONG_PX, NOISE_PX = 3.0, 0.8
+OFF_GROUND = "VW"
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A point in a photo that shows it and in which it was not picked; NaN where not found."""
+
+    flight: str
+    photo: str
+    label: str
+    visible: bool
+    du: float
+    dv: float
+    sigma: float
+
+
+def study_street(index: int, seed: int) -> Street:
+    """The street of a flight."""
+    kind, readout = FLIGHTS[index % len(FLIGHTS)]
+    wish = Wish(
+        kind=kind, height_m=HEIGHTS_M[index % len(HEIGHTS_M)], readout_s=readout, natural=120
+    )
+    return draw_street(seed + index, wish)
+
+
+def run(index: int, seed: int, kept: str | None) -> dict[str, Any]:
+    """One flight: pairs of the exact picks, distances of the noisy ones, seconds."""
+    cv2.setNumThreads(1)
+    street = study_street(index, seed)
+    kind, readout = FLIGHTS[index % len(FLIGHTS)]
+    name = f"{kind} {1e3 * readout:.0f} ms"
+    with TemporaryDirectory(prefix="matching") as temporary:
+        folder = Path(kept or temporary) / f"m{index}"
+        start = time.process_time()
+        pairs = _matched(street, folder, 0.0, name)
+        spent = time.process_time() - start
+        distances = _distances(street, folder, name)
+    return {"flight": name, "pairs": pairs, "distances": distances, "seconds": spent}
+
+
+def _write(street: Street, folder: Path, noise_px: float) -> Path:
+    """The project: every point in one photo, lengths between discs."""
+    rng = np.random.default_rng((3, street.seed))
+    # A person's sigma in any case: that a pick is exact is not known to the program.
+    place = dict(zip(street.label, street.point, strict=True))
+    picks = picked(street, "PQZDVWR", 1, noise_px, rng)
+    free = {p.label for p in picks if p.label[0] in OFF_GROUND}
+    there = [p.label for p in picks if p.label[0] == "R"]
+    lengths = [
+        (a, b, float(np.linalg.norm(place[a] - place[b]) + 0.01 * rng.normal()), 0.01)
+        for a, b in pairwise(there)
+    ]
+    natural = [p.label for p in picks if p.label[0] == "P"]
+    distances = list(zip(natural[0::2], natural[1::2], strict=False))
+    project = write_street(
+        street, folder, Tables(picks=picks, lengths=lengths, distances=distances)
+    )
+    table = folder / "picks.csv"
+    with table.open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    with table.open("w", newline="") as file:
+        writer = csv.DictWriter(file, [*rows[0], "height_m"])
+        writer.writeheader()
+        for row in rows:
+            free_height = "free" if row["label"] in free else ""
+            writer.writerow(row | {"sigma_px": str(NOISE_PX), "height_m": free_height})
+    return project
+
+
+def _matched(street: Street, folder: Path, noise_px: float, flight: str) -> list[Pair]:
+    project = _write(street, folder, noise_px)
+    with (folder / "picks.csv").open(newline="") as file:
+        by_hand = {(row["image"], row["label"]) for row in csv.DictReader(file)}
+    match_picks(project)
+    with (folder / "picks.csv").open(newline="") as file:
+        found = {
+            (row["image"], row["label"]): (
+                float(row["u_px"]), float(row["v_px"]), float(row["sigma_px"])
+            )
+            for row in csv.DictReader(file)
+            if row["source"] == "match"
+        }  # fmt: skip
+    labels = {label for _, label in by_hand}
+    return [
+        pair
+        for photo, sights in truth(street)["pixels"].items()
+        for label, true in sights.items()
+        if label in labels and (photo, label) not in by_hand
+        for pair in [_pair(flight, (photo, label), true, found)]
+        if pair.visible or np.isfinite(pair.du)
+    ]
+
+
+def _pair(
+    flight: str,
+    of: tuple[str, str],
+    true: tuple[float, float, bool],
+    found: Mapping[tuple[str, str], tuple[float, float, float]],
+) -> Pair:
+    u, v, sigma = found.get(of, (np.nan, np.nan, np.nan))
+    return Pair(flight, *of, bool(true[2]), u - true[0], v - true[1], sigma)
+
+
+def _distances(street: Street, folder: Path, flight: str) -> dict[str, Any]:
+    """Errors and sigmas of distances between natural points, all picked with noise, matched."""
+    _matched(street, folder, NOISE_PX, flight)
+    result = compute(read_inputs(folder / "project.yaml"), curved=False).result
+    place = dict(zip(street.label, street.point, strict=True))
+    measured = result.measurements
+    true = [float(np.linalg.norm(place[a] - place[b])) for a, b in measured.points]
+    return {
+        "error": (np.asarray(measured.value) - true).tolist(),
+        "sigma": np.asarray(measured.sigma).tolist(),
+        "messages": [f"{m.code}: {m.text[:300]}" for m in result.messages if "match" in m.code],
+    }
+
+
+def row(name: str, pairs: list[Pair]) -> str:
+    """The table's line of some pairs."""
+    if not pairs:
+        return f"{name:26s}      0"
+    visible = [p for p in pairs if p.visible]
+    error = np.array([[p.du, p.dv] for p in pairs])
+    sigma = np.array([p.sigma for p in pairs])
+    seen = np.array([p.visible for p in pairs])
+    found = np.isfinite(sigma)
+    off = np.linalg.norm(error, axis=1) > WRONG_PX
+    good = found & seen & ~off
+    rms, z = _rms(error[good]), _rms(error[good] / sigma[good, None])
+    wrong = found & off
+    share = 100 * wrong.sum() / max(found.sum(), 1)
+    return (
+        f"{name:26s} {len(visible):6d} {100 * (good.sum()) / max(len(visible), 1):6.1f} {rms:6.3f} "
+        f"{z:6.2f} {int(wrong.sum()):5d} {share:6.2f} "
+        f"{int((found & ~seen).sum()):6d}"
+    )
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
+
+
+def tell(done: list[dict[str, Any]], worst: int) -> None:
+    """Print the tables."""
+    heads = ("pairs", "found", "rms", "z", "wrong", "%", "hidden")
+    print(" " * 27 + " ".join(f"{head:>6s}" for head in heads))
+    pairs = [pair for each in done for pair in each["pairs"]]
+    kinds = (("natural", "P"), ("weak", "Q"), ("zebra and dashes", "ZD"), ("discs", "R"))
+    for kind, letters in (*kinds, ("cars", "V"), ("walls", "W")):
+        mine = [p for p in pairs if p.label[0] in letters]
+        print(row(kind, mine))
+        for flight in dict.fromkeys(p.flight for p in mine):
+            print(row(f"  {flight}", [p for p in mine if p.flight == flight]))
+    ranked = sorted((p for p in pairs if np.isfinite(p.du)), key=lambda p: -np.hypot(p.du, p.dv))
+    for p in ranked[:worst]:
+        print(f"  {p.flight} {p.photo} {p.label}: {p.du:.2f} {p.dv:.2f} +- {p.sigma:.2f}")
+    for each in done:
+        error, sigma = (np.array(each["distances"][key]) for key in ("error", "sigma"))
+        held = np.isfinite(sigma)
+        print(
+            f"{each['flight']:20s} distances {held.sum()}: z "
+            f"{_rms(error[held] / sigma[held]):.2f}, mean error {np.abs(error[held]).mean():.4f} m; cpu {each['seconds']:.0f} s"
+        )
+        for message in each["distances"]["messages"]:
+            print("   ", message)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--flights", type=int, default=6)
+    parser.add_argument("--only", type=int, nargs="*", help="flights by their numbers")
+    parser.add_argument("--seed", type=int, default=700)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--json", help="where all pairs are written")
+    parser.add_argument(
+        "--folder", help="where the projects are kept; photos there are not rendered again"
+    )
+    parser.add_argument("--worst", type=int, default=10, help="so many, by name")
+    given = parser.parse_args()
+    which = given.only if given.only is not None else range(given.flights)
+    done = []
+    with ProcessPoolExecutor(given.workers) as pool:
+        for job in [pool.submit(run, k, given.seed, given.folder) for k in which]:
+            try:
+                done.append(job.result())
+            except UavgramError as fault:
+                print(f"no result: {str(fault)[:300]}")
+    tell(done, given.worst)
+    if given.json:
+        plain = [each | {"pairs": [asdict(p) for p in each["pairs"]]} for each in done]
+        Path(given.json).write_text(json.dumps(plain))
+
+
+if __name__ == "__main__":
+    main()
