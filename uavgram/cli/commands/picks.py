@@ -13,7 +13,9 @@ from uavgram.errors import InputError
 
 Sigma = Annotated[Decimal | None, Parameter(validator=validators.Number(gt=0))]
 
-picks = App(name="picks", help="Take over picks that were made in another program.")
+picks = App(
+    name="picks", help="Picks that no click makes: found in photos, or taken from another program."
+)
 app.command(picks)
 
 
