@@ -306,6 +306,8 @@ class Refined:
         ground.
     causes
         What explains that the observations do not fit, likeliest first.
+    matches_left_out
+        Rows of the project's picks: matches that do not fit what was found in other photos.
     """
 
     adjustment: Adjustment
@@ -325,6 +327,7 @@ class Refined:
     full_weight: Adjustment | None = None
     off_ground: frozenset[str] = frozenset()
     causes: tuple[Cause, ...] = ()
+    matches_left_out: frozenset[int] = frozenset()
 
     @property
     def settled(self) -> frozenset[str]:

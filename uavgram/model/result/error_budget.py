@@ -9,6 +9,11 @@ from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 
 SOURCES: dict[str, str] = {
     "pixels": "picks",
+    "matches": "matches",
+    "linked": "matches",
+    "idle chains": "matches",
+    "ties": "tie points",
+    "tie heights": "tie points",
     "calibration": "lens",
     "lengths": "known lengths",
     "known": "known things",
