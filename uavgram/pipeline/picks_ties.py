@@ -15,7 +15,7 @@ from uavgram.model.survey.ties import NO_TIES, TiePicks
 from uavgram.pipeline.measure.in_photos import check_ties
 from uavgram.pipeline.measure.inputs import read_inputs, ties_path
 from uavgram.pipeline.measure.pose import pose_frames
-from uavgram.pipeline.measure.tied import tied
+from uavgram.pipeline.measure.tie_points import tied
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import in_order

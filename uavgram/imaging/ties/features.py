@@ -100,7 +100,12 @@ def find_features(grey: Image, original_px: float = 1.0) -> Features:
     if shrink < 1.0:
         grey = np.asarray(cv2.resize(grey, small, interpolation=cv2.INTER_AREA), np.uint8)
     scale = np.array([width / small[0], height / small[1]]) * original_px
-    sift = cv2.SIFT.create(nfeatures=DETECTED, contrastThreshold=CONTRAST)
+    sift = cv2.SIFT.create(
+        nfeatures=DETECTED,
+        contrastThreshold=CONTRAST,
+        # else all places are off by a quarter of a pixel, as two photos of opposite heading show
+        enable_precise_upscale=True,
+    )
     points, described = sift.detectAndCompute(grey, None)
     if not points:
         return Features(np.empty((0, 2)), np.empty(0), np.empty((0, 128), np.uint8))

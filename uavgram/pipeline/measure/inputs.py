@@ -74,7 +74,6 @@ class Inputs:
     picks: Picks
     lines: KnownLines
     known: KnownThings = NO_KNOWN
-    ties: TiePicks = NO_TIES
     requests: tuple[MeasurementRequest, ...]
     control: KnownPoints
     check: KnownPoints

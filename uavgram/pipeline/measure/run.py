@@ -19,7 +19,7 @@ from uavgram.pipeline.measure.exports import exports
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.journal import Journal
 from uavgram.pipeline.measure.pose import pose_frames
-from uavgram.pipeline.measure.tied import are_missing, with_ties_found
+from uavgram.pipeline.measure.tie_points import are_missing, with_ties_found
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread

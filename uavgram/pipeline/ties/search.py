@@ -154,13 +154,17 @@ class _PairWork:
         self._scale = scale_of(calibration)
 
     def compare(self, pair: tuple[int, int]) -> _Matched:
+        """Matches of two photos, by their rows."""
         one, other = pair
         guide = self._guide(one, other)
         found = self._verified(one, other, guide)
-        if guide is not None and len(found.rows) < 2 * FEWEST:
+        if guide is None:
+            # where all is compared with all, chance brings a few together
+            return found if len(found.rows) >= 2 * FEWEST else _Matched(found.rows[:0], np.empty(0))
+        if len(found.rows) < 2 * FEWEST:
             # the seeds may be worse than they claim
             free = self._verified(one, other, None)
-            found = free if len(free.rows) > len(found.rows) else found
+            found = free if len(free.rows) > 2 * FEWEST else found
         return found
 
     def _guide(self, one: int, other: int) -> Guide | None:

@@ -15,6 +15,9 @@ from uavgram.stages.tie.tracks import Tracks
 GRID = 10, 8
 """Columns and rows of the cells of a photo: about as many sightings are kept in each photo."""
 
+FINE = 60, 45
+"""Columns and rows of the cells in which a second sighting tells nothing new."""
+
 MOST = 100
 """Sightings kept in a photo."""
 
@@ -73,15 +76,13 @@ class _Choice:
         length = np.diff(self._starts)
         noise = np.add.reduceat(sighted.sigma_px, self._starts[:-1]) if len(length) else length
         self._order: list[int] = np.lexsort((noise / np.maximum(length, 1), -length)).tolist()
-        self._full: set[int] = set()
         self._count: Counter[int] = Counter()
         self._common: Counter[tuple[int, int]] = Counter()
         self._taken: dict[int, None] = {}
 
     def chosen(self) -> list[int]:
         for point in self._order:
-            free = sum(cell not in self._full for cell in self._cells(point))
-            if 2 * free > len(self._cells(point)):
+            if self._is_free(point, self._cells):
                 self._take(point)
         for point in self._left():
             if any(self._common[pair] < SHARED for pair in combinations(self._photos(point), 2)):
@@ -92,10 +93,17 @@ class _Choice:
         return sorted(self._taken)
 
     def _left(self) -> Iterator[int]:
-        return (point for point in self._order if point not in self._taken)
+        """Points that are not taken, and do not lie beside those that are."""
+        return (
+            point
+            for point in self._order
+            if point not in self._taken and self._is_free(point, self._fine)
+        )
 
-    def _cells(self, point: int) -> list[int]:
-        return self._cell[self._starts[point] : self._starts[point + 1]]
+    def _is_free(self, point: int, cells: _Cells) -> bool:
+        """Whether most cells of a point are free."""
+        own = cells.of[self._starts[point] : self._starts[point + 1]]
+        return 2 * sum(cell not in cells.full for cell in own) > len(own)
 
     def _photos(self, point: int) -> list[int]:
         return self._photo[self._starts[point] : self._starts[point + 1]]
@@ -106,6 +114,18 @@ class _Choice:
         if all(self._count[photo] >= MOST for photo in photos):
             return
         self._taken[point] = None
-        self._full.update(self._cells(point))
+        for cells in (self._cells, self._fine):
+            cells.full.update(cells.of[self._starts[point] : self._starts[point + 1]])
         self._count.update(photos)
         self._common.update(combinations(photos, 2))
+
+
+class _Cells:
+    """Cells of photos: the one of each sighting, and which are full."""
+
+    def __init__(self, sighted: Sighted, grid: tuple[int, int]) -> None:
+        size = np.array([sighted.width_px, sighted.height_px])
+        cell = np.clip(sighted.pixel_px / size * grid, 0, np.array(grid) - 1).astype(np.int64)
+        cells = (sighted.photo * grid[0] + cell[:, 0]) * grid[1] + cell[:, 1]
+        self.of: list[int] = cells.tolist()
+        self.full: set[int] = set()
