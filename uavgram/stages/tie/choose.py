@@ -67,11 +67,7 @@ class _Choice:
         point = sighted.tracks.point
         self._starts: list[int] = np.flatnonzero(np.diff(point, prepend=-1)).tolist()
         self._starts.append(len(point))
-        size = np.array([sighted.width_px, sighted.height_px])
-        cell = np.clip(sighted.pixel_px / size * GRID, 0, np.array(GRID) - 1).astype(np.int64)
-        self._cell: list[int] = (
-            (sighted.photo * GRID[0] + cell[:, 0]) * GRID[1] + cell[:, 1]
-        ).tolist()
+        self._cells, self._fine = _Cells(sighted, GRID), _Cells(sighted, FINE)
         self._photo: list[int] = sighted.photo.tolist()
         length = np.diff(self._starts)
         noise = np.add.reduceat(sighted.sigma_px, self._starts[:-1]) if len(length) else length
