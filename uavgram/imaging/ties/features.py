@@ -23,11 +23,8 @@ from uavgram.model.arrays import Floats, Ints
 WORKING_PX = 1600
 """Longer side of the pictures that features are sought in."""
 
-DETECTED = 6000
-"""Features that SIFT describes in a photo, the strongest ones."""
-
 KEPT = 2500
-"""Features kept of these, spread over the photo."""
+"""Features that are described in a photo, spread over it."""
 
 CELL_PX = 80
 """Edge of the cells of the working picture over which they are spread."""
@@ -101,21 +98,21 @@ def find_features(grey: Image, original_px: float = 1.0) -> Features:
         grey = np.asarray(cv2.resize(grey, small, interpolation=cv2.INTER_AREA), np.uint8)
     scale = np.array([width / small[0], height / small[1]]) * original_px
     sift = cv2.SIFT.create(
-        nfeatures=DETECTED,
         contrastThreshold=CONTRAST,
         # else all places are off by a quarter of a pixel, as two photos of opposite heading show
         enable_precise_upscale=True,
     )
-    points, described = sift.detectAndCompute(grey, None)
+    points = sift.detect(grey)
     if not points:
         return Features(np.empty((0, 2)), np.empty(0), np.empty((0, 128), np.uint8))
+    place = np.asarray(cv2.KeyPoint.convert(points), np.float64)
+    rows = _spread(place, np.array([point.response for point in points], np.float64))
+    # describing costs more than building the pyramid a second time
+    points, described = sift.compute(grey, [points[k] for k in rows])
     # OpenCV counts from the centre of the top-left pixel too
     place = np.array([point.pt for point in points], np.float64)
     size = np.array([point.size for point in points], np.float64)
-    response = np.array([point.response for point in points], np.float64)
-    rows = _spread(place, response)
-    found = Features((place + 0.5) * scale - 0.5, size * scale.mean(), described.astype(np.uint8))
-    return found.take(rows)
+    return Features((place + 0.5) * scale - 0.5, size * scale.mean(), described.astype(np.uint8))
 
 
 def _spread(place: Floats, response: Floats) -> Ints:

@@ -57,8 +57,7 @@ def match_features(one: Features, other: Features, guide: Guide | None = None) -
     first = likeness[here, best].copy()
     back = likeness.argmax(axis=0)
     second = _second(likeness, best, other.pixel_px)
-    # distances of unit vectors: |a - b|^2 = 2 - 2 a.b
-    good = (2.0 - 2.0 * first < RATIO**2 * (2.0 - 2.0 * second)) & (first > 0)
+    good = (_square(first) < RATIO**2 * _square(second)) & (first > 0)
     good &= back[best] == here
     return np.stack([rows[good], best[good]], axis=1)
 
@@ -77,6 +76,11 @@ def _second(likeness: NDArray[np.float32], best: Ints, place: Floats) -> NDArray
         if not len(left):
             break
     return second
+
+
+def _square(likeness: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(N,) squared distances of unit vectors; of equal ones not what rounding makes of 0."""
+    return np.asarray(np.maximum(2.0 - 2.0 * likeness, 1e-5), np.float32)
 
 
 def _unit(descriptor: NDArray[np.uint8]) -> NDArray[np.float32]:

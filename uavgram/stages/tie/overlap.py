@@ -99,10 +99,15 @@ def overlap(seen: Seen) -> Floats:
     count = len(seen.poses.frame_id)
     grid = _grid(seen.calibration)
     ground = np.stack([seen.ground_of(k, grid) for k in range(count)])
-    middle = np.nanmean(np.where(np.isfinite(ground), ground, np.nan), axis=1)
-    reach = np.nanmax(np.linalg.norm(ground - middle[:, None], axis=2), axis=1, initial=0.0)
+    shown = np.isfinite(ground).all(axis=2)
     share = np.zeros((count, count))
-    for k in range(count):
+    photos = np.flatnonzero(shown.any(axis=1))
+    middle = np.full((count, 3), np.inf)
+    middle[photos] = np.nanmean(ground[photos], axis=1)
+    reach = np.zeros(count)
+    from_middle = np.linalg.norm(ground[photos] - middle[photos, None], axis=2)
+    reach[photos] = np.nanmax(from_middle, axis=1, initial=0.0)
+    for k in photos.tolist():
         apart = np.linalg.norm(middle - middle[k], axis=1)
         near = np.flatnonzero(apart <= reach + reach[k])
         pixel = seen.pixels_of(k, ground[near].reshape(-1, 3))
