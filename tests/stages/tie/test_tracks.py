@@ -16,12 +16,21 @@ def matches(*pairs: tuple[int, int]) -> Matches:
 
 
 def test_matches_are_joined_through_each_other() -> None:
-    photo = np.array([0, 1, 2, 3, 0, 1])
+    photo = np.array([0, 1, 2, 0, 1])
 
-    tracks = tracks_of(matches((0, 1), (1, 2), (2, 3), (4, 5)), photo)
+    tracks = tracks_of(matches((0, 1), (1, 2), (3, 4)), photo)
 
-    np.testing.assert_array_equal(tracks.point, [0, 0, 0, 0, 1, 1])
-    np.testing.assert_array_equal(tracks.feature, [0, 1, 2, 3, 4, 5])
+    np.testing.assert_array_equal(tracks.point, [0, 0, 0, 1, 1])
+    np.testing.assert_array_equal(tracks.feature, [0, 1, 2, 3, 4])
+
+
+def test_a_sighting_that_hangs_by_a_thread_goes() -> None:
+    # 0 to 3 are matched with each other; 4 with one of them only
+    all_with_all = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)]
+
+    tracks = tracks_of(matches(*all_with_all, (3, 4)), np.arange(5))
+
+    np.testing.assert_array_equal(tracks.feature, [0, 1, 2, 3])
 
 
 def test_a_point_that_a_photo_would_show_twice_goes() -> None:

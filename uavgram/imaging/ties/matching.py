@@ -13,6 +13,10 @@ from uavgram.model.arrays import Floats, Ints
 RATIO = 0.8
 """A match must be so much nearer than the second best (Lowe, IJCV 60 (2004), section 7.1)."""
 
+FARTHEST = 0.4
+"""Greatest squared distance of descriptors, unit vectors, that look alike: features that have
+nothing to do with each other are seldom nearer."""
+
 SAME_PX = 3.0
 """Features this near each other are one place, described twice: no second best."""
 
@@ -50,6 +54,7 @@ def match_features(one: Features, other: Features, guide: Guide | None = None) -
     if not len(rows) or len(other.pixel_px) < 2:
         return np.empty((0, 2), np.int64)
     likeness = _unit(one.descriptor[rows]) @ _unit(other.descriptor).T
+    nearest = _square(likeness.max(axis=1))
     if guide is not None:
         likeness[_apart(guide.pixel_px[rows], other.pixel_px) > guide.radius_px**2] = _NONE
     here = np.arange(len(rows))
@@ -57,8 +62,10 @@ def match_features(one: Features, other: Features, guide: Guide | None = None) -
     first = likeness[here, best].copy()
     back = likeness.argmax(axis=0)
     second = _second(likeness, best, other.pixel_px)
-    good = (_square(first) < RATIO**2 * _square(second)) & (first > 0)
-    good &= back[best] == here
+    near = _square(first)
+    good = (near < RATIO**2 * _square(second)) & (near < FARTHEST) & (back[best] == here)
+    # where the guide is wrong, the true one stands outside, and is far more like it
+    good &= RATIO**2 * near <= nearest
     return np.stack([rows[good], best[good]], axis=1)
 
 

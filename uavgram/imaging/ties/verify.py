@@ -26,6 +26,9 @@ NEIGHBOURS = 16
 ALONG = 4.0, 4.0
 """Greatest difference of shift from theirs: pixels of the reduced photo, and robust sigmas."""
 
+WAVIEST = 15.0
+"""Greatest robust sigma that a scene's relief explains: above it, chance brought matches together."""
+
 FEWEST = 12
 """Matches of two photos that are worth believing."""
 
@@ -116,7 +119,7 @@ def _like_neighbours(a: Floats, b: Floats, focal_px: float, scale: float) -> Boo
     """(M,) whether the shift of each match, less the plane's, is like its neighbours'."""
     rest = b - _through_plane(a, b)
     off = focal_px * np.linalg.norm(_less_neighbours(a, rest), axis=1)
-    sigma = 1.48 * np.median(off)
+    sigma = min(1.4826 * float(np.median(off)), WAVIEST * scale)
     return np.asarray(off < ALONG[0] * scale + ALONG[1] * sigma)
 
 

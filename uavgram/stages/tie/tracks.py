@@ -10,6 +10,10 @@ from scipy.sparse.csgraph import connected_components
 
 from uavgram.model.arrays import Floats, Ints
 
+LEAST_SUPPORT = 0.5
+"""Share of the other sightings of a point that each must be matched with directly: what drifts from
+photo to photo, or is seen beside the point in one, is not."""
+
 
 class Matches(NamedTuple):
     """M matches, each of two features.
@@ -61,7 +65,8 @@ def tracks_of(matches: Matches, photo: Ints) -> Tracks:
     Returns
     -------
     Tracks
-        Without points that a photo would show twice: a match in them is wrong.
+        Without points that a photo would show twice (a match in them is wrong), and without
+        sightings that hang by a thread.
     """
     if not len(matches.feature):
         return Tracks(np.empty(0, np.int64), np.empty(0, np.int64))
@@ -74,5 +79,8 @@ def tracks_of(matches: Matches, photo: Ints) -> Tracks:
     feature, label = feature[order], label[order]
     twice = (label[1:] == label[:-1]) & (photo[feature[1:]] == photo[feature[:-1]])
     kept = ~np.isin(label, label[1:][twice])
+    degree = np.bincount(matches.feature.ravel(), minlength=len(photo))[feature]
+    kept &= degree >= LEAST_SUPPORT * (np.bincount(label)[label] - 1)
+    kept &= np.bincount(label, kept)[label] > 1
     _, point = np.unique(label[kept], return_inverse=True)
     return Tracks(point.astype(np.int64), feature[kept])
