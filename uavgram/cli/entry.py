@@ -19,6 +19,7 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
     new,
     pick,
     picks,
+    picks_ties,
     rectify,
     run,
     view,

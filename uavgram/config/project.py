@@ -13,7 +13,7 @@ from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import validate
 from uavgram.errors import GeometryError, InputError, near_miss, no_file
 from uavgram.geometry.earth.map_projection import checked_crs
-from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Project
+from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TIES_FOUND, Project
 
 _INPUT_FILES = (
     "log",
@@ -25,10 +25,14 @@ _INPUT_FILES = (
     "measure",
     "control",
     "check",
+    "ties",
 )
 PROJECT_FILE = "project.yaml"
-PICKED_FILES = ("picks", "lines", "measure")
-"""Inputs that the picking page makes: a project that is not finished may lack them."""
+PICKED_FILES = ("picks", "lines", "measure", "ties")
+"""Inputs that the program makes: a project that is not finished may lack them."""
+
+_WAYS_OUT = {"ties": "; `uavgram picks ties` finds tie points, or write `ties: auto`"}
+"""What to do about files that the program can make."""
 
 FROM_PHOTOS = "exif"
 """Value of `poses` that names no file."""
@@ -37,6 +41,7 @@ _NO_PATHS = {
     ("poses", FROM_PHOTOS),
     ("camera", CAMERA_OF_PHOTOS),
     ("camera", CAMERA_UNKNOWN),
+    ("ties", TIES_FOUND),
 }
 
 
@@ -48,7 +53,7 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
     path
         The file, or its folder (see `project_file`). Its paths are relative to its folder.
     unfinished
-        Whether picks, lengths and measurements may name files that are not there yet.
+        Whether picks, ties, lengths and measurements may name files that are not there yet.
 
     Returns
     -------
@@ -127,7 +132,7 @@ def _missing_files(data: dict[str, Plain], folder: Path, keys: Sequence[str]) ->
         for name in _names(data.get(key)):
             if _is_no_path(key, name) or (folder / name).is_file():
                 continue
-            faults.append(Fault((key,), _why_missing(folder / name, name)))
+            faults.append(Fault((key,), _why_missing(folder / name, name) + _WAYS_OUT.get(key, "")))
     return tuple(faults)
 
 

@@ -72,12 +72,14 @@ _COMMENTS = {
     "measure": "what to measure",
     "control": "points with known coordinates, used as observations",
     "check": "points with known coordinates, used only to judge the result",
+    "ties": "tie points between photos; auto: found where the file is missing",
 }
 _EXAMPLES = {
     "log": "flight.BIN",
     "known": "known.csv",
     "control": "control.csv",
     "check": "check.csv",
+    "ties": "auto",
 }
 _WIDTH = 34
 
@@ -116,7 +118,7 @@ def project_text(project: ProjectText) -> str:
         "camera": _scalar(project.camera),
         "log": project.log and _scalar(project.log),
         "poses": project.poses and _scalar(project.poses),
-        **dict.fromkeys(("picks", "lines", "known", "measure", "control", "check")),
+        **dict.fromkeys(("picks", "lines", "known", "measure", "control", "check", "ties")),
         **{key: _scalar(path) for key, path in project.tables.items()},
         "output": "out",
     }

@@ -251,6 +251,12 @@ CAMERA_UNKNOWN = "unknown"
 """Value of `camera` that names no file: where the photos do not say enough either, an ordinary
 drone camera, with errors as wide as such cameras differ."""
 
+TIES_FOUND = "auto"
+"""Value of `ties` that names no file: tie points are found, and kept in `TIES_FILE`."""
+
+TIES_FILE = "ties.csv"
+"""Beside the project file, where it names no other."""
+
 ACCOUNT = "auto"
 """Value of `operator` that names no person: the account that runs the program."""
 
@@ -262,7 +268,8 @@ class Project(_Options):
     Paths are those of the file, made absolute; `images` are patterns. `camera` is ``auto``,
     ``unknown`` or a path; `poses` is ``exif`` or a path, or several, and stands in place of
     `log`. `crs` is the projected coordinate system of maps and drawings; ``auto``: the UTM zone.
-    `operator` is who answers for the survey; ``auto``: the account that runs it.
+    `operator` is who answers for the survey; ``auto``: the account that runs it. `ties` is
+    ``auto`` or a path.
     """
 
     name: str
@@ -276,6 +283,7 @@ class Project(_Options):
     measure: str | None = None
     control: str | None = None
     check: str | None = None
+    ties: str | None = None
     output: str = "out"
     crs: str = "auto"
     operator: str = ACCOUNT
@@ -296,6 +304,7 @@ class Project(_Options):
             "measure",
             "control",
             "check",
+            "ties",
             "name",
             "camera",
             "picks",

@@ -14,7 +14,7 @@ from uavgram.errors import InputError
 Sigma = Annotated[Decimal | None, Parameter(validator=validators.Number(gt=0))]
 
 picks = App(
-    name="picks", help="Take over picks of other programs; find picked points in other photos."
+    name="picks", help="Picks that no click makes: found in photos, or taken from another program."
 )
 app.command(picks)
 

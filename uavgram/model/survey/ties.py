@@ -22,12 +22,15 @@ class TiePicks(FrozenArrays):
         (N,) name of the tie point; one name stands in two photos or more.
     pixel_px, sigma_px
         (N, 2), (N,) place, as of a pick, and the standard deviation of each coordinate.
+    line
+        (N,) line of the file; nothing where they come from no file.
     """
 
     image: Annotated[tuple[str, ...], "n"]
     tie: Annotated[tuple[str, ...], "n"]
     pixel_px: Annotated[Floats, "n", 2]
     sigma_px: Annotated[Floats, "n"]
+    line: tuple[int, ...] = ()
 
 
 NO_TIES = TiePicks(image=(), tie=(), pixel_px=np.empty((0, 2)), sigma_px=np.empty(0))

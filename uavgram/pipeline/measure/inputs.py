@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from unicodedata import normalize
 
 import numpy as np
 
 from uavgram.config.project import load_project, project_file
-from uavgram.errors import InputError, near_miss
+from uavgram.errors import InputError
 from uavgram.geometry.camera.back_projection import share_without_rays
 from uavgram.io.digest import digest_inputs
 from uavgram.io.logs.flight_log import read_flight_log
@@ -25,18 +24,20 @@ from uavgram.io.tables.known_points import read_known_points
 from uavgram.io.tables.lines import LINES_COLUMNS, read_lines
 from uavgram.io.tables.measure import MEASURE_COLUMNS, read_measure
 from uavgram.io.tables.picks import PICKS_COLUMNS, read_picks
+from uavgram.io.tables.ties import TIES_COLUMNS, read_ties
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.readout import Readout, published_readout
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import FlightLog
 from uavgram.model.flight.photo_poses import PhotoPoses
 from uavgram.model.message import Message
-from uavgram.model.options import CAMERA_UNKNOWN, Project
+from uavgram.model.options import CAMERA_UNKNOWN, TIES_FILE, TIES_FOUND, Project
 from uavgram.model.provenance import InputDigest
 from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 from uavgram.model.survey.ties import NO_TIES, TiePicks
 from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
+from uavgram.pipeline.measure.in_photos import check_picks, check_ties
 from uavgram.stages.duplicates import Duplicates, find_duplicates
 
 NO_PICKS = Picks(
@@ -73,10 +74,10 @@ class Inputs:
     picks: Picks
     lines: KnownLines
     known: KnownThings = NO_KNOWN
-    ties: TiePicks = NO_TIES
     requests: tuple[MeasurementRequest, ...]
     control: KnownPoints
     check: KnownPoints
+    ties: TiePicks = NO_TIES
     log: FlightLog | None
     poses: PhotoPoses | None
     digests: tuple[InputDigest, ...]
@@ -101,8 +102,8 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     path
         The project file, or its folder.
     unfinished
-        Whether it may still lack picks, lengths and measurements: files that are not there then
-        count as empty.
+        Whether it may still lack picks, ties, lengths and measurements: files that are not there
+        then count as empty.
     unpicked
         Whether the table of picks may be empty.
 
@@ -122,7 +123,9 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     lines = read_lines(lines_file) if lines_file else NO_LINES
     requests = read_measure(measure_file) if measure_file else ()
     known = read_known(project.known) if project.known else NO_KNOWN
-    columns = _column_messages(picks_file, lines_file, measure_file, project.known)
+    ties_file = _existing(ties_path(project, path.absolute().parent))
+    ties = read_ties(ties_file) if ties_file else NO_TIES
+    columns = _column_messages(picks_file, lines_file, measure_file, project.known, ties_file)
     control = read_known_points(project.control) if project.control else NO_POINTS
     check = read_known_points(project.check) if project.check else NO_POINTS
     photos, photo_messages = read_photos(project.images, project.time)
@@ -131,13 +134,14 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
         calibration = replace(calibration, readout=readout)
         messages += (_published(readout),)
     _check_sizes(project, calibration, photos)
-    _check_picks(project, picks, photos)
+    check_picks(project, picks, photos)
+    check_ties(ties_file or "", ties, photos)
     log = read_flight_log(project.log) if project.log else None
     poses, pose_messages = _poses(project, photos)
     notes = () if log is None else log_messages(log)
     pose_files = [source for source in project.pose_sources if source != FROM_PHOTOS]
     named = (project.camera_file, picks_file, project.log, *pose_files, lines_file, measure_file)
-    named = (*named, project.known, project.control, project.check)
+    named = (*named, project.known, project.control, project.check, ties_file)
     files = [str(path), *(f for f in named if f), *photos.path]
     return Inputs(
         project_path=str(path),
@@ -150,6 +154,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
         requests=requests,
         control=control,
         check=check,
+        ties=ties,
         log=log,
         poses=poses,
         digests=digest_inputs(files, path.absolute().parent),
@@ -164,6 +169,18 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     )
 
 
+def ties_path(project: Project, folder: Path) -> Path | None:
+    """The table of tie points that a project in a folder names; None where it names none."""
+    if project.ties is None:
+        return None
+    return folder / TIES_FILE if project.ties == TIES_FOUND else Path(project.ties)
+
+
+def _existing(path: Path | None) -> str | None:
+    """A file that may be missing, as tie points may still have to be found."""
+    return str(path) if path is not None and path.is_file() else None
+
+
 def duplicates_of(inputs: Inputs) -> Duplicates:
     """What a project holds twice."""
     digests = dict(zip(inputs.files, (one.sha256 for one in inputs.digests), strict=True))
@@ -174,7 +191,7 @@ def duplicates_of(inputs: Inputs) -> Duplicates:
 
 def _column_messages(*files: str | None) -> Iterator[Message]:
     """Name the columns of picks, lengths and measurements that are not read."""
-    columns_of = (PICKS_COLUMNS, LINES_COLUMNS, MEASURE_COLUMNS, KNOWN_COLUMNS)
+    columns_of = (PICKS_COLUMNS, LINES_COLUMNS, MEASURE_COLUMNS, KNOWN_COLUMNS, TIES_COLUMNS)
     tables = zip(files, columns_of, strict=True)
     for file, columns in tables:
         if file and (own := own_columns(file, columns)):
@@ -272,38 +289,3 @@ def _way_to_size(camera: str, have: tuple[int, int], want: tuple[int, int]) -> s
         f"uavgram camera {camera} --size {size} --output {name}_{size}.yaml; else give the camera "
         "file of this camera and resolution, or leave these photos out"
     )
-
-
-def _check_picks(project: Project, picks: Picks, photos: Photos) -> None:
-    """Refuse the first pick in a photo that is not there, or outside its photo."""
-    at = {name: k for k, name in enumerate(photos.frame_id)}
-    photo = np.array([at.get(image, -1) for image in picks.image], dtype=np.int64)
-    size = np.stack([photos.width_px, photos.height_px], axis=1)[photo]
-    inside = ((picks.pixel_px >= -0.5) & (picks.pixel_px <= size - 0.5)).all(axis=1)
-    for i in np.flatnonzero((photo < 0) | ~inside)[:1].tolist():
-        image, label = picks.image[i], picks.label[i]
-        if photo[i] < 0:
-            raise InputError(
-                project.picks,
-                f"the pick of {label!r} names the photo {image!r}, which is not among the "
-                f"project's images{_photo_hint(image, photos)}",
-                picks.line_of(i),
-            )
-        u, v = picks.pixel_px[i]
-        width, height = size[i]
-        raise InputError(
-            project.picks,
-            f"the pick of {label!r} at ({u:g}, {v:g}) lies outside {image!r} "
-            f"({width:.0f} x {height:.0f} px, original and unrotated)",
-            picks.line_of(i),
-        )
-
-
-def _photo_hint(image: str, photos: Photos) -> str:
-    """Which photo may be meant."""
-    if normalize("NFC", image) in (normalize("NFC", name) for name in photos.frame_id):
-        return (
-            "; a photo's name looks the same, but its accents are stored in another way (as macOS "
-            "does): rename the photo without accents, and here too"
-        )
-    return f" ({near})" if (near := near_miss(image, photos.frame_id)) else ""

@@ -19,6 +19,8 @@ from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.exports import exports
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.journal import Journal
+from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.pipeline.measure.tie_points import are_missing, with_ties_found
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
@@ -73,8 +75,13 @@ def run(
     folder = inputs.project.output if output is FROM_PROJECT else output
     if output is FROM_PROJECT:
         check_folder_of_project(Path(inputs.project.output), Path(project).absolute().parent)
+    posed = None
+    if are_missing(inputs):
+        with journal.step("find tie points"):
+            posed = pose_frames(inputs)
+            inputs = with_ties_found(inputs, posed, write=folder is not None, progress=progress)
     with journal.step("adjust and measure"):
-        result, refined = compute(inputs, sampling)
+        result, refined = compute(inputs, sampling, posed=posed)
         ties = tie_cloud(refined.adjustment, result.frames.frame_id)
     journal.result(result)
     if folder is not None:

@@ -1,0 +1,106 @@
+"""Tie points of a project: found in its photos, by what is known of their poses."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from uavgram.io.digest import digest_file
+from uavgram.io.outputs import replace_bytes
+from uavgram.io.tables.ties import read_ties, ties_content
+from uavgram.model.message import Message
+from uavgram.model.options import TIES_FOUND
+from uavgram.model.survey.ties import TiePicks
+from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, ties_path
+from uavgram.pipeline.measure.pose import Posed
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.ties.search import Found, Scene, find_ties
+from uavgram.stages.tie.remarks import remarks
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tied:
+    """Tie points that were found in a project's photos, and what there is to say of them."""
+
+    found: Found
+    photos: Sequence[str]
+
+    @property
+    def ties(self) -> TiePicks:
+        """The sightings."""
+        return self.found.ties
+
+    def messages(self, file: str) -> tuple[Message, ...]:
+        """Remarks; `file` is the table that they are kept in."""
+        return tuple(remarks(self.ties, self.photos, file))
+
+
+def tied(inputs: Inputs, posed: Posed, progress: Progress = silent) -> Tied:
+    """Find the tie points of a project.
+
+    Parameters
+    ----------
+    inputs, posed
+        The project as read, and the first poses of its photos.
+    progress
+        Shows long loops.
+
+    Raises
+    ------
+    InputError
+        A photo cannot be read.
+    """
+    copies = duplicates_of(inputs).photos
+    rows = [k for k, name in enumerate(inputs.photos.frame_id) if name not in copies]
+    ground = inputs.project.ground
+    scene = Scene(
+        frame_id=tuple(inputs.photos.frame_id[k] for k in rows),
+        path=tuple(inputs.photos.path[k] for k in rows),
+        calibration=inputs.calibration,
+        poses=None if posed.telemetry is None else posed.telemetry.poses,
+        ground_m=ground.height_m,
+        ground_sigma_m=ground.height_sigma_m,
+    )
+    return Tied(found=find_ties(scene, progress), photos=scene.frame_id)
+
+
+def are_missing(inputs: Inputs) -> bool:
+    """Whether a project asks for tie points that are still to be found."""
+    path = ties_path(inputs.project, inputs.folder)
+    return inputs.project.ties == TIES_FOUND and path is not None and not path.is_file()
+
+
+def with_ties_found(
+    inputs: Inputs, posed: Posed, *, write: bool, progress: Progress = silent
+) -> Inputs:
+    """The project with tie points that are found now.
+
+    Parameters
+    ----------
+    inputs, posed
+        The project as read, and the first poses of its photos.
+    write
+        Whether the project's table is written too, so that the next run finds it.
+    progress
+        Shows long loops.
+
+    Raises
+    ------
+    InputError
+        A photo cannot be read.
+    OutputError
+        The table cannot be written.
+    """
+    new = tied(inputs, posed, progress)
+    path = ties_path(inputs.project, inputs.folder)
+    messages = inputs.messages
+    digests = inputs.digests
+    ties = new.ties
+    if path is not None:
+        messages = (*messages, *new.messages(path.name))
+        content = ties_content(path, ties)
+        if write and content is not None:
+            replace_bytes(path, content)
+            digests = (*digests, digest_file(path, inputs.folder))
+            ties = read_ties(path)
+    return replace(inputs, ties=ties, digests=digests, messages=messages)

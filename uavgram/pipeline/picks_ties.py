@@ -1,0 +1,127 @@
+"""Tie points into the project's table, or out of it again."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavgram.config.project import load_project, project_file
+from uavgram.io.outputs import replace_bytes
+from uavgram.io.tables.ties import count_made, ties_content
+from uavgram.model.message import Message
+from uavgram.model.options import TIES_FILE, Project
+from uavgram.model.survey.ties import NO_TIES, TiePicks
+from uavgram.pipeline.measure.in_photos import check_ties
+from uavgram.pipeline.measure.inputs import read_inputs, ties_path
+from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.pipeline.measure.tie_points import tied
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.messages import in_order
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TiesWritten:
+    """What became of a project's tie points.
+
+    Attributes
+    ----------
+    path
+        The table.
+    ties
+        What is new in it.
+    taken_back
+        Rows of the program that are no more in it.
+    written
+        Whether anything was written.
+    messages
+        What there is to say of them.
+    """
+
+    path: Path
+    ties: TiePicks
+    taken_back: int
+    written: bool
+    messages: tuple[Message, ...] = ()
+
+
+@with_one_blas_thread
+def write_ties(
+    project: str | os.PathLike[str], *, dry_run: bool = False, progress: Progress = silent
+) -> TiesWritten:
+    """Find tie points in a project's photos and write them to its table.
+
+    Those that the program found before go; rows that somebody else made stay.
+
+    Parameters
+    ----------
+    project
+        The project file, or its folder.
+    dry_run
+        Whether nothing is to be written.
+    progress
+        Shows long loops.
+
+    Raises
+    ------
+    UavgramError
+        A problem that the user can solve; the table is as it was.
+    """
+    inputs = read_inputs(Path(project), unfinished=True)
+    path = _table(inputs.project, inputs.folder)
+    earlier = count_made(path)
+    posed = pose_frames(inputs)
+    found = tied(inputs, posed, progress)
+    content = ties_content(path, found.ties)
+    check_ties(str(path), found.ties, inputs.photos)
+    messages = (*posed.messages, *found.messages(path.name))
+    if inputs.project.ties is None and found.ties.image:
+        text = (
+            f"The project does not use its tie points yet: write `ties: {path.name}` into "
+            f"{Path(inputs.project_path).name}."
+        )
+        messages += (Message("info", "ties-unused", text, files=(path.name,)),)
+    if not dry_run:
+        _replace(path, content)
+    return TiesWritten(
+        path=path,
+        ties=found.ties,
+        taken_back=earlier,
+        written=not dry_run,
+        messages=in_order(*messages),
+    )
+
+
+def take_ties_back(project: str | os.PathLike[str], *, dry_run: bool = False) -> TiesWritten:
+    """Take all tie points that the program found out of a project's table.
+
+    Parameters
+    ----------
+    project
+        The project file, or its folder.
+    dry_run
+        Whether nothing is to be written.
+
+    Raises
+    ------
+    UavgramError
+        A problem that the user can solve; the table is as it was.
+    """
+    file = project_file(Path(project))
+    path = _table(load_project(file, unfinished=True), file.absolute().parent)
+    count = count_made(path)
+    if count and not dry_run:
+        _replace(path, ties_content(path, NO_TIES))
+    return TiesWritten(path=path, ties=NO_TIES, taken_back=count, written=not dry_run)
+
+
+def _table(project: Project, folder: Path) -> Path:
+    return ties_path(project, folder) or folder / TIES_FILE
+
+
+def _replace(path: Path, content: bytes | None) -> None:
+    if content is not None:
+        replace_bytes(path, content)
+    else:
+        path.unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""Tie points: found in the photos, and put into the project's table."""
