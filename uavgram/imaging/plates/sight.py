@@ -1,0 +1,151 @@
+"""Plates in a photo: found, fitted, and kept only where the whole picture is a plate's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+
+from uavgram.imaging.plates.families import cells_of
+from uavgram.imaging.plates.find import Candidate, candidates
+from uavgram.imaging.plates.fit import PlateFit, fit_with_shadows
+from uavgram.imaging.plates.picture import UNIT_SQUARE, Window, homography, mapped
+from uavgram.imaging.raster import Image
+from uavgram.model.arrays import Floats
+
+LEAST_SIDE_PX = 8.0
+"""Plates with a shorter side are left alone: their cells are hardly a pixel wide."""
+
+_LEAST_AGREEMENT = 0.93  # below, it is no plate
+_CLEAN_AGREEMENT = 0.97  # below, something lies across it that the fit cannot follow
+_LEAST_CONTRAST = 5.0  # in residuals
+_WIDER = 1.25
+_LEAST_SIGMA_PX = 0.018
+_MOST_SIGMA_PX = 0.3
+_AROUND = 1.3  # cells of the window around the black square
+
+
+class LeftOut(Enum):
+    """Why a plate that was recognised is not measured."""
+
+    NO = ""
+    COVERED = "something lies across it (the edge of a shadow, dirt, a wheel)"
+    TWICE = "its number is there twice in this photo"
+    FAINT = "it is too small or too faint to be measured"
+
+
+@dataclass(frozen=True, eq=False)
+class SeenPlate:
+    """A plate in one photo.
+
+    Attributes
+    ----------
+    plate
+        Its id.
+    corner_px
+        (4, 2) of its black square, from the first corner on, as its rows of cells run.
+    sigma_px
+        (4,) of each coordinate.
+    center_px
+        (2,) the place where its diagonals meet.
+    center_sigma_px
+        Of each coordinate.
+    score
+        Correlation of a plate's picture with the photo.
+    shadows
+        Number of shadow edges that were fitted along.
+    left_out
+        Why it is not to be used.
+    """
+
+    plate: int
+    corner_px: Floats
+    sigma_px: Floats
+    center_px: Floats
+    center_sigma_px: float
+    score: float
+    shadows: int
+    left_out: LeftOut
+
+    @property
+    def side_px(self) -> float:
+        """Length of its shortest side."""
+        return shortest_side(self.corner_px)
+
+
+def shortest_side(corner_px: Floats) -> float:
+    """Length of the shortest side of a quadrilateral (4, 2)."""
+    return float(np.linalg.norm(np.roll(corner_px, -1, axis=0) - corner_px, axis=1).min())
+
+
+def sight_plates(image: Image, family: str) -> tuple[SeenPlate, ...]:
+    """Find and measure all plates of a family in a photo.
+
+    Parameters
+    ----------
+    image
+        (height, width) grey, original size and orientation.
+    family
+        One of `FAMILIES`.
+    """
+    seen = [_sighted(image, family, one) for one in candidates(image, family)]
+    plates = [one for one in seen if one is not None]
+    count = np.bincount([one.plate for one in plates], minlength=1)
+    marked = [
+        replace(one, left_out=LeftOut.TWICE) if count[one.plate] > 1 else one for one in plates
+    ]
+    return tuple(sorted(marked, key=lambda one: one.plate))
+
+
+def _sighted(image: Image, family: str, candidate: Candidate) -> SeenPlate | None:
+    """A candidate measured; None where it is no plate."""
+    corner = candidate.corner_px
+    if shortest_side(corner) < LEAST_SIDE_PX - 1.0:
+        return None
+    cells = cells_of(family, candidate.plate)
+    window = _window_about(corner, len(cells), image.shape)
+    rows, columns = window.slices
+    grey = image[rows, columns].astype(np.float64)
+    fitted = fit_with_shadows(grey, window, cells, corner)
+    if fitted is None or not _is_plate(fitted):
+        return None
+    return _seen(candidate.plate, fitted)
+
+
+def _is_plate(fitted: PlateFit) -> bool:
+    strong = fitted.contrast > _LEAST_CONTRAST * fitted.rms
+    large = shortest_side(fitted.corner_px) >= LEAST_SIDE_PX
+    return strong and large and fitted.agreement >= _LEAST_AGREEMENT
+
+
+def _seen(plate: int, fitted: PlateFit) -> SeenPlate:
+    variance = np.diagonal(fitted.covariance_px2).reshape(4, 2).mean(axis=1)
+    sigma = np.hypot(_WIDER * np.sqrt(variance), _LEAST_SIGMA_PX)
+    matrix = homography(fitted.corner_px)
+    left_out = LeftOut.NO
+    if sigma.max() > _MOST_SIGMA_PX:
+        left_out = LeftOut.FAINT
+    if fitted.agreement < _CLEAN_AGREEMENT:
+        left_out = LeftOut.COVERED
+    return SeenPlate(
+        plate=plate,
+        corner_px=fitted.corner_px,
+        sigma_px=sigma,
+        center_px=mapped(matrix, UNIT_SQUARE.mean(axis=0)),
+        center_sigma_px=float(np.sqrt((sigma**2).mean() / 4)),
+        score=fitted.agreement,
+        shadows=len(fitted.edges),
+        left_out=left_out,
+    )
+
+
+def _window_about(corner_px: Floats, cells: int, shape: tuple[int, ...]) -> Window:
+    """Pixels of a plate and of the white around it, as far as the photo goes."""
+    side = np.linalg.norm(np.roll(corner_px, -1, axis=0) - corner_px, axis=1).max()
+    around = _AROUND * side / cells + 3.0
+    height, width = shape[:2]
+    left, top = np.floor(corner_px.min(axis=0) - around).astype(int).clip(0).tolist()
+    last = np.ceil(corner_px.max(axis=0) + around).astype(int) + 1
+    right, below = min(int(last[0]), width), min(int(last[1]), height)
+    return Window(left, top, right - left, below - top)
