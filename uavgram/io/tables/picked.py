@@ -88,9 +88,23 @@ def _pick_cells(picks: Picks) -> list[Cells]:
             "height_m": "free" if picks.is_free[i] else _optional(float(picks.height_m[i])),
             "height_sigma_m": _optional(float(picks.height_sigma_m[i])),
             "area": areas[i],
+            **_made_by(picks, i),
         }
         for i in range(len(picks.image))
     ]
+
+
+def _made_by(picks: Picks, i: int) -> Cells:
+    """Who made a pick: of a person's own, nothing is written."""
+    source = picks.source_of(i)
+    u, v = picks.from_px[i].tolist()
+    return {
+        "source": "" if source == "hand" else source,
+        "score": _optional(float(picks.score[i])),
+        "from_image": picks.from_image[i] if picks.from_image else "",
+        "from_u_px": _optional(u),
+        "from_v_px": _optional(v),
+    }
 
 
 def _line_cells(lines: KnownLines) -> list[Cells]:

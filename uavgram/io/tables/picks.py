@@ -11,16 +11,19 @@ import numpy as np
 
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.observations import Picks
+from uavgram.model.survey.observations import Picks, Source
 
 PICKS_COLUMNS = Columns(
     text=("image", "label"),
     numbers=("u_px", "v_px"),
-    optional_text=("area", "note"),
-    optional_numbers=("sigma_px", "height_m", "height_sigma_m"),
+    optional_text=("area", "note", "source", "from_image"),
+    optional_numbers=("sigma_px", "height_m", "height_sigma_m", "score", "from_u_px", "from_v_px"),
     words={"height_m": "free"},
     others=True,
 )
+_SOURCES: dict[str, Source] = {"match": "match", "target": "target"}
+"""Texts of the column `source` that mean the program; any other is a person's own note."""
+
 _FOLDER, _SEMICOLON = re.compile(r"[/\\]"), re.compile(";")
 
 
@@ -57,6 +60,10 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
         height_sigma_m=table.numbers["height_sigma_m"],
         is_free=table.has_word["height_m"],
         area=table.text["area"],
+        source=tuple(_SOURCES.get(text, "hand") for text in table.text["source"]),
+        score=table.numbers["score"],
+        from_image=table.text["from_image"],
+        from_px=np.stack([table.numbers["from_u_px"], table.numbers["from_v_px"]], axis=1),
         line=tuple(table.line.tolist()),
     )
 

@@ -14,6 +14,11 @@ def _none() -> Floats:
     return np.zeros(0)
 
 
+Source = Literal["hand", "match", "target"]
+"""Who made a pick: a person; the program, which found in another photo what a person had picked; or
+the program, which found a target."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Picks:
     """P picked pixels.
@@ -37,6 +42,14 @@ class Picks:
     area
         (P,) name of the area whose plane the point lies on, empty where the file gives none; or
         nothing at all where none is given anywhere.
+    source
+        (P,) who made it; or nothing at all: a person made all.
+    score
+        (P,) how well a match or a target agrees with what was sought, 0 to 1; NaN where the file
+        gives none.
+    from_image, from_px
+        (P,), (P, 2) of a match: photo and place of the pick that it was found from; empty and NaN
+        of others, or no photo at all.
     line
         (P,) line of the file; nothing where they come from no file.
     """
@@ -49,17 +62,32 @@ class Picks:
     height_sigma_m: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
     is_free: Annotated[Bools, "n"] = field(default_factory=lambda: np.zeros(0, np.bool_))
     area: tuple[str, ...] = ()
+    source: tuple[Source, ...] = ()
+    score: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
+    from_image: tuple[str, ...] = ()
+    from_px: Annotated[Floats, "n", 2, NAN_IS_NONE] = field(default_factory=_none)
     line: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         n = len(self.image)
-        for name, nothing in (("height_sigma_m", np.nan), ("is_free", False)):
+        for name, nothing in (("height_sigma_m", np.nan), ("is_free", False), ("score", np.nan)):
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, np.full(n, nothing))
+        if not len(self.from_px):
+            object.__setattr__(self, "from_px", np.full((n, 2), np.nan))
         freeze(self)
-        for name in ("area", "line"):
+        for name in ("area", "source", "from_image", "line"):
             if len(getattr(self, name)) not in {0, n}:
                 raise ValueError(f"{name}: {len(getattr(self, name))} entries, expected {n}")
+
+    def source_of(self, pick: int) -> Source:
+        """Who made a pick."""
+        return self.source[pick] if self.source else "hand"
+
+    def of_source(self, source: Source) -> Bools:
+        """(P,) which picks were made by one."""
+        made = [self.source_of(i) == source for i in range(len(self.image))]
+        return np.array(made, dtype=np.bool_)
 
     def line_of(self, pick: int) -> int | None:
         """Line of the file in which a pick stands; None where there is no file."""

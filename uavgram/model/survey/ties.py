@@ -1,0 +1,70 @@
+"""Tie points: what several photos show of the ground, without a name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated
+
+import numpy as np
+
+from uavgram.model.arrays import Floats, FrozenArrays, Ints
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TiePicks(FrozenArrays):
+    """N sightings of tie points in photos, by name.
+
+    Attributes
+    ----------
+    image
+        (N,) file name of the photo.
+    tie
+        (N,) name of the tie point; one name stands in two photos or more.
+    pixel_px, sigma_px
+        (N, 2), (N,) place, as of a pick, and the standard deviation of each coordinate.
+    """
+
+    image: Annotated[tuple[str, ...], "n"]
+    tie: Annotated[tuple[str, ...], "n"]
+    pixel_px: Annotated[Floats, "n", 2]
+    sigma_px: Annotated[Floats, "n"]
+
+
+NO_TIES = TiePicks(image=(), tie=(), pixel_px=np.empty((0, 2)), sigma_px=np.empty(0))
+
+
+def _no_index() -> Ints:
+    return np.zeros(0, dtype=np.int64)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sightings(FrozenArrays):
+    """N sightings of T tie points, by index.
+
+    Attributes
+    ----------
+    frame, point
+        (N,) which frame shows which point.
+    pixel_px, sigma_px
+        (N, 2), (N,) where, and the standard deviation of each coordinate.
+    row
+        (N,) where each stands in the table that it is from; -1: nowhere.
+    pick
+        (T,) the pick that a point lies under: the first of a chain of matches. Of other tie points
+        nothing is known but that they are seen: -1.
+    """
+
+    frame: Annotated[Ints, "n"] = field(default_factory=_no_index)
+    point: Annotated[Ints, "n"] = field(default_factory=_no_index)
+    pixel_px: Annotated[Floats, "n", 2] = field(default_factory=lambda: np.zeros((0, 2)))
+    sigma_px: Annotated[Floats, "n"] = field(default_factory=lambda: np.zeros(0))
+    row: Annotated[Ints, "n"] = field(default_factory=_no_index)
+    pick: Annotated[Ints, "t"] = field(default_factory=_no_index)
+
+    @property
+    def points(self) -> int:
+        """Number T of tie points."""
+        return len(self.pick)
+
+
+NO_SIGHTINGS = Sightings()
