@@ -1,6 +1,8 @@
-"""Names of the families of coded plates that can be looked for."""
+"""Names of what can be looked for as a coded plate, and of the labels that its corners get."""
 
 from __future__ import annotations
+
+import re
 
 FAMILIES = {
     **{
@@ -16,4 +18,26 @@ FAMILIES = {
 }
 """Name in a project file -> name of OpenCV's dictionary."""
 
-DEFAULT_FAMILY = "aruco-4x4-50"
+BOARD_PLATE = "charuco"
+"""Kind of a ChArUco board, which stands before its first colon."""
+
+LARGEST_PLATE_M = 10.0
+
+CORNERS = 4
+_CORNER = re.compile(r"T(\d+)-([1-4])")
+
+
+def plate_label(plate: int) -> str:
+    """Name of a plate, and of the place where its diagonals meet."""
+    return f"T{plate}"
+
+
+def corner_label(plate: int, corner: int) -> str:
+    """Name of a corner, counted from 0."""
+    return f"T{plate}-{corner + 1}"
+
+
+def plate_of(label: str) -> int | None:
+    """Plate of a corner's label; None of any other label."""
+    match = _CORNER.fullmatch(label)
+    return int(match[1]) if match else None

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from enum import Enum
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from uavgram.imaging.plates.fit import PlateFit, fit_with_shadows
 from uavgram.imaging.plates.picture import UNIT_SQUARE, Window, homography, mapped
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
+from uavgram.model.survey.plates import LeftOut, SeenPlate
 
 LEAST_SIDE_PX = 8.0
 """Plates with a shorter side are left alone: their cells are hardly a pixel wide."""
@@ -24,54 +24,6 @@ _WIDER = 1.25
 _LEAST_SIGMA_PX = 0.018
 _MOST_SIGMA_PX = 0.3
 _AROUND = 1.3  # cells of the window around the black square
-
-
-class LeftOut(Enum):
-    """Why a plate that was recognised is not measured."""
-
-    NO = ""
-    COVERED = "something lies across it (the edge of a shadow, dirt, a wheel)"
-    TWICE = "its number is there twice in this photo"
-    FAINT = "it is too small or too faint to be measured"
-
-
-@dataclass(frozen=True, eq=False)
-class SeenPlate:
-    """A plate in one photo.
-
-    Attributes
-    ----------
-    plate
-        Its id.
-    corner_px
-        (4, 2) of its black square, from the first corner on, as its rows of cells run.
-    sigma_px
-        (4,) of each coordinate.
-    center_px
-        (2,) the place where its diagonals meet.
-    center_sigma_px
-        Of each coordinate.
-    score
-        Correlation of a plate's picture with the photo.
-    shadows
-        Number of shadow edges that were fitted along.
-    left_out
-        Why it is not to be used.
-    """
-
-    plate: int
-    corner_px: Floats
-    sigma_px: Floats
-    center_px: Floats
-    center_sigma_px: float
-    score: float
-    shadows: int
-    left_out: LeftOut
-
-    @property
-    def side_px(self) -> float:
-        """Length of its shortest side."""
-        return shortest_side(self.corner_px)
 
 
 def shortest_side(corner_px: Floats) -> float:
