@@ -15,11 +15,13 @@ from scipy.optimize import least_squares
 
 from uavgram.imaging.plates.picture import Picture, Window, mapped, homography, render
 from uavgram.imaging.plates.shadow import LOG_SOFT_BOUNDS, Edge, edge_pictures, likeliest_edges
+from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats
 
 FIRST_BLUR_PX = 0.8
 _BLUR_BOUNDS_PX = (0.3, 3.0)
 _CLEAR_BLURS = 2.0  # of what lies around the white margin, so much is kept away
+_WRONG_CELL = 0.4  # of the contrast, by which a cell misses its colour in the mean
 _OUTLIER = 4.0
 _PLAIN = 5  # linear unknowns without shadows
 _REACH = 8.0  # corners farther than this share of a side from where they were seen: lost
@@ -286,3 +288,39 @@ def _with_edge(
     ]
     good = [one for one in fits if one is not None]
     return min(good, key=lambda one: one.rms) if good else None
+
+
+def agreement_at(grey: Image, window: Window, cells: Bools, corner_px: Floats) -> float:
+    """Correlation of a plate's picture at given corners with a window of a photo.
+
+    Parameters
+    ----------
+    grey, window, cells, corner_px
+        As of `fit_plate`.
+    """
+    inside = _weights(window, corner_px, len(cells), 1.0, FIRST_BLUR_PX) > 0
+    share = render(cells, corner_px, FIRST_BLUR_PX, window).share[inside]
+    values = grey[inside].astype(np.float64)
+    if values.size < len(cells) ** 2 or np.ptp(values) == 0 or np.ptp(share) == 0:
+        return 0.0
+    return float(np.corrcoef(share, values)[0, 1])
+
+
+def wrong_cells(fitted: PlateFit, cells: Bools, window: Window) -> int:
+    """Number of cells of a plate that are nearer to the other colour.
+
+    Parameters
+    ----------
+    fitted
+        The plate.
+    cells, window
+        As of `fit_plate`.
+    """
+    n = len(cells)
+    place = n * mapped(np.linalg.inv(homography(fitted.corner_px)), window.pixels)
+    inside = ((place > 0) & (place < n)).all(axis=-1) & (fitted.weight > 0)
+    column, row = place[inside].astype(int).T
+    number = np.bincount(row * n + column, minlength=n * n)
+    total = np.bincount(row * n + column, fitted.residual[inside], minlength=n * n)
+    mean = np.abs(total) / np.maximum(number, 1)
+    return int((mean > _WRONG_CELL * abs(fitted.contrast)).sum())
