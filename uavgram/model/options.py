@@ -261,7 +261,10 @@ class TargetOptions(_Options):
         return {
             "family": (self.family in FAMILIES or self.is_board, known.strip()),
             **sides,
-            "sigma_m": (0 < self.sigma_m <= 0.1 * side, "must be above 0, a tenth of the side at most"),
+            "sigma_m": (
+                0 < self.sigma_m <= 0.1 * side,
+                "must be above 0, a tenth of the side at most",
+            ),
         }
 
     @property

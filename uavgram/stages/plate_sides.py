@@ -52,10 +52,15 @@ def with_plate_sides(
         Standard deviation of its longest side.
     """
     taken = set(lines.name) | {
-        f"{a} {b}" for a, b in zip((*lines.start, *lines.end), (*lines.end, *lines.start), strict=True)
+        f"{a} {b}"
+        for a, b in zip((*lines.start, *lines.end), (*lines.end, *lines.start), strict=True)
     }
     pairs = [
-        (corner_label(plate, a), corner_label(plate, b), float(np.linalg.norm(outline_m[b] - outline_m[a])))
+        (
+            corner_label(plate, a),
+            corner_label(plate, b),
+            float(np.linalg.norm(outline_m[b] - outline_m[a])),
+        )
         for plate, corners in sorted(_found(picks).items())
         for a, b in _PAIRS
         if {a, b} <= set(corners)

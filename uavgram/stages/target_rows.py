@@ -57,12 +57,16 @@ def with_targets(
                 continue
             for row in _rows(image, plate, centers.get(plate.plate)):
                 (by_hand if (image, row.label) in taken else rows).append(row)  # type: ignore[arg-type]
-    plates_found = {plate.plate for some in seen.values() for plate in some if not plate.left_out.value}
+    plates_found = {
+        plate.plate for some in seen.values() for plate in some if not plate.left_out.value
+    }
     messages = (*_left_out(seen), *_by_hand(by_hand))  # type: ignore[arg-type]
     return Rows(_together(kept, rows), len(plates_found), tuple(messages))
 
 
-def asked_centers(plates: Collection[int], named: Collection[str], known: Collection[str], picks: Picks) -> dict[int, str]:
+def asked_centers(
+    plates: Collection[int], named: Collection[str], known: Collection[str], picks: Picks
+) -> dict[int, str]:
     """Labels of the plates' centres that the project names.
 
     Parameters
@@ -109,9 +113,7 @@ def _rows(image: str, plate: SeenPlate, center: str | None) -> Iterator[_Row]:
         yield _row(image, center, (u, v), wider * plate.center_sigma_px, plate.score)
 
 
-def _row(
-    image: str, label: str, place: tuple[float, float], sigma_px: float, score: float
-) -> _Row:
+def _row(image: str, label: str, place: tuple[float, float], sigma_px: float, score: float) -> _Row:
     """A row with no more digits than mean something."""
     u, v = (round(one, 4) for one in place)
     return _Row(image, label, u, v, max(round(sigma_px, 4), 1e-4), round(score, 4))
@@ -146,7 +148,9 @@ def _together(kept: Picks, rows: Sequence[_Row]) -> Picks:
     return Picks(
         image=(*kept.image, *(row.image for row in rows)),
         label=(*kept.label, *(row.label for row in rows)),
-        pixel_px=np.concatenate([kept.pixel_px, np.reshape([[r.u_px, r.v_px] for r in rows], (m, 2))]),
+        pixel_px=np.concatenate(
+            [kept.pixel_px, np.reshape([[r.u_px, r.v_px] for r in rows], (m, 2))]
+        ),
         sigma_px=np.append(kept.sigma_px, [row.sigma_px for row in rows]),
         height_m=np.append(kept.height_m, nothing),
         height_sigma_m=np.append(kept.height_sigma_m, nothing),
@@ -165,7 +169,8 @@ def _left_out(seen: Mapping[str, Sequence[SeenPlate]]) -> Iterator[Message]:
             why = next(p.left_out for p in plates if p.plate == number and p.left_out.value)
             name = plate_label(number)
             several = Several(
-                "{count} plates were recognised in photos and left out there", f"{name} in {image}",
+                "{count} plates were recognised in photos and left out there",
+                f"{name} in {image}",
                 ending="Look at them there; pick their corners by hand where you can see them.",
             )
             text = (
@@ -184,4 +189,6 @@ def _by_hand(rows: Sequence[_Row]) -> Iterator[Message]:
         f"{' and others' if len(rows) > 1 else ''}): those picks stay as they are. Take them out to "
         "have the program's."
     )
-    yield Message("info", "target-by-hand", text, frames=tuple(dict.fromkeys(r.image for r in rows)))
+    yield Message(
+        "info", "target-by-hand", text, frames=tuple(dict.fromkeys(r.image for r in rows))
+    )

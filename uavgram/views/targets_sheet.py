@@ -115,7 +115,11 @@ def _page(sheet: Sheet, paper: str, at: tuple[int, int], count: tuple[int, int])
     foot.set_xlim(0.0, width)
     foot.set_ylim(0.0, MARGIN_MM + FOOT_MM)
     foot.axis("off")
-    part = "" if count == (1, 1) else f"   column {at[0] + 1} of {count[0]}, row {at[1] + 1} of {count[1]}"
+    part = (
+        ""
+        if count == (1, 1)
+        else f"   column {at[0] + 1} of {count[0]}, row {at[1] + 1} of {count[1]}"
+    )
     foot.text(MARGIN_MM, MARGIN_MM + 21.0, sheet.name, fontsize=20, va="center")
     foot.text(MARGIN_MM + 26.0, MARGIN_MM + 21.0, f"{sheet.words}{part}", fontsize=8, va="center")
     _ruler(foot)
@@ -125,7 +129,10 @@ def _page(sheet: Sheet, paper: str, at: tuple[int, int], count: tuple[int, int])
 def _outline(outlines: Sequence[Floats]) -> Outline:
     places = np.concatenate([np.vstack([loop, loop[:1]]) for loop in outlines])
     codes = np.concatenate(
-        [[Outline.MOVETO, *[Outline.LINETO] * (len(loop) - 1), Outline.CLOSEPOLY] for loop in outlines]
+        [
+            [Outline.MOVETO, *[Outline.LINETO] * (len(loop) - 1), Outline.CLOSEPOLY]
+            for loop in outlines
+        ]
     )
     return Outline(places, codes)
 
@@ -133,8 +140,12 @@ def _outline(outlines: Sequence[Floats]) -> Outline:
 def _cut_marks(axis: Axes, left: float, top: float, room: tuple[float, float]) -> None:
     for x in (left, left + room[0]):
         for y in (top, top + room[1]):
-            axis.plot([x - _CROSS_MM, x + _CROSS_MM], [y, y], color="grey", linewidth=0.3, clip_on=False)
-            axis.plot([x, x], [y - _CROSS_MM, y + _CROSS_MM], color="grey", linewidth=0.3, clip_on=False)
+            axis.plot(
+                [x - _CROSS_MM, x + _CROSS_MM], [y, y], color="grey", linewidth=0.3, clip_on=False
+            )
+            axis.plot(
+                [x, x], [y - _CROSS_MM, y + _CROSS_MM], color="grey", linewidth=0.3, clip_on=False
+            )
 
 
 def _ruler(axis: Axes) -> None:
@@ -148,8 +159,10 @@ def _ruler(axis: Axes) -> None:
     for cm in range(0, RULER_MM + 1, 50):
         axis.text(MARGIN_MM + cm, y + 5.5, str(cm), fontsize=6, ha="center", va="bottom")
     axis.text(
-        MARGIN_MM, y - 1.5,
+        MARGIN_MM,
+        y - 1.5,
         "Measure this ruler: 100 mm from first to last line. If it is not, print at 100 % (no fit to page); or measure "
         "the black square and state its side as side_m.",
-        fontsize=6, va="top",
+        fontsize=6,
+        va="top",
     )

@@ -98,7 +98,9 @@ def print_(
     each = f", {done.pages} pages each" if done.pages > 1 else ""
     say(f"{len(done.names)} plates ({', '.join(done.names)}){each}: {output}")
     side = "" if done.side_m is None else f", side_m: {done.side_m:g}"
-    say(f"measure the ruler on the paper, then put into the project: targets: {{family: {family}{side}}}")
+    say(
+        f"measure the ruler on the paper, then put into the project: targets: {{family: {family}{side}}}"
+    )
     return DONE
 
 

@@ -99,7 +99,9 @@ class _Model:
         q, r = np.linalg.qr(weighted)
         linear = np.linalg.lstsq(r, q.T @ target, rcond=None)[0]
         residual = weighted @ linear - target
-        strength = linear[1] + self.slope @ linear[2:4] + 4.0 * linear[4] * (1.0 - 2.0 * picture.share)
+        strength = (
+            linear[1] + self.slope @ linear[2:4] + 4.0 * linear[4] * (1.0 - 2.0 * picture.share)
+        )
         for k, one in enumerate(shade):
             strength = strength + linear[_PLAIN + 1 + 2 * k] * one
         jacobian = np.empty((residual.size, len(value)))
@@ -161,8 +163,13 @@ def fit_plate(
         lower[11::3], upper[11::3] = LOG_SOFT_BOUNDS
         value = np.clip(value, lower + 0.01, upper - 0.01)
         found = least_squares(
-            lambda x, m=model: m(x)[0], value, lambda x, m=model: m(x)[1], (lower, upper),
-            xtol=1e-6, ftol=1e-8, max_nfev=25,
+            lambda x, m=model: m(x)[0],
+            value,
+            lambda x, m=model: m(x)[1],
+            (lower, upper),
+            xtol=1e-6,
+            ftol=1e-8,
+            max_nfev=25,
         )
         value = found.x
         corner = value[:8].reshape(4, 2)
@@ -184,7 +191,11 @@ def _raw(residual: Floats, weight: Floats) -> Floats:
 
 
 def _described(
-    model: _Model, value: Floats, weight: Floats, residual: Floats, jacobian: Floats,
+    model: _Model,
+    value: Floats,
+    weight: Floats,
+    residual: Floats,
+    jacobian: Floats,
     edges: tuple[Edge, ...],
 ) -> PlateFit:
     count = max(float((weight > 0).sum()) - jacobian.shape[1] - len(model.linear), 1.0)
@@ -222,7 +233,9 @@ def _runs_on(raw: Floats, inside: Bools) -> float:
     return products / squares if squares > 0 else 0.0
 
 
-def _weights(window: Window, corner_px: Floats, count: int, margin: float, blur_px: float) -> Floats:
+def _weights(
+    window: Window, corner_px: Floats, count: int, margin: float, blur_px: float
+) -> Floats:
     """(h, w) 1 on the plate and its margin, as far as nothing blurs into it from around."""
     matrix = np.linalg.inv(homography(corner_px))
     place = count * mapped(matrix, window.pixels)
@@ -281,8 +294,13 @@ def _with_edge(
     starts = likeliest_edges(grey, base, picture.share, weight)
     fits = [
         fit_plate(
-            grey, window, cells, corner_px,
-            edges=(*fitted.edges, start), blur_px=FIRST_BLUR_PX, margin=margin,
+            grey,
+            window,
+            cells,
+            corner_px,
+            edges=(*fitted.edges, start),
+            blur_px=FIRST_BLUR_PX,
+            margin=margin,
         )
         for start in starts
     ]

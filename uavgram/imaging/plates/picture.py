@@ -1,7 +1,7 @@
 """How a plate looks in a photo: its cells under a homography, blurred, one pixel after the other.
 
 A cell's straight edge, blurred a little, is an error function of the distance from it; so the
-pattern is drawn that way on a grid three times as fine as the pixels, blurred there by the rest of
+pattern is drawn that way on a grid twice as fine as the pixels, blurred there by the rest of
 the photo's blur, and averaged over each pixel. The picture is then smooth in the plate's corners,
 and its derivative by a corner is its gradient times how far the pattern moves with that corner.
 """
@@ -16,11 +16,11 @@ from scipy.special import ndtr
 
 from uavgram.model.arrays import Bools, Floats
 
-FINER = 3
+FINER = 2
 """Steps of the fine grid to a pixel."""
 
 DRAWN_BLUR_PX = 0.3
-"""Blur that is drawn; the rest is a filter. Also the least blur: a grid of thirds shows no less."""
+"""Blur that is drawn; the rest is a filter. Also the least blur: a grid of halves shows no less."""
 
 _BLUR_STEP_PX = 0.02
 _CORNER_STEP = 1e-4  # of the plate's side
@@ -49,7 +49,7 @@ class Window:
 
     @property
     def fine_pixels(self) -> Floats:
-        """(3 height, 3 width, 2) places of the fine grid."""
+        """(2 height, 2 width, 2) places of the fine grid."""
         v, u = np.mgrid[: self.height * FINER, : self.width * FINER]
         fine = (np.stack([u, v], axis=-1) + 0.5) / FINER - 0.5
         return np.asarray(fine + [self.left, self.top], np.float64)
@@ -85,6 +85,11 @@ def homography(corner_px: Floats) -> Floats:
     return np.append(solved, 1.0).reshape(3, 3)
 
 
+def inverse_of(matrix: Floats) -> Floats:
+    """(3, 3) the other way."""
+    return np.asarray(np.linalg.inv(matrix), np.float64)
+
+
 def mapped(matrix: Floats, place: Floats) -> Floats:
     """(..., 2) places under a homography."""
     raw = place @ matrix[:, :2].T + matrix[:, 2]
@@ -106,9 +111,9 @@ def render(cells: Bools, corner_px: Floats, blur_px: float, window: Window) -> P
         Which pixels.
     """
     matrix = homography(corner_px)
-    fine = _drawn(cells, np.linalg.inv(matrix), window.fine_pixels)
+    fine = _drawn(cells, inverse_of(matrix), window.fine_pixels)
     blurred = _blurred(fine, blur_px)
-    by_v, by_u = np.gradient(blurred)
+    by_v, by_u = np.gradient(blurred, axis=(0, 1))
     gradient = FINER * np.stack([_averaged(by_u), _averaged(by_v)], axis=-1)
     more = _averaged(_blurred(fine, blur_px + _BLUR_STEP_PX))
     share = _averaged(blurred)
@@ -140,19 +145,22 @@ def _drawn(cells: Bools, inverse: Floats, pixel: Floats) -> Floats:
 
 
 def _blurred(fine: Floats, blur_px: float) -> Floats:
-    more = FINER * max(blur_px**2 - DRAWN_BLUR_PX**2, 1e-6) ** 0.5
+    # the mean of a pixel's steps is narrower than the pixel by 1 / (12 FINER^2) of variance
+    variance = blur_px**2 - DRAWN_BLUR_PX**2 + 1.0 / (12.0 * FINER**2)
+    more = FINER * max(variance, 1e-6) ** 0.5
     return np.asarray(cv2.GaussianBlur(fine, (0, 0), more, borderType=cv2.BORDER_REPLICATE))
 
 
 def _averaged(fine: Floats) -> Floats:
     """The mean of each pixel's steps."""
     height, width = fine.shape
-    return fine.reshape(height // FINER, FINER, width // FINER, FINER).mean(axis=(1, 3))
+    steps = fine.reshape(height // FINER, FINER, width // FINER, FINER)
+    return np.asarray(steps.mean(axis=(1, 3)), np.float64)
 
 
 def _moved(matrix: Floats, corner_px: Floats, pixel: Floats) -> Floats:
     """(h, w, 2, 8): how far what lies at each pixel moves with each coordinate of the corners."""
-    place = mapped(np.linalg.inv(matrix), pixel)
+    place = mapped(inverse_of(matrix), pixel)
     step = _CORNER_STEP * float(np.linalg.norm(corner_px[2] - corner_px[0]))
     moved = np.empty((*pixel.shape, 8))
     for k in range(8):
