@@ -53,7 +53,8 @@ def main() -> None:
             distance += true.tolist()
             z = np.array(error) / sigma
             sys.stdout.write(
-                f"{'log' if log else 'no log'} {seed - given.first + 1}: n {len(z)}  z {np.sqrt(np.mean(z**2)):.3f}  "
+                f"{'log' if log else 'no log'} {seed - given.first + 1}: n {len(z)}  "
+                f"z {np.sqrt(np.mean(z**2)):.3f}  "
                 f"worst {np.abs(z).max():.2f}  >4s {(np.abs(z) > 4).sum()}  error "
                 f"{np.median(np.abs(error) / np.array(distance)):.5f}  failed {failed}  "
                 f"{(time.perf_counter() - started) / (seed - given.first + 1):.1f} s each\n"

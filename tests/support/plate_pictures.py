@@ -1,4 +1,4 @@
-"""Photos of plates and marks, by sampling: twelve by twelve samples in a pixel, then a blur of them.
+"""Photos of plates and marks, by sampling: twelve by twelve samples in a pixel, then a blur.
 
 Nothing is shared with the fit's own drawing but the cells of the dictionary.
 """

@@ -70,7 +70,7 @@ def print_targets(
     """
     if paper not in PAPERS_MM:
         raise InputError("--paper", f"{paper!r} is unknown: choose of {', '.join(PAPERS_MM)}")
-    if family.split(":")[0] == BOARD_PLATE:
+    if family.split(":", maxsplit=1)[0] == BOARD_PLATE:
         sheets, side_m = [_board(family)], None
     else:
         side_m = _checked(family, plates, side_m, paper)

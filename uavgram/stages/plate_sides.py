@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.observations import KnownLines, Picks
+from uavgram.model.survey.observations import Along, KnownLines, Picks
 from uavgram.model.target_families import corner_label, plate_of
 
 TAPE = "targets"
@@ -16,6 +14,7 @@ TAPE = "targets"
 _OWN_SHARE = 0.5
 """Of the sigma of a plate's side: what differs from side to side."""
 
+_SLOPE: Along = "slope"
 _PAIRS = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
@@ -77,11 +76,11 @@ def with_plate_sides(
         sigma_m=np.append(lines.sigma_m, np.full(more, _OWN_SHARE * sigma_m)),
         adjust=np.append(lines.adjust, np.ones(more, dtype=np.bool_)),
         tape=(*(lines.tape or ("",) * count), *(TAPE,) * more),
-        along=(*(lines.along or ("slope",) * count), *("slope",) * more),
+        along=(*(lines.along_of(i) for i in range(count)), *(_SLOPE,) * more),
     )
 
 
-def _found(picks: Picks) -> dict[int, Collection[int]]:
+def _found(picks: Picks) -> dict[int, set[int]]:
     """Plates of which the program found corners: numbers of the corners that are picked at all."""
     found: dict[int, set[int]] = {}
     made = picks.of_source("target")

@@ -48,7 +48,7 @@ def test_derivatives_are_central_differences() -> None:
             render(cells, corner + sign * move.reshape(4, 2), 0.7, window).share for sign in (1, -1)
         )
         difference = (ahead - behind) / (2 * step)
-        # the gradient is that of thirds of pixels: a few per cent where the picture bends most
+        # the gradient is that of halves of pixels: some per cent where the picture bends most
         assert (
             np.abs(picture.by_corner[..., k] - difference).max() < 0.08 * np.abs(difference).max()
         )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-
 from typing import Annotated
 
 from cyclopts import App, Parameter, validators
@@ -52,8 +51,8 @@ def find(
         sides = [side for _, side in photos]
         if photos:
             say(
-                f"T{number}: in {len(photos)} of {found.photos} photos, sides of {min(sides):.0f} to "
-                f"{max(sides):.0f} px"
+                f"T{number}: in {len(photos)} of {found.photos} photos, sides of "
+                f"{min(sides):.0f} to {max(sides):.0f} px"
             )
     done = "nothing is written (--dry-run)" if dry_run else str(found.path)
     say(f"{found.rows} picks of {len(found.plates)} plates, {found.removed} before: {done}")
@@ -99,7 +98,8 @@ def print_(
     say(f"{len(done.names)} plates ({', '.join(done.names)}){each}: {output}")
     side = "" if done.side_m is None else f", side_m: {done.side_m:g}"
     say(
-        f"measure the ruler on the paper, then put into the project: targets: {{family: {family}{side}}}"
+        "measure the ruler on the paper, then put into the project: "
+        f"targets: {{family: {family}{side}}}"
     )
     return DONE
 

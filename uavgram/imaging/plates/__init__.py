@@ -1,1 +1,1 @@
-"""Coded plates and uncoded targets that lie in the field: found, and measured to a hundredth of a pixel."""
+"""Coded plates and uncoded targets in the field: found, and measured to hundredths of a pixel."""

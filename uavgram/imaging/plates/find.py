@@ -46,11 +46,11 @@ def candidates(image: Image, family: str) -> list[Candidate]:
             break
         larger = image if scale == 1 else _doubled(image)
         quads, ids, _ = detector.detectMarkers(larger)
-        if ids is None:
-            continue
-        for quad, plate in zip(quads, np.asarray(ids).ravel().tolist(), strict=True):
+        # OpenCV's stubs promise an array; it returns None where there is no marker
+        numbers = [] if not quads else np.asarray(ids, np.int64).ravel().tolist()
+        for quad, plate in zip(quads, numbers, strict=True):
             corner = (np.asarray(quad, np.float64).reshape(4, 2) + 0.5) / scale - 0.5
-            if not any(_is_same(one, plate, corner) for one in found):
+            if not any(_is_same(one, int(plate), corner) for one in found):
                 found.append(Candidate(int(plate), corner))
     return found
 

@@ -13,7 +13,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.optimize import least_squares
 
-from uavgram.imaging.plates.picture import Picture, Window, mapped, homography, render
+from uavgram.imaging.plates.picture import (
+    Picture,
+    Window,
+    homography,
+    inverse_of,
+    mapped,
+    render,
+)
 from uavgram.imaging.plates.shadow import LOG_SOFT_BOUNDS, Edge, edge_pictures, likeliest_edges
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats
@@ -23,6 +30,7 @@ _BLUR_BOUNDS_PX = (0.3, 3.0)
 _CLEAR_BLURS = 2.0  # of what lies around the white margin, so much is kept away
 _WRONG_CELL = 0.4  # of the contrast, by which a cell misses its colour in the mean
 _OUTLIER = 4.0
+_EVALUATIONS = (8, 12)  # with the weights of the start, and with those of its residuals
 _PLAIN = 5  # linear unknowns without shadows
 _REACH = 8.0  # corners farther than this share of a side from where they were seen: lost
 
@@ -66,7 +74,9 @@ class PlateFit:
 class _Model:
     """Grey values of a window by corners, blur and shadow edges."""
 
-    def __init__(self, grey: Floats, window: Window, cells: Bools, weight: Floats, middle: Floats):
+    def __init__(
+        self, grey: Floats, window: Window, cells: Bools, weight: Floats, middle: Floats
+    ) -> None:
         self.grey, self.window, self.cells = grey, window, cells
         self.root = np.sqrt(weight).ravel()
         away = window.pixels - middle
@@ -89,6 +99,14 @@ class _Model:
         result = self._evaluated(value)
         self._last = (key, *result)
         return result
+
+    def residual(self, value: Floats) -> Floats:
+        """What the grey values miss, weighted."""
+        return self(value)[0]
+
+    def jacobian(self, value: Floats) -> Floats:
+        """Its derivatives."""
+        return self(value)[1]
 
     def _evaluated(self, value: Floats) -> tuple[Floats, Floats]:
         picture = render(self.cells, value[:8].reshape(4, 2), float(value[8]), self.window)
@@ -156,20 +174,20 @@ def fit_plate(
     value = np.concatenate([corner_px.ravel(), [blur_px], *(edge.values for edge in edges)])
     weight = _weights(window, corner_px, len(cells), margin, blur_px)
     fitted = None
-    for _ in range(3):
+    for evaluations in _EVALUATIONS:
         model = _Model(grey, window, cells, weight, corner_px.mean(axis=0))
         lower, upper = np.full(len(value), -np.inf), np.full(len(value), np.inf)
         lower[8], upper[8] = _BLUR_BOUNDS_PX
         lower[11::3], upper[11::3] = LOG_SOFT_BOUNDS
         value = np.clip(value, lower + 0.01, upper - 0.01)
         found = least_squares(
-            lambda x, m=model: m(x)[0],
+            model.residual,
             value,
-            lambda x, m=model: m(x)[1],
+            model.jacobian,
             (lower, upper),
             xtol=1e-6,
             ftol=1e-8,
-            max_nfev=25,
+            max_nfev=evaluations,
         )
         value = found.x
         corner = value[:8].reshape(4, 2)
@@ -237,11 +255,11 @@ def _weights(
     window: Window, corner_px: Floats, count: int, margin: float, blur_px: float
 ) -> Floats:
     """(h, w) 1 on the plate and its margin, as far as nothing blurs into it from around."""
-    matrix = np.linalg.inv(homography(corner_px))
+    matrix = inverse_of(homography(corner_px))
     place = count * mapped(matrix, window.pixels)
     # a projective coordinate's step per pixel, at the middle of the plate: the margin is narrow
-    ahead = count * mapped(matrix, window.pixels + [0.5, 0.0]) - place
-    down = count * mapped(matrix, window.pixels + [0.0, 0.5]) - place
+    ahead = count * mapped(matrix, window.pixels + np.array([0.5, 0.0])) - place
+    down = count * mapped(matrix, window.pixels + np.array([0.0, 0.5])) - place
     step = 2.0 * np.hypot(ahead, down)
     clear = margin - _CLEAR_BLURS * np.hypot(blur_px, 0.3) * step
     clear = np.maximum(clear, 0.15 * margin)
@@ -335,7 +353,7 @@ def wrong_cells(fitted: PlateFit, cells: Bools, window: Window) -> int:
         As of `fit_plate`.
     """
     n = len(cells)
-    place = n * mapped(np.linalg.inv(homography(fitted.corner_px)), window.pixels)
+    place = n * mapped(inverse_of(homography(fitted.corner_px)), window.pixels)
     inside = ((place > 0) & (place < n)).all(axis=-1) & (fitted.weight > 0)
     column, row = place[inside].astype(int).T
     number = np.bincount(row * n + column, minlength=n * n)

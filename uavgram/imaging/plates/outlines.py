@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.imaging.plates.families import cells_of
+from uavgram.imaging.plates.picture import UNIT_SQUARE
 from uavgram.imaging.targets.charuco import charuco_board
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.board import Board
@@ -36,7 +37,7 @@ def board_outlines(board: Board) -> list[Floats]:
     """The same of a ChArUco board [m], from the corner of its first square."""
     columns, rows = board.columns + 1, board.rows + 1
     outlines = [
-        (np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) + [column, row]) * board.square_m
+        (UNIT_SQUARE + np.array([column, row])) * board.square_m
         for row in range(rows)
         for column in range(columns)
         if (row + column) % 2 == 0

@@ -23,6 +23,7 @@ DRAWN_BLUR_PX = 0.3
 """Blur that is drawn; the rest is a filter. Also the least blur: a grid of halves shows no less."""
 
 _BLUR_STEP_PX = 0.02
+_SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0  # exact for polynomials of degree 4
 _CORNER_STEP = 1e-4  # of the plate's side
 UNIT_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
@@ -113,8 +114,10 @@ def render(cells: Bools, corner_px: Floats, blur_px: float, window: Window) -> P
     matrix = homography(corner_px)
     fine = _drawn(cells, inverse_of(matrix), window.fine_pixels)
     blurred = _blurred(fine, blur_px)
-    by_v, by_u = np.gradient(blurred, axis=(0, 1))
-    gradient = FINER * np.stack([_averaged(by_u), _averaged(by_v)], axis=-1)
+    slopes = [
+        _averaged(cv2.filter2D(blurred, -1, kernel)) for kernel in (_SLOPE[None], _SLOPE[:, None])
+    ]
+    gradient = FINER * np.stack(slopes, axis=-1)
     more = _averaged(_blurred(fine, blur_px + _BLUR_STEP_PX))
     share = _averaged(blurred)
     moved = _moved(matrix, corner_px, window.pixels)

@@ -10,7 +10,6 @@ from scipy.special import ndtr
 from uavgram.imaging.plates.picture import Window
 from uavgram.model.arrays import Floats
 
-
 LOG_SOFT_BOUNDS = (-1.5, 2.0)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from uavgram.config.board_text import parse_board
 from uavgram.model.arrays import Floats
 from uavgram.model.options import TargetOptions
