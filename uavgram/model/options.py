@@ -247,7 +247,9 @@ class TargetOptions(_Options):
 
     def _rules(self) -> dict[str, tuple[bool, str]]:
         hint = near_miss(self.family, (*FAMILIES, BOARD_PLATE))
-        known = f"must be one of aruco-4x4-50, apriltag-36h11, charuco:... {f'({hint})' if hint else ''}"
+        known = (
+            f"must be such as aruco-4x4-50, apriltag-36h11 or charuco:...{hint and f' ({hint})'}"
+        )
         sides = {
             "side_m": (self.is_board, "is missing: the side of the black square in metres")
             if self.side_m is None
@@ -257,9 +259,9 @@ class TargetOptions(_Options):
                 "its own",
             ),
         }
-        side = self.side_m or LARGEST_PLATE_M
+        side = self.side_m if self.side_m and self.side_m > 0 else LARGEST_PLATE_M
         return {
-            "family": (self.family in FAMILIES or self.is_board, known.strip()),
+            "family": (self.family in FAMILIES or self.is_board, known),
             **sides,
             "sigma_m": (
                 0 < self.sigma_m <= 0.1 * side,

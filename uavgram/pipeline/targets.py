@@ -121,8 +121,8 @@ def _targets(inputs: Inputs) -> TargetOptions:
     if inputs.project.targets is None:
         raise InputError(
             inputs.project_path,
-            "names no targets: add what is printed on your plates and the side of the black square, "
-            "as in `targets: {family: aruco-4x4-50, side_m: 0.60, sigma_m: 0.001}`",
+            "names no targets: add what is printed on your plates and the side of the black "
+            "square, as in `targets: {family: aruco-4x4-50, side_m: 0.60, sigma_m: 0.001}`",
         )
     return inputs.project.targets
 
@@ -163,8 +163,8 @@ def _nothing_found(plates: int, inputs: Inputs) -> Iterator[Message]:
     if plates or targets is None:
         return
     text = (
-        f"No plate of the family {targets.family} was found in any of the {len(inputs.photos.path)} "
-        "photos. Look whether `targets: family` names what is printed on them, and whether their "
+        f"No plate of the family {targets.family} was found in any of the "
+        f"{len(inputs.photos.path)} photos. Look whether `targets: family` names what is printed on them, and whether their "
         "black squares are 16 pixels wide or more in the photos."
     )
     yield Message("warning", "no-target", text)

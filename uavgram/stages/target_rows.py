@@ -1,4 +1,4 @@
-"""From plates in photos to picks: which rows the program adds, and what is to be said of the rest."""
+"""From plates in photos to picks: the rows that are added, and what is to be said of the rest."""
 
 from __future__ import annotations
 
@@ -174,8 +174,8 @@ def _left_out(seen: Mapping[str, Sequence[SeenPlate]]) -> Iterator[Message]:
                 ending="Look at them there; pick their corners by hand where you can see them.",
             )
             text = (
-                f"{image}: plate {name} was recognised but is not used there: {why.value}. Look at it "
-                "there; pick its corners by hand where you can see them."
+                f"{image}: plate {name} was recognised but is not used there: {why.value}. Look "
+                "at it there; pick its corners by hand where you can see them."
             )
             yield Message("warning", "target-left-out", text, frames=(image,), several=several)
 
@@ -186,8 +186,8 @@ def _by_hand(rows: Sequence[_Row]) -> Iterator[Message]:
     first = rows[0]
     text = (
         f"{len(rows)} corners of plates are picked by hand already ({first.label} in {first.image}"
-        f"{' and others' if len(rows) > 1 else ''}): those picks stay as they are. Take them out to "
-        "have the program's."
+        f"{' and others' if len(rows) > 1 else ''}): those picks stay as they are. Take them out "
+        "to have the program's."
     )
     yield Message(
         "info", "target-by-hand", text, frames=tuple(dict.fromkeys(r.image for r in rows))

@@ -21,18 +21,15 @@ from uavgram.imaging.plates.picture import (
     mapped,
     render,
 )
-from uavgram.imaging.plates.shadow import LOG_SOFT_BOUNDS, Edge, edge_pictures, likeliest_edges
-from uavgram.imaging.raster import Image
+from uavgram.imaging.plates.shadow import LOG_SOFT_BOUNDS, Edge, edge_pictures
 from uavgram.model.arrays import Bools, Floats
 
 FIRST_BLUR_PX = 0.8
 _BLUR_BOUNDS_PX = (0.3, 3.0)
 _CLEAR_BLURS = 2.0  # of what lies around the white margin, so much is kept away
-_WRONG_CELL = 0.4  # of the contrast, by which a cell misses its colour in the mean
 _OUTLIER = 4.0
 _EVALUATIONS = (8, 12)  # with the weights of the start, and with those of its residuals
 _PLAIN = 5  # linear unknowns without shadows
-_REACH = 8.0  # corners farther than this share of a side from where they were seen: lost
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +68,7 @@ class PlateFit:
     weight: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
 
-class _Model:
+class PlateModel:
     """Grey values of a window by corners, blur and shadow edges."""
 
     def __init__(
@@ -172,10 +169,10 @@ def fit_plate(
         None where no fit comes to an end near the first corners.
     """
     value = np.concatenate([corner_px.ravel(), [blur_px], *(edge.values for edge in edges)])
-    weight = _weights(window, corner_px, len(cells), margin, blur_px)
+    weight = plate_weights(window, corner_px, len(cells), margin, blur_px)
     fitted = None
     for evaluations in _EVALUATIONS:
-        model = _Model(grey, window, cells, weight, corner_px.mean(axis=0))
+        model = PlateModel(grey, window, cells, weight, corner_px.mean(axis=0))
         lower, upper = np.full(len(value), -np.inf), np.full(len(value), np.inf)
         lower[8], upper[8] = _BLUR_BOUNDS_PX
         lower[11::3], upper[11::3] = LOG_SOFT_BOUNDS
@@ -198,7 +195,7 @@ def fit_plate(
         fitted = _described(model, value, weight, residual, jacobian, edges)
         raw = _raw(residual, weight)
         scale = 1.4826 * np.median(np.abs(raw[weight > 0])) + 0.3
-        fresh = _weights(window, corner, len(cells), margin, float(value[8]))
+        fresh = plate_weights(window, corner, len(cells), margin, float(value[8]))
         weight = fresh / np.maximum(1.0, np.abs(raw) / (_OUTLIER * scale))
     return fitted
 
@@ -209,7 +206,7 @@ def _raw(residual: Floats, weight: Floats) -> Floats:
 
 
 def _described(
-    model: _Model,
+    model: PlateModel,
     value: Floats,
     weight: Floats,
     residual: Floats,
@@ -251,10 +248,20 @@ def _runs_on(raw: Floats, inside: Bools) -> float:
     return products / squares if squares > 0 else 0.0
 
 
-def _weights(
+def plate_weights(
     window: Window, corner_px: Floats, count: int, margin: float, blur_px: float
 ) -> Floats:
-    """(h, w) 1 on the plate and its margin, as far as nothing blurs into it from around."""
+    """(h, w) 1 on the plate and its margin, as far as nothing blurs into it from around.
+
+    Parameters
+    ----------
+    window, corner_px
+        As of `fit_plate`.
+    count
+        Cells along a side.
+    margin, blur_px
+        Width of the white, in cells; the blur.
+    """
     matrix = inverse_of(homography(corner_px))
     place = count * mapped(matrix, window.pixels)
     # a projective coordinate's step per pixel, at the middle of the plate: the margin is narrow
@@ -265,98 +272,3 @@ def _weights(
     clear = np.maximum(clear, 0.15 * margin)
     outside = np.maximum(-place, place - count)
     return np.asarray((outside <= clear).all(axis=-1), np.float64)
-
-
-_RUNS_ON = 0.35
-"""Residuals that go together more than this show something that lies across the plate."""
-
-_BETTER = 0.8
-"""A shadow's edge must make the residuals this much smaller."""
-
-MOST_EDGES = 2
-
-
-def fit_with_shadows(
-    grey: Floats, window: Window, cells: Bools, corner_px: Floats, margin: float = 1.0
-) -> PlateFit | None:
-    """Fit a plate, and the edges of shadows across it where it does not fit without.
-
-    Parameters
-    ----------
-    grey, window, cells, corner_px, margin
-        As of `fit_plate`.
-    """
-    fitted = fit_plate(grey, window, cells, corner_px, margin=margin)
-    if fitted is None:
-        return None
-    for _ in range(MOST_EDGES):
-        if fitted.runs_on < _RUNS_ON:
-            break
-        shadowed = _with_edge(grey, window, cells, fitted, corner_px, margin)
-        if shadowed is None or shadowed.rms > _BETTER * fitted.rms:
-            break
-        fitted = shadowed
-    return fitted
-
-
-def _with_edge(
-    grey: Floats, window: Window, cells: Bools, fitted: PlateFit, corner_px: Floats, margin: float
-) -> PlateFit | None:
-    """The best fit with one more edge."""
-    picture = render(cells, fitted.corner_px, fitted.blur_px, window)
-    weight = _weights(window, fitted.corner_px, len(cells), margin, fitted.blur_px)
-    model = _Model(grey, window, cells, weight, corner_px.mean(axis=0))
-    values = np.concatenate([np.zeros(0), *(edge.values for edge in fitted.edges)])
-    shade = edge_pictures(values, window)[0]
-    base = np.stack(model.columns(picture, shade), axis=-1)
-    starts = likeliest_edges(grey, base, picture.share, weight)
-    fits = [
-        fit_plate(
-            grey,
-            window,
-            cells,
-            corner_px,
-            edges=(*fitted.edges, start),
-            blur_px=FIRST_BLUR_PX,
-            margin=margin,
-        )
-        for start in starts
-    ]
-    good = [one for one in fits if one is not None]
-    return min(good, key=lambda one: one.rms) if good else None
-
-
-def agreement_at(grey: Image, window: Window, cells: Bools, corner_px: Floats) -> float:
-    """Correlation of a plate's picture at given corners with a window of a photo.
-
-    Parameters
-    ----------
-    grey, window, cells, corner_px
-        As of `fit_plate`.
-    """
-    inside = _weights(window, corner_px, len(cells), 1.0, FIRST_BLUR_PX) > 0
-    share = render(cells, corner_px, FIRST_BLUR_PX, window).share[inside]
-    values = grey[inside].astype(np.float64)
-    if values.size < len(cells) ** 2 or np.ptp(values) == 0 or np.ptp(share) == 0:
-        return 0.0
-    return float(np.corrcoef(share, values)[0, 1])
-
-
-def wrong_cells(fitted: PlateFit, cells: Bools, window: Window) -> int:
-    """Number of cells of a plate that are nearer to the other colour.
-
-    Parameters
-    ----------
-    fitted
-        The plate.
-    cells, window
-        As of `fit_plate`.
-    """
-    n = len(cells)
-    place = n * mapped(inverse_of(homography(fitted.corner_px)), window.pixels)
-    inside = ((place > 0) & (place < n)).all(axis=-1) & (fitted.weight > 0)
-    column, row = place[inside].astype(int).T
-    number = np.bincount(row * n + column, minlength=n * n)
-    total = np.bincount(row * n + column, fitted.residual[inside], minlength=n * n)
-    mean = np.abs(total) / np.maximum(number, 1)
-    return int((mean > _WRONG_CELL * abs(fitted.contrast)).sum())

@@ -53,7 +53,7 @@ class Window:
         """(2 height, 2 width, 2) places of the fine grid."""
         v, u = np.mgrid[: self.height * FINER, : self.width * FINER]
         fine = (np.stack([u, v], axis=-1) + 0.5) / FINER - 0.5
-        return np.asarray(fine + [self.left, self.top], np.float64)
+        return np.asarray(fine + np.array([self.left, self.top]), np.float64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,10 +114,8 @@ def render(cells: Bools, corner_px: Floats, blur_px: float, window: Window) -> P
     matrix = homography(corner_px)
     fine = _drawn(cells, inverse_of(matrix), window.fine_pixels)
     blurred = _blurred(fine, blur_px)
-    slopes = [
-        _averaged(cv2.filter2D(blurred, -1, kernel)) for kernel in (_SLOPE[None], _SLOPE[:, None])
-    ]
-    gradient = FINER * np.stack(slopes, axis=-1)
+    slopes = [cv2.filter2D(blurred, -1, kernel) for kernel in (_SLOPE[None], _SLOPE[:, None])]
+    gradient = FINER * np.stack([_averaged(np.asarray(s, np.float64)) for s in slopes], axis=-1)
     more = _averaged(_blurred(fine, blur_px + _BLUR_STEP_PX))
     share = _averaged(blurred)
     moved = _moved(matrix, corner_px, window.pixels)

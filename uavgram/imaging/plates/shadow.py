@@ -32,6 +32,7 @@ class Edge(NamedTuple):
 
     @property
     def values(self) -> Floats:
+        """(3,) of them."""
         return np.array(self)
 
 
