@@ -164,8 +164,8 @@ def _nothing_found(plates: int, inputs: Inputs) -> Iterator[Message]:
         return
     text = (
         f"No plate of the family {targets.family} was found in any of the "
-        f"{len(inputs.photos.path)} photos. Look whether `targets: family` names what is printed on them, and whether their "
-        "black squares are 16 pixels wide or more in the photos."
+        f"{len(inputs.photos.path)} photos. Look whether `targets: family` names what is "
+        "printed on them, and whether their black squares are 16 pixels wide or more in the photos."
     )
     yield Message("warning", "no-target", text)
 

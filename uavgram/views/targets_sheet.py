@@ -161,8 +161,8 @@ def _ruler(axis: Axes) -> None:
     axis.text(
         MARGIN_MM,
         y - 1.5,
-        "Measure this ruler: 100 mm from first to last line. If it is not, print at 100 % (no fit to "
-        "page); or measure the black square and state its side as side_m.",
+        "Measure this ruler: 100 mm from first to last line. If it is not, print at 100 % (no "
+        "fit to page); or measure the black square and state its side as side_m.",
         fontsize=6,
         va="top",
     )
