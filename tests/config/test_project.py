@@ -216,6 +216,33 @@ def test_a_long_list_of_mistakes_is_cut(load: Load) -> None:
         load("".join(f"zz{i}: 1\n" for i in range(30)))
 
 
+@pytest.mark.parametrize(
+    ("targets", "told"),
+    [
+        ("{family: aruco-4x4-5, side_m: 0.6}", r"family.*did you mean 'aruco-4x4-50'"),
+        ("{family: apriltag-36h11}", r"side_m: is missing: the side of the black square"),
+        ("{family: apriltag-36h11, side_m: 60}", r"side_m.*at most 10 m"),
+        ("{family: apriltag-36h11, side_m: 0.6, sigma_m: 0.1}", r"sigma_m.*a tenth of the side"),
+        ('{family: "charuco:8x6:30mm:40mm:DICT_5X5_100"}', r"the marker is not smaller"),
+        ('{family: "charuco:8x6:30mm:20mm:DICT_5X5_100", side_m: 0.3}', r"states its own"),
+        ("{family: apriltag-36h11, side: 0.6}", r"unknown key 'side'"),
+    ],
+)
+def test_targets_that_cannot_be_are_refused(load: Load, targets: str, told: str) -> None:
+    with pytest.raises(InputError, match=told):
+        load(f"targets: {targets}\n")
+
+
+def test_targets_are_plates_or_a_board(load: Load) -> None:
+    plates = load("targets: {family: apriltag-36h11, side_m: 0.6, sigma_m: 0.002}\n").targets
+    assert plates is not None
+    assert (plates.side_m, plates.sigma_m, plates.is_board) == (0.6, 0.002, False)
+    board = load('targets: {family: "charuco:8x6:30mm:20mm:DICT_5X5_100"}\n').targets
+    assert board is not None
+    assert board.is_board
+    assert load("").targets is None
+
+
 def test_options_made_in_python_are_checked_by_the_same_rules() -> None:
     with pytest.raises(OptionsError, match=r"significance must lie between 0 and 0.5, got 1"):
         SolveOptions(significance=1.0)

@@ -8,12 +8,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from uavgram.config.board_text import parse_board
 from uavgram.config.faults import Fault
 from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import validate
 from uavgram.errors import GeometryError, InputError, near_miss, no_file
 from uavgram.geometry.earth.map_projection import checked_crs
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TIES_FOUND, Project
+from uavgram.model.target_families import BOARD_PLATE
 
 _INPUT_FILES = (
     "log",
@@ -76,7 +78,7 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
         if isinstance(data.get("images"), str):
             data["images"] = [data["images"]]
         keys = [k for k in _INPUT_FILES if not (unfinished and k in PICKED_FILES)]
-        missing = _missing_files(data, path.parent, keys) + _unknown_crs(data)
+        missing = _missing_files(data, path.parent, keys) + _unknown_crs(data) + _no_board(data)
     project = validate(Project, Document(path, data, document.lines, document.faults), missing)
     return _with_absolute_paths(project, path.parent)
 
@@ -151,6 +153,19 @@ def _unknown_crs(data: dict[str, Plain]) -> tuple[Fault, ...]:
         checked_crs(crs)
     except GeometryError as fault:
         return (Fault(("crs",), str(fault)),)
+    return ()
+
+
+def _no_board(data: dict[str, Plain]) -> tuple[Fault, ...]:
+    """Find a ChArUco board among the targets that is none."""
+    targets = data.get("targets")
+    family = targets.get("family") if isinstance(targets, dict) else None
+    if not isinstance(family, str) or not family.startswith(f"{BOARD_PLATE}:"):
+        return ()
+    try:
+        parse_board(family)
+    except InputError as fault:
+        return (Fault(("targets", "family"), fault.message),)
     return ()
 
 

@@ -12,9 +12,11 @@ from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
+from uavgram.errors import near_miss
 from uavgram.model.flight.log import HeightDatum
 from uavgram.model.limits import LARGEST_NUMBER, sigma_fault
 from uavgram.model.survey.survey import DEFAULT_AREA
+from uavgram.model.target_families import BOARD_PLATE, FAMILIES, LARGEST_PLATE_M
 
 Auto = Literal["auto"]
 
@@ -223,6 +225,56 @@ class TapeOptions(_Options):
         return {"scale_sigma": (0 <= self.scale_sigma <= 0.1, fault)}
 
 
+@dataclass(frozen=True, kw_only=True)
+class TargetOptions(_Options):
+    """Coded plates that lie in the scene.
+
+    Attributes
+    ----------
+    family
+        What is printed on them: a name of `FAMILIES`, or a ChArUco board as `uavgram calibrate`
+        takes it (``charuco:8x6:300mm:220mm:DICT_5X5_100``), of which there is one.
+    side_m
+        Side of the black square; a ChArUco board states its own.
+    sigma_m
+        Standard deviation of that side. All plates have it in common, as one printer or one drawing
+        made them; what differs from side to side is taken as half as large.
+    """
+
+    family: str
+    side_m: float | None = None
+    sigma_m: float = 0.001
+
+    def _rules(self) -> dict[str, tuple[bool, str]]:
+        hint = near_miss(self.family, (*FAMILIES, BOARD_PLATE))
+        known = (
+            f"must be such as aruco-4x4-50, apriltag-36h11 or charuco:...{hint and f' ({hint})'}"
+        )
+        sides = {
+            "side_m": (self.is_board, "is missing: the side of the black square in metres")
+            if self.side_m is None
+            else (
+                not self.is_board and 0 < self.side_m <= LARGEST_PLATE_M,
+                f"must be greater than 0 and at most {LARGEST_PLATE_M:g} m; a ChArUco board states "
+                "its own",
+            ),
+        }
+        side = self.side_m if self.side_m and self.side_m > 0 else LARGEST_PLATE_M
+        return {
+            "family": (self.family in FAMILIES or self.is_board, known),
+            **sides,
+            "sigma_m": (
+                0 < self.sigma_m <= 0.1 * side,
+                "must be above 0, a tenth of the side at most",
+            ),
+        }
+
+    @property
+    def is_board(self) -> bool:
+        """Whether it is a ChArUco board."""
+        return self.family.split(":")[0] == BOARD_PLATE
+
+
 LEAST_SIGNIFICANCE = 1e-12  # seven sigmas; far below, quantiles of the normal law overflow
 
 
@@ -295,6 +347,7 @@ class Project(_Options):
     picks_sigma_px: float = 1.0
     solve: SolveOptions = field(default_factory=SolveOptions)
     tape: TapeOptions = field(default_factory=TapeOptions)
+    targets: TargetOptions | None = None
 
     def _rules(self) -> dict[str, tuple[bool, str]]:
         texts = [

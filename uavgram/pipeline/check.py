@@ -11,6 +11,7 @@ from uavgram.errors import near_miss
 from uavgram.model.message import Message, Several
 from uavgram.pipeline.measure.ground_below import has_place
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
+from uavgram.pipeline.measure.plates import with_sides
 from uavgram.pipeline.measure.pose import Posed, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import in_order
@@ -58,7 +59,8 @@ def missing(inputs: Inputs) -> Iterator[Message]:
     if not inputs.requests:
         text = "Nothing is asked for yet: say what to measure on the picking page, or in `measure`."
         yield Message("info", "nothing-to-measure", text)
-    known = len(inputs.lines.name) or len(inputs.control.label) or inputs.known.gives_scale
+    lines = with_sides(inputs.lines, inputs.picks, project.targets)
+    known = len(lines.name) or len(inputs.control.label) or inputs.known.gives_scale
     if not known and project.log is None and project.poses is None:
         poses = (
             "poses (though the photos state where they were taken: `poses: exif`, and world.origin)"

@@ -75,8 +75,8 @@ class Observations:
         What is known of the ground's planes.
     picks_sigma_px
         Standard deviation of picks that state none [px].
-    tape
-        How good the tapes are.
+    tape, own_scale_sigma
+        How good the tapes are; names and priors of the scale of those that are other than that.
     photos
         Names of all photos in order: that of the frames where there is no telemetry.
     copies
@@ -93,6 +93,7 @@ class Observations:
     ground: GroundOptions
     picks_sigma_px: float
     tape: TapeOptions = field(default_factory=TapeOptions)
+    own_scale_sigma: tuple[tuple[str, float], ...] = ()
     photos: Sequence[str] = ()
     copies: Collection[str] = ()
 
@@ -158,6 +159,7 @@ def assemble(observed: Observations) -> Assembled:
         line_tape=tuple(lines.tape_of(i) for i in seen),
         line_along=tuple(lines.along_of(i) for i in seen),
         tape_scale_sigma=observed.tape.scale_sigma,
+        own_scale_sigma=observed.own_scale_sigma,
         known=_known(observed.known, label_at),
         control_label=np.array([label_at[control.label[i]] for i in known], dtype=np.int64),
         control_world_m=control.world_m[known],

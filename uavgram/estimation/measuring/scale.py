@@ -9,6 +9,9 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.terms.tapes import taped_lines
+from uavgram.model.arrays import Ints
+from uavgram.model.survey.survey import Survey
 
 
 class ScaleSigmas(NamedTuple):
@@ -36,10 +39,19 @@ def scale_sigmas(adjustment: Adjustment) -> ScaleSigmas:
     if "lengths" not in adjustment.minimum.blocks:
         return ScaleSigmas(everything, np.inf, everything)
     survey, line = adjustment.survey, adjustment.problem.line_index
-    readings = float(np.sum((survey.length_m[line] / survey.length_sigma_m[line]) ** 2))
-    of_tapes = survey.tape_scale_sigma**2 / max(len(adjustment.problem.tapes), 1)
-    own = float(np.sqrt(1.0 / readings + of_tapes))
+    own = _of_readings(survey, line)
     return ScaleSigmas(everything, own, _of_others(adjustment))
+
+
+def _of_readings(survey: Survey, line: Ints) -> float:
+    """Sigma of a factor common to all lengths: by the readings of each tape, and its own scale."""
+    readings = (survey.length_m[line] / survey.length_sigma_m[line]) ** 2
+    tapes = np.array(taped_lines(survey, line).tape)
+    told = [
+        1.0 / (1.0 / float(readings[tapes == tape].sum()) + survey.scale_sigma_of(tape) ** 2)
+        for tape in dict.fromkeys(tapes.tolist())
+    ]
+    return float(np.sqrt(1.0 / sum(told)))
 
 
 def _of_others(adjustment: Adjustment) -> float:

@@ -191,8 +191,7 @@ class Adjustment:
 
     def unlearnt(self, taped: Taped, reading_m: Floats) -> Floats:
         """(n, U) errors of readings by tapes of which no length takes part (see `tapes`)."""
-        sigma = self.survey.tape_scale_sigma
-        return unlearnt(self.problem.tapes, taped, reading_m, sigma)
+        return unlearnt(self.problem.tapes, taped, reading_m, self.survey.scale_sigma_of)
 
     def points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
         """Points (n, 3), their Jacobians (n, 3, k), and the k unknowns (n, k) of each."""

@@ -303,7 +303,7 @@ class SurveyProblem:
         return Block(state.turning / TURNING_RAD_S, columns, weight)
 
     def _tape(self, state: State) -> Block:
-        sigma = np.full(len(self.tapes), self.survey.tape_scale_sigma)
+        sigma = np.array([self.survey.scale_sigma_of(tape) for tape in self.tapes])
         return independent_prior(state.tape, sigma, self.layout.first_tape)
 
     def _relief(self, state: State) -> Block:

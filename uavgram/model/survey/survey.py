@@ -114,6 +114,8 @@ class Survey:
         the tape without a name), and the straight 3-D distance, for all.
     tape_scale_sigma
         Prior of the scale of each tape (see estimation/survey/terms/tapes.py); 0: exact.
+    own_scale_sigma
+        Pairs of a tape's name and the prior of its scale, of tapes with another one.
     known
         What else is known of the points.
     control_label, control_world_m, control_sigma_m
@@ -155,6 +157,7 @@ class Survey:
     line_tape: tuple[str, ...] = ()
     line_along: tuple[Along, ...] = ()
     tape_scale_sigma: float = 0.0
+    own_scale_sigma: tuple[tuple[str, float], ...] = ()
     known: tuple[KnownThing, ...] = ()
     control_label: Annotated[Ints, "c"]
     control_world_m: Annotated[Floats, "c", 3]
@@ -173,6 +176,10 @@ class Survey:
         for texts in (self.line_name, self.line_tape, self.line_along):
             if len(texts) not in (0, len(self.line_start)):
                 raise ValueError(f"{len(texts)} names of {len(self.line_start)} known lengths")
+
+    def scale_sigma_of(self, tape: str) -> float:
+        """Prior of the scale of one tape."""
+        return dict(self.own_scale_sigma).get(tape, self.tape_scale_sigma)
 
     @property
     def pick_is_target(self) -> Bools:

@@ -39,6 +39,7 @@ from uavgram.model.survey.world import World
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of
 from uavgram.pipeline.measure.judge import judge_survey
 from uavgram.pipeline.measure.mended import with_mends
+from uavgram.pipeline.measure.plates import plate_scale, with_sides
 from uavgram.pipeline.measure.pose import Posed, known_in_world, pose_frames
 from uavgram.pipeline.versions import account_name, package_versions, stamp
 from uavgram.stages.assemble import Assembled, Observations, assemble
@@ -110,6 +111,9 @@ def compute(
     # Not withheld either: what is a reading that was used would be a check of itself.
     counted = _with_duplicates(inputs.lines, duplicates, adjust=False)
     inputs = replace(inputs, lines=_with_duplicates(inputs.lines, duplicates, adjust=True))
+    plates = inputs.project.targets
+    counted = with_sides(counted, inputs.picks, plates)
+    inputs = replace(inputs, lines=with_sides(inputs.lines, inputs.picks, plates))
     posed = posed or pose_frames(inputs)
     check, check_messages = known_in_world(inputs, inputs.check, posed.world)
     assembled, known_messages = _assembled(inputs, counted, posed, duplicates)
@@ -219,6 +223,7 @@ def _assembled(
         ground=inputs.project.ground,
         picks_sigma_px=inputs.project.picks_sigma_px,
         tape=inputs.project.tape,
+        own_scale_sigma=plate_scale(inputs.project.targets),
         photos=inputs.photos.frame_id,
         copies=duplicates.photos,
     )

@@ -31,6 +31,7 @@ from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import KnownLines, MeasurementRequest, Picks
 from uavgram.pipeline.measure.compute import Computed, compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
+from uavgram.pipeline.measure.plates import with_sides
 from uavgram.pipeline.measure.pose import Posed, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.linear_update import linear_update
@@ -186,17 +187,21 @@ class LiveSurvey:
         place = {key: i for i, key in enumerate(zip(picks.image, picks.label, strict=True))}
         pairs = zip(survey.pick_frame, survey.pick_label, strict=True)
         rows = [place[survey.frame_id[f], survey.label[k]] for f, k in pairs]
-        update = linear_update(
-            base.adjustment, picks.pixel_px[rows], observed.lines.length_m[_project_lines(base)]
-        )
+        was, lines = (self._lines(one) for one in (base.observed, observed))
+        readings = lines.length_m[_project_lines(base.adjustment, was)]
+        update = linear_update(base.adjustment, picks.pixel_px[rows], readings)
         return Linearised(
             base=base,
             value=values_at(base.adjustment, update.state, observed.requests, self.posed.frames),
-            length_m=_lengths(base.adjustment, observed.lines, update.state),
+            length_m=_lengths(base.adjustment, lines, update.state),
             residual_px=update.residual_px,
             world_m=update.world_m,
             height_m=heights_at(base.adjustment, update.state),
         )
+
+    def _lines(self, observed: Observed) -> KnownLines:
+        """All known lengths: those of the plates too."""
+        return with_sides(observed.lines, observed.picks, self.inputs.project.targets)
 
     def flight(self) -> FlightOfPhotos | None:
         """Of all photos with telemetry; None without."""
@@ -223,9 +228,9 @@ def _alike(before: Observed, now: Observed) -> bool:
     )
 
 
-def _project_lines(base: Adjusted) -> list[int]:
-    """Which of the project's lengths each length of the adjustment is."""
-    survey, lines = base.adjustment.survey, base.observed.lines
+def _project_lines(adjustment: Adjustment, lines: KnownLines) -> list[int]:
+    """Which of all known lengths each length of the adjustment is."""
+    survey = adjustment.survey
     free: dict[tuple[str, str, float, float], list[int]] = {}
     for i in np.flatnonzero(lines.adjust)[::-1].tolist():
         key = (lines.start[i], lines.end[i], lines.length_m[i], lines.sigma_m[i])
@@ -237,7 +242,7 @@ def _project_lines(base: Adjusted) -> list[int]:
             survey.length_m[k],
             survey.length_sigma_m[k],
         ].pop()
-        for k in base.adjustment.problem.line_index
+        for k in adjustment.problem.line_index
     ]
 
 

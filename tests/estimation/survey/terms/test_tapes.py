@@ -47,6 +47,17 @@ def test_only_tapes_of_lengths_that_take_part_have_an_unknown(scene_factory: Mak
     assert problem.layout.tape == 0
 
 
+def test_a_tape_may_have_a_prior_of_its_own(scene_factory: Make) -> None:
+    scene = read_on_tapes(scene_factory(5, noise=0.0), {"a": 0.01, "b": 0.01}, sigma=0.001)
+    survey = replace(scene.survey, own_scale_sigma=(("b", 0.002),))
+    blocks = SurveyProblem(survey, scene.pivot, np.ones(6, dtype=bool)).evaluate(scene.truth)
+    assert blocks is not None
+    np.testing.assert_allclose(blocks["tape"].residual.ravel(), [10.0, 5.0])
+
+    exact = replace(survey, tape_scale_sigma=0.0)
+    assert SurveyProblem(exact, scene.pivot, np.ones(6, dtype=bool)).tapes == ("b",)
+
+
 def test_control_points_teach_the_scale_of_each_tape(scene_factory: Make) -> None:
     scene = scene_factory(6, frames=8, labels=12, lines=10, control=6, spread=25.0)
     scene = read_on_tapes(scene, {"": 0.004, "red": -0.006}, sigma=0.01)

@@ -9,6 +9,7 @@ its prior says.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -58,9 +59,8 @@ def _level(along: tuple[str, ...], row: Ints) -> Bools:
 
 def tapes_of(survey: Survey, line: Ints) -> tuple[str, ...]:
     """Tapes whose scale is an unknown where these known lengths take part, in their order."""
-    if not survey.tape_scale_sigma > 0:
-        return ()
-    return tuple(dict.fromkeys(taped_lines(survey, line).tape))
+    names = dict.fromkeys(taped_lines(survey, line).tape)
+    return tuple(name for name in names if survey.scale_sigma_of(name) > 0)
 
 
 def tape_rows(known: tuple[str, ...], tape: tuple[str, ...]) -> Ints:
@@ -69,7 +69,9 @@ def tape_rows(known: tuple[str, ...], tape: tuple[str, ...]) -> Ints:
     return np.array([place.get(name, -1) for name in tape], dtype=np.int64)
 
 
-def unlearnt(known: tuple[str, ...], taped: Taped, reading_m: Floats, sigma: float) -> Floats:
+def unlearnt(
+    known: tuple[str, ...], taped: Taped, reading_m: Floats, sigma_of: Callable[[str], float]
+) -> Floats:
     """(n, U) errors of readings by one sigma of each tape that no adjusted length was read on.
 
     Parameters
@@ -78,9 +80,10 @@ def unlearnt(known: tuple[str, ...], taped: Taped, reading_m: Floats, sigma: flo
         Tapes of the adjustment.
     taped, reading_m
         n lengths, and what a right tape reads.
-    sigma
-        Prior of each scale; 0 where tapes are exact.
+    sigma_of
+        Prior of the scale of a tape; 0 where it is exact.
     """
     others = [name for name in dict.fromkeys(taped.tape) if name not in known]
     own = np.array([[name == tape for name in others] for tape in taped.tape], dtype=np.float64)
+    sigma = np.array([sigma_of(name) for name in others])
     return -sigma * reading_m[:, None] * own.reshape(len(taped.tape), len(others))

@@ -1,0 +1,159 @@
+"""`uavgram picks targets` and `uavgram targets print` through the command line."""
+
+from __future__ import annotations
+
+import re
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from plate_pictures import photo_of, plate_samples, quad
+
+from uavgram.cli import main
+from uavgram.imaging.plates.families import cells_of
+from uavgram.io.tables.picks import read_picks
+
+CAMERA = """name: small
+model: brown
+width_px: 120
+height_px: 48
+parameters: [200, 200, 59.5, 23.5, 0, 0, 0, 0, 0]
+sigma: [1, 1, 1, 1, 0.01, 0.01, 0.001, 0.001, 0.001]
+"""
+PROJECT = """images: "*.png"
+camera: camera.yaml
+picks: picks.csv
+measure: measure.csv
+targets: {family: aruco-4x4-50, side_m: 0.5, sigma_m: 0.001}
+"""
+HAND = (
+    "image,label,u_px,v_px,sigma_px,source\na.png,P1,5.25,7.5,0.8,by me\na.png,T3-1,14.5,14.0,1,\n"
+)
+CORNERS = quad((24.0, 23.5), 20.0, 8.0), quad((88.0, 24.5), 19.0, 50.0)
+
+
+@pytest.fixture
+def project(tmp_path: Path) -> Path:
+    """Two plates in one photo, none in another."""
+    rng = np.random.default_rng(0)
+    plates = zip((3, 11), CORNERS, strict=True)
+    halves = [
+        plate_samples(cells_of("aruco-4x4-50", plate), corner - [64 * (plate > 5), 0], (48, width))
+        for (plate, corner), width in zip(plates, (64, 56), strict=True)
+    ]
+    cv2.imwrite(str(tmp_path / "a.png"), photo_of(np.hstack(halves), rng))
+    cv2.imwrite(str(tmp_path / "b.png"), np.full((48, 120), 90, np.uint8))
+    for name, text in (("camera.yaml", CAMERA), ("project.yaml", PROJECT), ("picks.csv", HAND)):
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    (tmp_path / "measure.csv").write_text("name,kind,points\nd,distance,T11;P1\n", encoding="utf-8")
+    return tmp_path
+
+
+def test_corners_are_picked_and_rows_by_hand_stay_to_the_byte(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["picks", "targets", str(project)]) == 0
+    told = capsys.readouterr().out
+    picks = read_picks(project / "picks.csv")
+
+    assert (project / "picks.csv").read_text(encoding="utf-8").splitlines()[1:3] == [
+        "a.png,P1,5.25,7.5,0.8,by me,",
+        "a.png,T3-1,14.5,14.0,1,,",
+    ]
+    found = dict(
+        zip(
+            picks.label, zip(picks.pixel_px, picks.sigma_px, picks.source, strict=True), strict=True
+        )
+    )
+    assert set(found) == {
+        "P1",
+        "T3-1",
+        "T3-2",
+        "T3-3",
+        "T3-4",
+        "T11-1",
+        "T11-2",
+        "T11-3",
+        "T11-4",
+        "T11",
+    }
+    for corner in range(4):
+        pixel, sigma, source = found[f"T11-{corner + 1}"]
+        assert source == "target"
+        assert np.abs(pixel - CORNERS[1][corner]).max() < 5 * sigma
+    # where the centre is asked for, corners and centre together are worth the corners alone
+    apart = found["T3-2"][1]
+    assert found["T11-2"][1] > 1.2 * apart
+    assert "picked by hand" in told
+    assert "8 picks of 2 plates" in told
+
+
+def test_a_second_search_replaces_the_first_and_undo_takes_all_out(project: Path) -> None:
+    table = project / "picks.csv"
+    assert main(["picks", "targets", str(project)]) == 0
+    first = table.read_bytes()
+    assert main(["picks", "targets", str(project)]) == 0
+    assert table.read_bytes() == first
+    assert main(["picks", "targets", str(project), "--undo"]) == 0
+    assert read_picks(table).label == ("P1", "T3-1")
+    assert table.read_text(encoding="utf-8").splitlines()[1] == "a.png,P1,5.25,7.5,0.8,by me,"
+
+
+def test_a_dry_run_writes_nothing(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["picks", "targets", str(project), "--dry-run"]) == 0
+    assert (project / "picks.csv").read_text(encoding="utf-8") == HAND
+    assert "nothing is written" in capsys.readouterr().out
+
+
+def test_a_project_without_targets_says_what_to_add(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = project / "project.yaml"
+    file.write_text(PROJECT.rsplit("targets", 1)[0], encoding="utf-8")
+    assert main(["picks", "targets", str(project)]) == 1
+    assert "names no targets: add" in capsys.readouterr().err
+
+
+def test_a_plate_is_printed_as_large_as_it_was_asked_for(tmp_path: Path) -> None:
+    file = tmp_path / "plates.pdf"
+    arguments = ["--output", str(file), "--plates", "4", "--side-m", "0.12", "--paper", "letter"]
+    assert main(["targets", "print", *arguments]) == 0
+    content = file.read_bytes()
+    box = re.search(rb"/MediaBox \[ ([\d. ]+) \]", content)
+    assert box is not None
+    assert np.allclose([float(n) for n in box[1].split()], [0, 0, 612, 792], atol=0.01)
+    drawn = b"".join(_streams(content))
+    # of what is drawn with m and l, the closed outlines are the black: its extent in points
+    outlines = re.findall(rb"((?:[\d.]+ [\d.]+ [ml]\n)+)h\n", drawn)
+    places = [np.array(re.findall(rb"([\d.]+) ([\d.]+) [ml]", one), float) for one in outlines]
+    # letters are apart (see _streams); the page itself has five places
+    square = [one for one in places if np.isclose(np.diff(one, axis=0), 0).any(axis=1).all()]
+    black = max((one for one in square if len(one) > 5), key=np.ptp)
+    assert np.allclose(np.ptp(black, axis=0) / 72 * 25.4, 120.0, atol=0.01)
+
+
+def _streams(content: bytes) -> list[bytes]:
+    streams = re.findall(rb"stream\r?\n(.*?)\r?\nendstream", content, re.DOTALL)
+    plain = [zlib.decompress(one) for one in streams if one[:1] == b"x"]
+    return [one for one in plain if b" d1" not in one]  # glyphs
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["--family", "aruco-4x4-5"], "did you mean 'aruco-4x4-50'?"),
+        (["--plates", "3-"], "is no number: write 0-3"),
+        (["--plates", "50"], "has the plates 0 to 49"),
+        (["--paper", "b7"], "choose of a4, letter"),
+        (["--side-m", "60"], "at most 10 m"),
+    ],
+)
+def test_what_cannot_be_printed_is_refused(
+    arguments: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "plates.pdf"
+    assert main(["targets", "print", "--output", str(file), *arguments]) == 1
+    assert told in capsys.readouterr().err
+    assert not file.exists()

@@ -1,0 +1,88 @@
+"""What is black on a plate or a board, as outlines to print: exact at any size, without seams."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.imaging.plates.families import cells_of
+from uavgram.imaging.plates.picture import UNIT_SQUARE
+from uavgram.imaging.targets.charuco import charuco_board
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.camera.board import Board
+
+MARGIN_CELLS = 1.0
+"""White that must stay around a plate's black square."""
+
+
+def plate_outlines(family: str, plate: int) -> list[Floats]:
+    """Outlines of what is black, on a plate whose black square has the side 1, y downwards.
+
+    Parameters
+    ----------
+    family
+        One of `FAMILIES`.
+    plate
+        Its id.
+
+    Returns
+    -------
+    list of (k, 2)
+        Closed; black lies to the right of each, so that holes run the other way round.
+    """
+    black = ~cells_of(family, plate)
+    return [outline / len(black) for outline in _outlines(black)]
+
+
+def board_outlines(board: Board) -> list[Floats]:
+    """The same of a ChArUco board [m], from the corner of its first square."""
+    columns, rows = board.columns + 1, board.rows + 1
+    outlines = [
+        (UNIT_SQUARE + np.array([column, row])) * board.square_m
+        for row in range(rows)
+        for column in range(columns)
+        if (row + column) % 2 == 0
+    ]
+    opencv = charuco_board(board, (columns, rows))
+    for number, corner in zip(np.ravel(opencv.getIds()), opencv.getObjPoints(), strict=True):
+        drawn = _dictionary_cells(opencv, int(number))
+        side = board.marker_m / len(drawn)
+        first = np.asarray(corner, np.float64)[0, :2]
+        outlines += [first + side * outline for outline in _outlines(~drawn)]
+    return outlines
+
+
+def _dictionary_cells(board: object, number: int) -> Bools:
+    codes = board.getDictionary()  # type: ignore[attr-defined]  # a board of OpenCV
+    side = codes.markerSize + 2
+    return np.asarray(codes.generateImageMarker(number, side, borderBits=1)) > 127
+
+
+def _outlines(black: Bools) -> list[Floats]:
+    """Borders between black and white cells (n, m), joined; black lies to the right."""
+    inside = np.pad(black, 1)
+    ends: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    for row, column in np.argwhere(inside).tolist():
+        x, y = column - 1, row - 1
+        if not inside[row - 1, column]:
+            ends.setdefault((x, y), []).append((x + 1, y))
+        if not inside[row, column + 1]:
+            ends.setdefault((x + 1, y), []).append((x + 1, y + 1))
+        if not inside[row + 1, column]:
+            ends.setdefault((x + 1, y + 1), []).append((x, y + 1))
+        if not inside[row, column - 1]:
+            ends.setdefault((x, y + 1), []).append((x, y))
+    outlines = []
+    while ends:
+        start = next(iter(ends))
+        loop, at = [], start
+        while True:
+            loop.append(at)
+            onward = ends[at]
+            following = onward.pop()
+            if not onward:
+                del ends[at]
+            at = following
+            if at == start:
+                break
+        outlines.append(np.array(loop, np.float64))
+    return outlines

@@ -1,0 +1,139 @@
+"""Plates in a photo: found, fitted, and kept only where the whole picture is a plate's."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.imaging.plates.evidence import agreement_at, wrong_cells
+from uavgram.imaging.plates.families import cells_of
+from uavgram.imaging.plates.find import Candidate, candidates
+from uavgram.imaging.plates.fit import PlateFit
+from uavgram.imaging.plates.picture import UNIT_SQUARE, Window, homography, mapped
+from uavgram.imaging.plates.shadowed_fit import fit_with_shadows
+from uavgram.imaging.raster import Image
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.survey.plates import LeftOut, SeenPlate
+
+LEAST_SIDE_PX = 8.0
+"""Plates with a shorter side are left alone: their cells are hardly a pixel wide."""
+
+_LEAST_AGREEMENT = 0.93  # below, it is no plate
+_CLEAN_AGREEMENT = 0.97  # below, something lies across it that the fit cannot follow
+_LEAST_CONTRAST = 5.0  # in residuals
+_WIDER = 1.25
+_LEAST_SIGMA_PX = 0.018
+_MOST_SIGMA_PX = 0.3
+_LARGEST_SIDE_PX = 72.0  # larger plates are fitted in the photo made smaller
+_PROMISING = 0.6  # correlation where OpenCV saw the corners
+_AROUND = 1.3  # cells of the window around the black square
+
+
+def shortest_side(corner_px: Floats) -> float:
+    """Length of the shortest side of a quadrilateral (4, 2)."""
+    return float(np.linalg.norm(np.roll(corner_px, -1, axis=0) - corner_px, axis=1).min())
+
+
+def sight_plates(image: Image, family: str) -> tuple[SeenPlate, ...]:
+    """Find and measure all plates of a family in a photo.
+
+    Parameters
+    ----------
+    image
+        (height, width) grey, original size and orientation.
+    family
+        One of `FAMILIES`.
+    """
+    seen = [_sighted(image, family, one) for one in candidates(image, family)]
+    plates = [one for one in seen if one is not None]
+    count = np.bincount([one.plate for one in plates], minlength=1)
+    marked = [
+        replace(one, left_out=LeftOut.TWICE) if count[one.plate] > 1 else one for one in plates
+    ]
+    return tuple(sorted(marked, key=lambda one: one.plate))
+
+
+def _sighted(image: Image, family: str, candidate: Candidate) -> SeenPlate | None:
+    """A candidate measured; None where it is no plate."""
+    corner = candidate.corner_px
+    if shortest_side(corner) < LEAST_SIDE_PX - 1.0:
+        return None
+    cells = cells_of(family, candidate.plate)
+    window = window_about(corner, len(cells), image.shape)
+    rows, columns = window.slices
+    grey = image[rows, columns]
+    sides = np.linalg.norm(np.roll(corner, -1, axis=0) - corner, axis=1)
+    factor = max(1, math.ceil(float(sides.max()) / _LARGEST_SIDE_PX))
+    if factor > 1:
+        grey, window = _reduced(grey, window, factor)
+        corner = (corner + 0.5) / factor - 0.5
+    if agreement_at(grey, window, cells, corner) < _PROMISING:
+        return None
+    fitted = fit_with_shadows(grey.astype(np.float64), window, cells, corner)
+    if fitted is None or not _is_plate(fitted, cells, window):
+        return None
+    return _seen(candidate.plate, fitted, factor)
+
+
+def _reduced(grey: Image, window: Window, factor: int) -> tuple[Image, Window]:
+    """A window with `factor` pixels in one each way; what is left over at its end is left out."""
+    left, top = (-(-n // factor) for n in (window.left, window.top))
+    inner = grey[top * factor - window.top :, left * factor - window.left :]
+    height, width = (n // factor for n in inner.shape)
+    blocks = inner[: height * factor, : width * factor].reshape(height, factor, width, factor)
+    mean = blocks.mean(axis=(1, 3), dtype=np.float64)
+    return np.asarray(np.round(mean), np.uint8), Window(left, top, width, height)
+
+
+def _is_plate(fitted: PlateFit, cells: Bools, window: Window) -> bool:
+    if wrong_cells(fitted, cells, window):
+        return False
+    strong = fitted.contrast > _LEAST_CONTRAST * fitted.rms
+    large = shortest_side(fitted.corner_px) >= LEAST_SIDE_PX
+    return strong and large and fitted.agreement >= _LEAST_AGREEMENT
+
+
+def _seen(plate: int, fitted: PlateFit, factor: int) -> SeenPlate:
+    """What a fit says of a plate in the photo, of which `factor` pixels made one."""
+    variance = np.diagonal(fitted.covariance_px2).reshape(4, 2).mean(axis=1)
+    sigma = factor * np.hypot(_WIDER * np.sqrt(variance), _LEAST_SIGMA_PX)
+    corner = (fitted.corner_px + 0.5) * factor - 0.5
+    matrix = homography(corner)
+    left_out = LeftOut.NO
+    if sigma.max() > factor * _MOST_SIGMA_PX:
+        left_out = LeftOut.FAINT
+    if fitted.agreement < _CLEAN_AGREEMENT:
+        left_out = LeftOut.COVERED
+    return SeenPlate(
+        plate=plate,
+        corner_px=corner,
+        sigma_px=sigma,
+        center_px=mapped(matrix, UNIT_SQUARE.mean(axis=0)),
+        center_sigma_px=float(np.sqrt((sigma**2).mean() / 4)),
+        score=fitted.agreement,
+        shadows=len(fitted.edges),
+        left_out=left_out,
+    )
+
+
+def window_about(corner_px: Floats, cells: int, shape: tuple[int, ...]) -> Window:
+    """Pixels of a plate and of the white around it, as far as the photo goes.
+
+    Parameters
+    ----------
+    corner_px
+        (4, 2) of its black square.
+    cells
+        Along a side.
+    shape
+        Of the photo.
+    """
+    side = np.linalg.norm(np.roll(corner_px, -1, axis=0) - corner_px, axis=1).max()
+    around = _AROUND * side / cells + 3.0
+    height, width = shape[:2]
+    left, top = np.floor(corner_px.min(axis=0) - around).astype(int).clip(0).tolist()
+    last = np.ceil(corner_px.max(axis=0) + around).astype(int) + 1
+    right, below = min(int(last[0]), width), min(int(last[1]), height)
+    return Window(left, top, right - left, below - top)

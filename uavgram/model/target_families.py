@@ -1,0 +1,43 @@
+"""Names of what can be looked for as a coded plate, and of the labels that its corners get."""
+
+from __future__ import annotations
+
+import re
+
+FAMILIES = {
+    **{
+        f"aruco-{bits}x{bits}-{count}": f"DICT_{bits}X{bits}_{count}"
+        for bits in (4, 5, 6, 7)
+        for count in (50, 100, 250, 1000)
+    },
+    "aruco-original": "DICT_ARUCO_ORIGINAL",
+    "apriltag-16h5": "DICT_APRILTAG_16h5",
+    "apriltag-25h9": "DICT_APRILTAG_25h9",
+    "apriltag-36h10": "DICT_APRILTAG_36h10",
+    "apriltag-36h11": "DICT_APRILTAG_36h11",
+}
+"""Name in a project file -> name of OpenCV's dictionary."""
+
+BOARD_PLATE = "charuco"
+"""Kind of a ChArUco board, which stands before its first colon."""
+
+LARGEST_PLATE_M = 10.0
+
+CORNERS = 4
+_CORNER = re.compile(r"T(\d+)-([1-4])")
+
+
+def plate_label(plate: int) -> str:
+    """Name of a plate, and of the place where its diagonals meet."""
+    return f"T{plate}"
+
+
+def corner_label(plate: int, corner: int) -> str:
+    """Name of a corner, counted from 0."""
+    return f"T{plate}-{corner + 1}"
+
+
+def plate_of(label: str) -> int | None:
+    """Plate of a corner's label; None of any other label."""
+    match = _CORNER.fullmatch(label)
+    return int(match[1]) if match else None

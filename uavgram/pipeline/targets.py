@@ -1,0 +1,184 @@
+"""Find coded plates in a project's photos, and write their corners into its picks."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavgram.config.board_text import parse_board
+from uavgram.errors import InputError
+from uavgram.imaging.plates.board import sight_board_plate
+from uavgram.imaging.plates.sight import sight_plates
+from uavgram.imaging.raster import Image
+from uavgram.io.outputs import replace_bytes
+from uavgram.io.photos.board_photos import read_grey
+from uavgram.io.tables.picked import picks_content
+from uavgram.model.message import Message
+from uavgram.model.options import TargetOptions
+from uavgram.model.survey.observations import Picks
+from uavgram.model.survey.plates import LeftOut, SeenPlate
+from uavgram.pipeline.measure.inputs import Inputs, read_inputs
+from uavgram.pipeline.parallel import prefetch
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.messages import in_order
+from uavgram.stages.target_rows import asked_centers, with_targets, without_targets
+
+Sight = Callable[[Image], tuple[SeenPlate, ...]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundTargets:
+    """What was found, and written unless it was only asked for.
+
+    Attributes
+    ----------
+    path
+        The table of picks.
+    rows, removed
+        Rows of targets that it has now; that it had before.
+    plates
+        For each plate, the photos that show it, and the shortest side there [px].
+    photos
+        Number of photos that were looked at.
+    """
+
+    path: Path
+    rows: int
+    removed: int
+    plates: dict[int, tuple[tuple[str, float], ...]]
+    photos: int
+    messages: tuple[Message, ...]
+
+
+@with_one_blas_thread
+def find_targets(
+    project: str | os.PathLike[str], *, dry_run: bool = False, progress: Progress = silent
+) -> FoundTargets:
+    """Look for the project's plates in all of its photos.
+
+    The rows of an earlier search are replaced; those that a person made stay as they are.
+
+    Parameters
+    ----------
+    project
+        The project file.
+    dry_run
+        Write nothing.
+    progress
+        Shows long loops.
+
+    Raises
+    ------
+    UavgramError
+        A problem that the user can solve. The table is as it was.
+    """
+    inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
+    path = Path(inputs.project.picks)
+    content = _content(path)
+    seen = dict(_seen(inputs, _sight(_targets(inputs)), progress))
+    numbers = {plate.plate for plates in seen.values() for plate in plates}
+    named, known = _names(inputs)
+    centers = asked_centers(numbers, named, known, inputs.picks)
+    rows = with_targets(inputs.picks, seen, centers)
+    if not dry_run:
+        _write(path, content, inputs.picks, rows.picks)
+    return FoundTargets(
+        path=path,
+        rows=int(rows.picks.of_source("target").sum()),
+        removed=int(inputs.picks.of_source("target").sum()),
+        plates={number: tuple(_photos_of(number, seen)) for number in sorted(numbers)},
+        photos=len(seen),
+        messages=in_order(*rows.messages, *_nothing_found(rows.plates, inputs)),
+    )
+
+
+def undo_targets(project: str | os.PathLike[str], *, dry_run: bool = False) -> FoundTargets:
+    """Take all rows of targets out of a project's picks.
+
+    Parameters
+    ----------
+    project, dry_run
+        As of `find_targets`.
+
+    Raises
+    ------
+    UavgramError
+        A problem that the user can solve. The table is as it was.
+    """
+    inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
+    path = Path(inputs.project.picks)
+    after = without_targets(inputs.picks)
+    if not dry_run:
+        _write(path, _content(path), inputs.picks, after)
+    removed = len(inputs.picks.image) - len(after.image)
+    return FoundTargets(path=path, rows=0, removed=removed, plates={}, photos=0, messages=())
+
+
+def _targets(inputs: Inputs) -> TargetOptions:
+    if inputs.project.targets is None:
+        raise InputError(
+            inputs.project_path,
+            "names no targets: add what is printed on your plates and the side of the black "
+            "square, as in `targets: {family: aruco-4x4-50, side_m: 0.60, sigma_m: 0.001}`",
+        )
+    return inputs.project.targets
+
+
+def _sight(targets: TargetOptions) -> Sight:
+    if targets.is_board:
+        board = parse_board(targets.family)
+        return lambda image: sight_board_plate(image, board)
+    return lambda image: sight_plates(image, targets.family)
+
+
+def _seen(
+    inputs: Inputs, sight: Sight, progress: Progress
+) -> Iterator[tuple[str, tuple[SeenPlate, ...]]]:
+    photos = dict(zip(inputs.photos.path, inputs.photos.frame_id, strict=True))
+    found = prefetch(lambda path: sight(read_grey(path)), photos)
+    for path, plates in progress(found, "looking for targets", len(photos)):
+        yield photos[path], plates
+
+
+def _names(inputs: Inputs) -> tuple[set[str], set[str]]:
+    """Labels that lengths, measurements and known things name, and those of known coordinates."""
+    lines, known = inputs.lines, inputs.known
+    named = {*lines.start, *lines.end, *(p for points in known.points for p in points)}
+    named |= {point for request in inputs.requests for point in request.points}
+    return named, {*inputs.control.label, *inputs.check.label}
+
+
+def _photos_of(number: int, seen: dict[str, tuple[SeenPlate, ...]]) -> Iterator[tuple[str, float]]:
+    for image, plates in seen.items():
+        for plate in plates:
+            if plate.plate == number and plate.left_out is LeftOut.NO:
+                yield image, plate.side_px
+
+
+def _nothing_found(plates: int, inputs: Inputs) -> Iterator[Message]:
+    targets = inputs.project.targets
+    if plates or targets is None:
+        return
+    text = (
+        f"No plate of the family {targets.family} was found in any of the "
+        f"{len(inputs.photos.path)} photos. Look whether `targets: family` names what is "
+        "printed on them, and whether their black squares are 16 pixels wide or more in the photos."
+    )
+    yield Message("warning", "no-target", text)
+
+
+def _content(path: Path) -> bytes | None:
+    return path.read_bytes() if path.exists() else None
+
+
+def _write(path: Path, content: bytes | None, before: Picks, after: Picks) -> None:
+    """Put other picks into the table, unless somebody changed it meanwhile."""
+    new = picks_content(content, before, after)
+    if new is None or new == content:
+        return
+    if _content(path) != content:
+        raise InputError(path, "was changed while the photos were looked through: do it once more")
+    replace_bytes(path, new)

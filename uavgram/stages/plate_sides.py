@@ -1,0 +1,96 @@
+"""Known lengths of coded plates: sides and diagonals of every plate that was found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.survey.observations import Along, KnownLines, Picks
+from uavgram.model.target_families import corner_label, plate_of
+
+TAPE = "targets"
+"""What all plates have in common, as one printer made them, is the scale of this tape."""
+
+_OWN_SHARE = 0.5
+"""Of the sigma of a plate's side: what differs from side to side."""
+
+_SLOPE: Along = "slope"
+_PAIRS = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
+SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+
+
+def own_scale(outline_m: Floats, sigma_m: float) -> tuple[tuple[str, float], ...]:
+    """Prior of the scale that all plates have in common.
+
+    Parameters
+    ----------
+    outline_m
+        (4, 2) corners of a plate.
+    sigma_m
+        Standard deviation of its longest side.
+    """
+    return ((TAPE, sigma_m / _longest(outline_m)),)
+
+
+def with_plate_sides(
+    lines: KnownLines, picks: Picks, outline_m: Floats, sigma_m: float
+) -> KnownLines:
+    """The known lengths, and those between the corners of every plate that was found.
+
+    Where a person measured between two corners of a plate, that length stands alone.
+
+    Parameters
+    ----------
+    lines
+        Of the project.
+    picks
+        All of them; those of source ``target`` say which plates there are.
+    outline_m
+        (4, 2) corners of a plate.
+    sigma_m
+        Standard deviation of its longest side.
+    """
+    taken = set(lines.name) | {
+        f"{a} {b}"
+        for a, b in zip((*lines.start, *lines.end), (*lines.end, *lines.start), strict=True)
+    }
+    pairs = [
+        (
+            corner_label(plate, a),
+            corner_label(plate, b),
+            float(np.linalg.norm(outline_m[b] - outline_m[a])),
+        )
+        for plate, corners in sorted(_found(picks).items())
+        for a, b in _PAIRS
+        if {a, b} <= set(corners)
+    ]
+    new = [one for one in pairs if f"{one[0]} {one[1]}" not in taken]
+    if not new:
+        return lines
+    count, more = len(lines.name), len(new)
+    return KnownLines(
+        name=(*lines.name, *(f"{a} {b}" for a, b, _ in new)),
+        start=(*lines.start, *(a for a, _, _ in new)),
+        end=(*lines.end, *(b for _, b, _ in new)),
+        length_m=np.append(lines.length_m, [length for _, _, length in new]),
+        sigma_m=np.append(lines.sigma_m, np.full(more, _OWN_SHARE * sigma_m)),
+        adjust=np.append(lines.adjust, np.ones(more, dtype=np.bool_)),
+        tape=(*(lines.tape or ("",) * count), *(TAPE,) * more),
+        along=(*(lines.along_of(i) for i in range(count)), *(_SLOPE,) * more),
+    )
+
+
+def _found(picks: Picks) -> dict[int, set[int]]:
+    """Plates of which the program found corners: numbers of the corners that are picked at all."""
+    found: dict[int, set[int]] = {}
+    made = picks.of_source("target")
+    plates = {plate_of(label) for label, by_us in zip(picks.label, made, strict=True) if by_us}
+    for label in dict.fromkeys(picks.label):
+        plate = plate_of(label)
+        if plate is not None and plate in plates:
+            found.setdefault(plate, set()).add(int(label[-1]) - 1)
+    return found
+
+
+def _longest(outline_m: Floats) -> float:
+    return float(np.linalg.norm(np.roll(outline_m, -1, axis=0) - outline_m, axis=1).max())

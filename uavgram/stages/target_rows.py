@@ -1,0 +1,194 @@
+"""From plates in photos to picks: the rows that are added, and what is to be said of the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.model.arrays import Bools
+from uavgram.model.message import Message, Several
+from uavgram.model.survey.observations import Picks
+from uavgram.model.survey.plates import LeftOut, SeenPlate
+from uavgram.model.target_families import CORNERS, corner_label, plate_label
+
+_CENTER_TOO = 2.0**0.5
+"""By so much the sigmas of a plate are widened where its centre is picked beside its corners: the
+centre says nothing that the corners do not, and four corners and a centre as good as their mean
+would count twice."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Picks of a project with those of its plates, and what is to be said."""
+
+    picks: Picks
+    plates: int
+    messages: tuple[Message, ...]
+
+
+def without_targets(picks: Picks) -> Picks:
+    """The picks that the program did not make from targets."""
+    return chosen(picks, ~picks.of_source("target"))
+
+
+def with_targets(
+    picks: Picks, seen: Mapping[str, Sequence[SeenPlate]], centers: Mapping[int, str]
+) -> Rows:
+    """Replace the picks of targets by those of the plates that were found now.
+
+    Parameters
+    ----------
+    picks
+        Of the project.
+    seen
+        Plates by photo.
+    centers
+        Label of the centre of those plates whose centre is asked for.
+    """
+    kept = without_targets(picks)
+    taken = set(zip(kept.image, kept.label, strict=True))
+    rows: list[_Row] = []
+    by_hand: list[tuple[str, str]] = []
+    for image, plates in seen.items():
+        for plate in plates:
+            if plate.left_out is not LeftOut.NO:
+                continue
+            for row in _rows(image, plate, centers.get(plate.plate)):
+                (by_hand if (image, row.label) in taken else rows).append(row)  # type: ignore[arg-type]
+    plates_found = {
+        plate.plate for some in seen.values() for plate in some if not plate.left_out.value
+    }
+    messages = (*_left_out(seen), *_by_hand(by_hand))  # type: ignore[arg-type]
+    return Rows(_together(kept, rows), len(plates_found), tuple(messages))
+
+
+def asked_centers(
+    plates: Collection[int], named: Collection[str], known: Collection[str], picks: Picks
+) -> dict[int, str]:
+    """Labels of the plates' centres that the project names.
+
+    Parameters
+    ----------
+    plates
+        Ids that were found.
+    named
+        Labels that lengths, measurements and known things name.
+    known
+        Labels with known coordinates: of them a bare number is the plate's too.
+    picks
+        A number that a person picked is no plate's.
+    """
+    hand = set(without_targets(picks).label)
+    found = {}
+    for plate in plates:
+        own = plate_label(plate)
+        if own in named or own in known:
+            found[plate] = own
+        elif str(plate) in known and str(plate) not in hand:
+            found[plate] = str(plate)
+    return found
+
+
+@dataclass(frozen=True)
+class _Row:
+    image: str
+    label: str
+    u_px: float
+    v_px: float
+    sigma_px: float
+    score: float
+
+
+def _rows(image: str, plate: SeenPlate, center: str | None) -> Iterator[_Row]:
+    wider = 1.0 if center is None else _CENTER_TOO
+    for corner in range(CORNERS):
+        sigma = float(plate.sigma_px[corner])
+        if np.isfinite(sigma):
+            u, v = plate.corner_px[corner].tolist()
+            yield _row(image, corner_label(plate.plate, corner), (u, v), wider * sigma, plate.score)
+    if center is not None and np.isfinite(plate.center_sigma_px):
+        u, v = plate.center_px.tolist()
+        yield _row(image, center, (u, v), wider * plate.center_sigma_px, plate.score)
+
+
+def _row(image: str, label: str, place: tuple[float, float], sigma_px: float, score: float) -> _Row:
+    """A row with no more digits than mean something."""
+    u, v = (round(one, 4) for one in place)
+    return _Row(image, label, u, v, max(round(sigma_px, 4), 1e-4), round(score, 4))
+
+
+def chosen(picks: Picks, rows: Bools) -> Picks:
+    """Some of the picks."""
+    index = np.flatnonzero(rows).tolist()
+
+    def some(texts: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(texts[i] for i in index) if texts else ()
+
+    return Picks(
+        image=some(picks.image),
+        label=some(picks.label),
+        pixel_px=picks.pixel_px[rows],
+        sigma_px=picks.sigma_px[rows],
+        height_m=picks.height_m[rows],
+        height_sigma_m=picks.height_sigma_m[rows],
+        is_free=picks.is_free[rows],
+        area=some(picks.area),
+        source=tuple(picks.source_of(i) for i in index),
+        score=picks.score[rows],
+        from_image=some(picks.from_image),
+        from_px=picks.from_px[rows],
+    )
+
+
+def _together(kept: Picks, rows: Sequence[_Row]) -> Picks:
+    n, m = len(kept.image), len(rows)
+    nothing = np.full(m, np.nan)
+    return Picks(
+        image=(*kept.image, *(row.image for row in rows)),
+        label=(*kept.label, *(row.label for row in rows)),
+        pixel_px=np.concatenate(
+            [kept.pixel_px, np.reshape([[r.u_px, r.v_px] for r in rows], (m, 2))]
+        ),
+        sigma_px=np.append(kept.sigma_px, [row.sigma_px for row in rows]),
+        height_m=np.append(kept.height_m, nothing),
+        height_sigma_m=np.append(kept.height_sigma_m, nothing),
+        is_free=np.append(kept.is_free, np.zeros(m, np.bool_)),
+        area=(*kept.area, *[""] * m) if kept.area else (),
+        source=(*(kept.source_of(i) for i in range(n)), *["target"] * m),  # type: ignore[arg-type]
+        score=np.append(kept.score, [row.score for row in rows]),
+        from_image=(*kept.from_image, *[""] * m) if kept.from_image else (),
+        from_px=np.concatenate([kept.from_px, np.full((m, 2), np.nan)]),
+    )
+
+
+def _left_out(seen: Mapping[str, Sequence[SeenPlate]]) -> Iterator[Message]:
+    for image, plates in seen.items():
+        for number in dict.fromkeys(p.plate for p in plates if p.left_out is not LeftOut.NO):
+            why = next(p.left_out for p in plates if p.plate == number and p.left_out.value)
+            name = plate_label(number)
+            several = Several(
+                "{count} plates were recognised in photos and left out there",
+                f"{name} in {image}",
+                ending="Look at them there; pick their corners by hand where you can see them.",
+            )
+            text = (
+                f"{image}: plate {name} was recognised but is not used there: {why.value}. Look "
+                "at it there; pick its corners by hand where you can see them."
+            )
+            yield Message("warning", "target-left-out", text, frames=(image,), several=several)
+
+
+def _by_hand(rows: Sequence[_Row]) -> Iterator[Message]:
+    if not rows:
+        return
+    first = rows[0]
+    text = (
+        f"{len(rows)} corners of plates are picked by hand already ({first.label} in {first.image}"
+        f"{' and others' if len(rows) > 1 else ''}): those picks stay as they are. Take them out "
+        "to have the program's."
+    )
+    yield Message(
+        "info", "target-by-hand", text, frames=tuple(dict.fromkeys(r.image for r in rows))
+    )
