@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.estimation.first_poses.meeting import meeting
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -37,7 +38,8 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
     center, owner = values.center[frame[rows]], label[rows]
     direction = np.einsum("nij,nj->ni", values.rotation[frame[rows]], ray[rows])
     direction /= np.linalg.norm(direction, axis=1)[:, None]
-    met, spread = _meeting(center, direction, survey.pick_sigma_px[rows], owner, survey)
+    sigma = survey.pick_sigma_px[rows] / survey.calibration.parameters[0]
+    met, spread = meeting(center, direction, sigma, owner, len(survey.label))
     plane = np.array([values.height_m, 0.0, 0.0])
     ground = intersect_ground(center, direction, plane, np.zeros(2), np.zeros(len(rows)))
     point = _means(ground, owner, len(survey.label))
@@ -54,46 +56,6 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
     point_m[free] = point[free, :2]
     departure_m[free] = np.nan_to_num(point[free, 2] - values.height_m)
     return values._replace(point_m=point_m, departure_m=departure_m)
-
-
-def _meeting(
-    center: Floats, direction: Floats, sigma_px: Floats, owner: Ints, survey: Survey
-) -> tuple[Floats, Floats]:
-    """Where rays meet (K, 3), and the largest sigma of that, as a share of its distance (K,).
-
-    The point nearest to all rays, in sigmas: minimum of the sum of |(I - d d^T)(x - c)|^2 over
-    (sigma times the distance)^2, the distances those of the unweighted one.
-
-    Parameters
-    ----------
-    center, direction
-        (n, 3) where rays begin, and unit vectors along them.
-    sigma_px
-        (n,) of their picks.
-    owner
-        (n,) label of each.
-    survey
-        Its camera and labels.
-    """
-    count = len(survey.label)
-    across = np.eye(3) - direction[:, :, None] * direction[:, None, :]
-    weight = np.ones(len(owner))
-    met, spread = np.full((count, 3), np.nan), np.full(count, np.inf)
-    for _ in range(2):
-        normal, right = np.zeros((count, 3, 3)), np.zeros((count, 3))
-        np.add.at(normal, owner, weight[:, None, None] * across)
-        np.add.at(right, owner, weight[:, None] * np.einsum("nij,nj->ni", across, center))
-        values = np.linalg.eigvalsh(normal)
-        solvable = values[:, 0] > 1e-12 * values[:, 2]
-        met[solvable] = np.linalg.solve(normal[solvable], right[solvable, :, None])[..., 0]
-        distance = np.linalg.norm(met[owner] - center, axis=1)
-        sigma = sigma_px / survey.calibration.parameters[0]
-        weight = np.nan_to_num(1.0 / np.maximum(sigma * distance, 1e-9) ** 2, nan=1.0)
-        mean = np.bincount(owner, distance, count) / np.maximum(np.bincount(owner, None, count), 1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            largest = 1.0 / np.sqrt(values[:, 0]) / mean
-        spread = np.where(solvable & np.isfinite(largest), largest, np.inf)
-    return met, spread
 
 
 def _in_front(met: Floats, center: Floats, direction: Floats, owner: Ints) -> Bools:
