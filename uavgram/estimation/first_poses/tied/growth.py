@@ -15,7 +15,7 @@ from uavgram.model.arrays import Bools, Floats
 FEWEST = 10
 """Points with a place that a frame must see to join, and that must fit it."""
 
-NEARLY = 0.6
+NEARLY = 0.75
 """Share of the most known points in any waiting frame with which others join at the same time."""
 
 FITTING = (4.0, 16.0, 64.0)
@@ -27,6 +27,9 @@ MOST_FIT = 0.5
 
 WIDE = 0.05
 """Sigma of a point as a share of its distance, above which it has no place yet."""
+
+LIMITS = (20.0, 5.0)
+"""Spreads beyond which rays are left out, round by round."""
 
 REFUSALS = 2
 """Times that a frame may leave again before it is no longer tried."""
@@ -122,17 +125,19 @@ def _joined(
     return None
 
 
-def settled(scene: Scene, sightings: Sightings, rounds: int = 2) -> tuple[Scene, Bools]:
-    """Points where rays meet, all adjusted, and what then disagrees left out; some rounds."""
-    for _ in range(rounds):
-        scene, agrees = with_points(scene, sightings)
+def settled(scene: Scene, sightings: Sightings) -> tuple[Scene, Bools]:
+    """Points where rays meet, all adjusted, and what then disagrees left out; round by round.
+
+    Mild at first: rays of a frame that has just joined pass its points further off than they will.
+    """
+    for limit in LIMITS:
+        scene, agrees = with_points(scene, sightings, limit)
         scene = adjusted(scene, sightings, agrees)
-        agrees = agreeing(scene, sightings, agrees)
-    return scene, agrees
+    return scene, agreeing(scene, sightings, agrees)
 
 
-def with_points(scene: Scene, sightings: Sightings) -> tuple[Scene, Bools]:
-    """The scene with every point where most rays meet, and the rays (N,) that do."""
+def with_points(scene: Scene, sightings: Sightings, limit: float = OUT) -> tuple[Scene, Bools]:
+    """The scene with every point where most rays meet, and the rays (N,) that do, in `limit` spreads."""
     placed = np.isfinite(scene.center[sightings.frame, 0])
     direction = np.einsum("nij,nj->ni", scene.rotation[sightings.frame], sightings.ray)
     used = placed.copy()
@@ -149,13 +154,15 @@ def with_points(scene: Scene, sightings: Sightings) -> tuple[Scene, Bools]:
         scene = replace(scene, point=met)
         # Of the rays that pass their point too far away, the worst one of a point goes.
         angle = scene.angles(sightings)
-        far = used & (angle > spread_of(scene, sightings, used) * OUT)
+        far = used & (angle > spread_of(scene, sightings, used) * limit)
         worst = np.zeros(sightings.points)
         np.maximum.at(worst, sightings.point[far], angle[far])
         bad = far & (angle >= worst[sightings.point])
         if not bad.any():
             break
         used &= ~bad
+    angle = np.nan_to_num(scene.angles(sightings), nan=np.inf)
+    used &= angle <= limit * spread_of(scene, sightings, used)
     used &= np.isfinite(scene.point[sightings.point, 0])
     return _with_pairs(scene, sightings, used)
 
