@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.tied.sightings import Sightings
+from uavgram.estimation.first_poses.tied.tied_rays import TiedRays
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Bools, Floats
 
@@ -35,7 +35,7 @@ class TiedFlight:
     center: Floats
     rotation: Floats
     point: Floats
-    sightings: Sightings
+    sightings: TiedRays
     wrong: Bools
     height_m: float
 
@@ -127,7 +127,7 @@ def tied_flight(c: Conditions) -> TiedFlight:
     used, at = np.unique(which, return_inverse=True)
     ray = np.column_stack([places / FOCAL_PX, np.ones(len(places))])
     ray /= np.linalg.norm(ray, axis=1)[:, None]
-    sightings = Sightings(
+    sightings = TiedRays(
         frame=frame,
         point=at,
         ray=ray,
@@ -158,13 +158,26 @@ TWENTY = tuple(
     Conditions(plan=plan, photos=photos, tilt_deg=tilt, houses=houses, seed=seed)
     for seed, (plan, photos, tilt, houses) in enumerate(
         [
-            ("strip", 8, 0, False), ("strip", 15, 0, True), ("strip", 10, 30, False),
-            ("strip", 20, 40, True), ("grid", 8, 0, False), ("grid", 12, 0, True),
-            ("grid", 20, 0, False), ("grid", 40, 0, True), ("grid", 40, 0, False),
-            ("grid", 12, 20, False), ("grid", 20, 30, True), ("grid", 30, 45, False),
-            ("grid", 40, 45, True), ("orbit", 8, 45, False), ("orbit", 12, 45, True),
-            ("orbit", 16, 35, False), ("orbit", 24, 50, False), ("orbit", 36, 40, True),
-            ("orbit", 40, 45, False), ("orbit", 10, 25, False),
+            ("strip", 8, 0, False),
+            ("strip", 15, 0, True),
+            ("strip", 10, 30, False),
+            ("strip", 20, 40, True),
+            ("grid", 8, 0, False),
+            ("grid", 12, 0, True),
+            ("grid", 20, 0, False),
+            ("grid", 40, 0, True),
+            ("grid", 40, 0, False),
+            ("grid", 12, 20, False),
+            ("grid", 20, 30, True),
+            ("grid", 30, 45, False),
+            ("grid", 40, 45, True),
+            ("orbit", 8, 45, False),
+            ("orbit", 12, 45, True),
+            ("orbit", 16, 35, False),
+            ("orbit", 24, 50, False),
+            ("orbit", 36, 40, True),
+            ("orbit", 40, 45, False),
+            ("orbit", 10, 25, False),
         ]
     )
 )

@@ -44,6 +44,9 @@ LITTLE = 30.0
 SAME = 0.03
 """Relative change of a sigma that is not worth another adjustment."""
 
+BY_HAND, TARGETS = -1, -2
+"""Stand for picks that people made, and for targets, where else the index of an area does."""
+
 UNIT_M = 0.05
 """Roughness and relief that the search starts from [m]."""
 
@@ -79,7 +82,7 @@ class _Model(NamedTuple):
     problem
         The likelihood with the stated sigmas of picks, and units of roughness and relief.
     components, areas
-        The picks' first; area by index of each that is of the ground, -1 of the picks'.
+        The picks' first; area by index of each that is of the ground, else whose picks they are.
     """
 
     shape: SurfaceShape | None
@@ -217,7 +220,13 @@ def _components(
     smallest
         Factor of the picks' sigmas that they never fall below.
     """
-    found, areas = [Component("pixels", None, STATED_WEIGHT, smallest)], [-1]
+    targets = stated.pick_is_target
+    found, areas = [], []
+    for target in (False, True):
+        if (targets == target).any():
+            rows = None if (targets == target).all() else np.flatnonzero(targets == target)
+            found.append(Component("pixels", rows, STATED_WEIGHT, smallest))
+            areas.append(TARGETS if target else BY_HAND)
     for area, ground in enumerate(problem.survey.grounds):
         rows = np.flatnonzero(stated.area[problem.third.rough] == area)
         if ground.roughness_sigma_m > 0 and len(rows):
@@ -302,12 +311,15 @@ def _learnt(fitted: _Fitted, survey: Survey) -> Survey:
             is_stated = survey.grounds[area].roughness_sigma_m > 0
             size = size if size > LEAST_M or is_stated else 0.0
             grounds[area] = replace(grounds[area], roughness_sigma_m=size)
-        relief = grounds[area].relief
-        if one.block == "relief" and relief is not None:
+        if one.block == "relief" and (relief := grounds[area].relief) is not None:
             size = scale * relief.sigma_m
             own = replace(relief, sigma_m=size) if size > LEAST_M else None
             grounds[area] = replace(grounds[area], relief=own)
-    return replace(survey, pick_sigma_px=factor[0] * survey.pick_sigma_px, grounds=tuple(grounds))
+    sigma = np.array(survey.pick_sigma_px)
+    for area, scale in zip(fitted.model.areas, factor.tolist(), strict=True):
+        if area < 0:
+            sigma[survey.pick_is_target == (area == TARGETS)] *= scale
+    return replace(survey, pick_sigma_px=sigma, grounds=tuple(grounds))
 
 
 def _chance(fitted: _Fitted, tried: Sequence[_Fitted]) -> float:
@@ -337,12 +349,18 @@ def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey, chance: floa
     components = zip(fitted.model.components, fitted.model.areas, sigma.tolist(), strict=True)
     rough = {area: own for one, area, own in components if one.block == "roughness"}
     units = fitted.model.problem.survey.grounds
-    hand = PickNoise(
-        source="hand",
-        stated_px=float(np.sqrt(np.mean(stated.pick_sigma_px**2))),
-        factor=float(factor[0]),
-        sigma=float(sigma[0]),
-    )
+    picks = []
+    for k, area in enumerate(fitted.model.areas):
+        if area < 0:
+            own = stated.pick_sigma_px[stated.pick_is_target == (area == TARGETS)]
+            picks.append(
+                PickNoise(
+                    source="target" if area == TARGETS else "hand",
+                    stated_px=float(np.sqrt(np.mean(own**2))),
+                    factor=float(factor[k]),
+                    sigma=float(sigma[k]),
+                )
+            )
     areas = [
         AreaNoise(
             area=ground.name,
@@ -355,4 +373,4 @@ def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey, chance: floa
         )
         for area, ground in enumerate(_learnt(fitted, stated).grounds)
     ]
-    return Noise(picks=(hand,), roughness=tuple(areas))
+    return Noise(picks=tuple(picks), roughness=tuple(areas))

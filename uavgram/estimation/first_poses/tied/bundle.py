@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.first_poses.tied.sightings import Sightings
+from uavgram.estimation.first_poses.tied.tied_rays import TiedRays
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.solver.sparse.structure import Structure
@@ -30,14 +30,14 @@ class Scene:
     rotation: Floats
     point: Floats
 
-    def placed_rows(self, sightings: Sightings) -> Bools:
+    def placed_rows(self, sightings: TiedRays) -> Bools:
         """(N,) sightings of a point with a place from a frame with a pose."""
         return np.asarray(
             np.isfinite(self.center[sightings.frame, 0])
             & np.isfinite(self.point[sightings.point, 0])
         )
 
-    def angles(self, sightings: Sightings) -> Floats:
+    def angles(self, sightings: TiedRays) -> Floats:
         """(N,) by how much each ray misses its point [rad]; NaN where one of both is missing."""
         seen = np.einsum(
             "nj,nji->ni",
@@ -50,7 +50,7 @@ class Scene:
         return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)))
 
 
-def adjusted(scene: Scene, sightings: Sightings, rows: Bools, iterations: int = ITERATIONS) -> Scene:
+def adjusted(scene: Scene, sightings: TiedRays, rows: Bools, iterations: int = ITERATIONS) -> Scene:
     """The poses and points that fit some of the sightings best.
 
     Parameters
@@ -86,7 +86,9 @@ def adjusted(scene: Scene, sightings: Sightings, rows: Bools, iterations: int = 
     except SingularError:
         return scene
     center, rotation, place = (
-        np.array(scene.center), np.array(scene.rotation), np.array(scene.point)
+        np.array(scene.center),
+        np.array(scene.rotation),
+        np.array(scene.point),
     )
     center[frames], rotation[frames], place[points] = end.state
     return Scene(center, rotation, place)
@@ -98,7 +100,7 @@ _State = tuple[Floats, Floats, Floats]
 class _Rays:
     """Residuals of rays that should pass points."""
 
-    def __init__(self, sightings: Sightings, frame: Ints, point: Ints, center: Floats) -> None:
+    def __init__(self, sightings: TiedRays, frame: Ints, point: Ints, center: Floats) -> None:
         self._ray, self._frame, self._point = sightings.ray, frame, point
         ray = sightings.ray
         least = np.eye(3)[np.argmin(np.abs(ray), axis=1)]
@@ -117,7 +119,9 @@ class _Rays:
         self._center = center
         frames = np.arange(len(center))
         self._stay_columns = self._first_frame + 6 * frames[:, None] + np.arange(6)
-        self._size = float(np.maximum(np.linalg.norm(center - center.mean(axis=0), axis=1).max(), 1e-6))
+        self._size = float(
+            np.maximum(np.linalg.norm(center - center.mean(axis=0), axis=1).max(), 1e-6)
+        )
 
     def blocks(self, state: _State) -> dict[str, Block] | None:
         center, rotation, place = state

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.meeting import meeting
+from uavgram.estimation.first_poses.free_points import rays_meet
 from uavgram.estimation.first_poses.tied.bundle import Scene, adjusted
-from uavgram.estimation.first_poses.tied.sightings import Sightings
 from uavgram.estimation.first_poses.tied.three_points import resected
+from uavgram.estimation.first_poses.tied.tied_rays import TiedRays
 from uavgram.model.arrays import Bools, Floats
 
 FEWEST = 10
@@ -42,7 +42,7 @@ OUT = 5.0
 
 
 def grown(
-    scene: Scene, sightings: Sightings, rng: np.random.Generator, most: int | None = None
+    scene: Scene, sightings: TiedRays, rng: np.random.Generator, most: int | None = None
 ) -> tuple[Scene, Bools]:
     """The scene with all frames that can join it, and which sightings (N,) agree.
 
@@ -73,7 +73,7 @@ def grown(
     return scene, agrees & scene.placed_rows(sightings)
 
 
-def _fitting(scene: Scene, sightings: Sightings, agrees: Bools) -> Scene:
+def _fitting(scene: Scene, sightings: TiedRays, agrees: Bools) -> Scene:
     """The scene without frames most of whose rays disagree; at least two stay."""
     known = scene.placed_rows(sightings)
     seen = np.bincount(sightings.frame[known], minlength=sightings.frames)
@@ -87,7 +87,7 @@ def _fitting(scene: Scene, sightings: Sightings, agrees: Bools) -> Scene:
 
 
 def _joined(
-    scene: Scene, sightings: Sightings, spread: float, barred: Bools, rng: np.random.Generator
+    scene: Scene, sightings: TiedRays, spread: float, barred: Bools, rng: np.random.Generator
 ) -> Scene | None:
     """The scene with the frames that see most of its points and fit.
 
@@ -109,7 +109,9 @@ def _joined(
     tried: list[tuple[float, int, Floats, Floats]] = []
     for frame in np.argsort(-count, kind="stable"):
         best = min((one[0] for one in tried), default=np.inf)
-        if not count[frame] or (best <= FITTING[0] * spread and count[frame] < NEARLY * count.max()):
+        if not count[frame] or (
+            best <= FITTING[0] * spread and count[frame] < NEARLY * count.max()
+        ):
             break
         rows = np.flatnonzero(waiting & (sightings.frame == frame))
         pose = resected(scene.point[sightings.point[rows]], sightings.ray[rows], rng)
@@ -125,7 +127,7 @@ def _joined(
     return None
 
 
-def settled(scene: Scene, sightings: Sightings) -> tuple[Scene, Bools]:
+def settled(scene: Scene, sightings: TiedRays) -> tuple[Scene, Bools]:
     """Points where rays meet, all adjusted, and what then disagrees left out; round by round.
 
     Mild at first: rays of a frame that has just joined pass its points further off than they will.
@@ -136,14 +138,14 @@ def settled(scene: Scene, sightings: Sightings) -> tuple[Scene, Bools]:
     return scene, agreeing(scene, sightings, agrees)
 
 
-def with_points(scene: Scene, sightings: Sightings, limit: float = OUT) -> tuple[Scene, Bools]:
+def with_points(scene: Scene, sightings: TiedRays, limit: float = OUT) -> tuple[Scene, Bools]:
     """The scene with every point where most rays meet, and the rays (N,) that do, in `limit` spreads."""
     placed = np.isfinite(scene.center[sightings.frame, 0])
     direction = np.einsum("nij,nj->ni", scene.rotation[sightings.frame], sightings.ray)
     used = placed.copy()
     for _ in range(3):
         rows = np.flatnonzero(used)
-        met, spread = meeting(
+        met, spread = rays_meet(
             scene.center[sightings.frame[rows]],
             direction[rows],
             sightings.sigma_rad[rows],
@@ -167,7 +169,7 @@ def with_points(scene: Scene, sightings: Sightings, limit: float = OUT) -> tuple
     return _with_pairs(scene, sightings, used)
 
 
-def _with_pairs(scene: Scene, sightings: Sightings, agrees: Bools) -> tuple[Scene, Bools]:
+def _with_pairs(scene: Scene, sightings: TiedRays, agrees: Bools) -> tuple[Scene, Bools]:
     """Only points that two rays agree on, ahead of the cameras, keep their place."""
     agrees = agrees & (np.nan_to_num(scene.angles(sightings), nan=np.pi) < 0.5)
     number = np.bincount(sightings.point[agrees], minlength=sightings.points)
@@ -176,7 +178,7 @@ def _with_pairs(scene: Scene, sightings: Sightings, agrees: Bools) -> tuple[Scen
     return replace(scene, point=point), agrees & (number[sightings.point] >= 2)
 
 
-def spread_of(scene: Scene, sightings: Sightings, rows: Bools) -> float:
+def spread_of(scene: Scene, sightings: TiedRays, rows: Bools) -> float:
     """Sigma of the rays, per axis, that they themselves show; robust, never below the stated."""
     angle = scene.angles(sightings)[rows]
     angle = angle[np.isfinite(angle)]
@@ -189,7 +191,7 @@ def spread_of(scene: Scene, sightings: Sightings, rows: Bools) -> float:
     return max(seen, float(np.median(sightings.sigma_rad)))
 
 
-def agreeing(scene: Scene, sightings: Sightings, rows: Bools) -> Bools:
+def agreeing(scene: Scene, sightings: TiedRays, rows: Bools) -> Bools:
     """(N,) all sightings that pass their point no further off than `rows` lead to expect."""
     angle = np.nan_to_num(scene.angles(sightings), nan=np.inf)
     return np.asarray(angle <= OUT * spread_of(scene, sightings, rows))

@@ -31,7 +31,9 @@ def poses_from_three(world: Floats, ray: Floats) -> tuple[Floats, Floats]:
     Grunert 1841, as given by Haralick et al. 1994, "Review and analysis of solutions of the three
     point perspective pose estimation problem", eq. 9; up to four poses of each sample.
     """
-    a, b, c = (np.sum((world[:, i] - world[:, j]) ** 2, axis=1) for i, j in ((1, 2), (0, 2), (0, 1)))
+    a, b, c = (
+        np.sum((world[:, i] - world[:, j]) ** 2, axis=1) for i, j in ((1, 2), (0, 2), (0, 1))
+    )
     alpha, beta, gamma = (
         np.sum(ray[:, i] * ray[:, j], axis=1) for i, j in ((1, 2), (0, 2), (0, 1))
     )
@@ -50,12 +52,7 @@ def poses_from_three(world: Floats, ray: Floats) -> tuple[Floats, Floats]:
                     - 4 * q * alpha * beta * gamma
                     + 2 * (1 - a / b) * gamma**2
                 ),
-                4
-                * (
-                    -p * (1 + p) * beta
-                    + 2 * (a / b) * gamma**2 * beta
-                    - (1 - q) * alpha * gamma
-                ),
+                4 * (-p * (1 + p) * beta + 2 * (a / b) * gamma**2 * beta - (1 - q) * alpha * gamma),
                 (1 + p) ** 2 - 4 * (a / b) * gamma**2,
             ],
             axis=1,

@@ -11,7 +11,7 @@ from uavgram.estimation.first_poses.tied.growth import (
     spread_of,
     with_points,
 )
-from uavgram.estimation.first_poses.tied.sightings import Sightings, TiedPoses
+from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses, TiedRays
 from uavgram.estimation.first_poses.tied.two_views import relative_poses
 from uavgram.model.arrays import Floats, Ints
 
@@ -31,7 +31,7 @@ ENOUGH_RAD = 0.3
 """Angle under which two cameras see a point, above which more of it makes no pair better."""
 
 
-def tied_poses(sightings: Sightings, seed: int = 0) -> TiedPoses | None:
+def tied_poses(sightings: TiedRays, seed: int = 0) -> TiedPoses | None:
     """Poses of as many frames as hang together; None where no two do.
 
     Pairs that share many points, seen under wide angles, begin. What they allow (points in a plane
@@ -69,7 +69,7 @@ def tied_poses(sightings: Sightings, seed: int = 0) -> TiedPoses | None:
     )
 
 
-def _chosen(sightings: Sightings) -> Ints:
+def _chosen(sightings: TiedRays) -> Ints:
     """Rows of enough points for every frame: those seen most often, and in many frames few."""
     number = np.bincount(sightings.point, minlength=sightings.points)
     by_point = np.argsort(sightings.point, kind="stable")
@@ -85,7 +85,7 @@ def _chosen(sightings: Sightings) -> Ints:
     return np.sort(np.concatenate(kept)) if kept else np.zeros(0, dtype=np.int64)
 
 
-def _pairs(sightings: Sightings) -> list[tuple[int, int]]:
+def _pairs(sightings: TiedRays) -> list[tuple[int, int]]:
     """Pairs to begin with, best first, of different frames where possible."""
     shared = np.triu(sightings.shared(), 1)
     first, second = np.nonzero(shared >= FEWEST_SHARED)
@@ -105,7 +105,7 @@ def _pairs(sightings: Sightings) -> list[tuple[int, int]]:
     return chosen
 
 
-def _parallax(sightings: Sightings, first: int, second: int) -> float:
+def _parallax(sightings: TiedRays, first: int, second: int) -> float:
     """Typical angle that is left between the rays of two frames after the best turn [rad]."""
     one, other = sightings.of_pair(first, second)
     ray_one, ray_other = sightings.ray[one], sightings.ray[other]
@@ -114,9 +114,7 @@ def _parallax(sightings: Sightings, first: int, second: int) -> float:
     return float(np.median(np.linalg.norm(ray_other - ray_one @ turn.T, axis=1)))
 
 
-def _begun(
-    sightings: Sightings, first: int, second: int, rng: np.random.Generator
-) -> list[Scene]:
+def _begun(sightings: TiedRays, first: int, second: int, rng: np.random.Generator) -> list[Scene]:
     """Scenes of two frames, the first at the origin, one apart."""
     one, other = sightings.of_pair(first, second)
     scenes = []
@@ -132,7 +130,7 @@ def _nowhere(frames: int) -> tuple[Floats, Floats]:
     return np.full((frames, 3), np.nan), np.full((frames, 3, 3), np.nan)
 
 
-def _misfit(scene: Scene, sightings: Sightings) -> float:
+def _misfit(scene: Scene, sightings: TiedRays) -> float:
     """Mean of the squared misses, none beyond `LIMIT`, of all rays of the frames placed.
 
     A ray whose point has no place counts as one that misses.

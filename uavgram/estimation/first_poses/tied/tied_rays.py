@@ -12,7 +12,7 @@ from uavgram.model.arrays import Bools, Floats, FrozenArrays, Ints
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Sightings(FrozenArrays):
+class TiedRays(FrozenArrays):
     """N sightings of T tie points in F frames; a frame sees a point at most once.
 
     Attributes
@@ -34,9 +34,9 @@ class Sightings(FrozenArrays):
     frames: int
     points: int
 
-    def take(self, rows: Ints | Bools) -> Sightings:
+    def take(self, rows: Ints | Bools) -> TiedRays:
         """Some of the sightings, of the same frames and points."""
-        return Sightings(
+        return TiedRays(
             frame=self.frame[rows],
             point=self.point[rows],
             ray=self.ray[rows],
