@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.tied.tied_rays import TiedRays
+from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses, TiedRays
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Bools, Floats
 
@@ -187,3 +187,21 @@ TWENTY = tuple(
 def with_readout(c: Conditions, readout_s: float) -> Conditions:
     """The same flight with a shutter that reads rows one after the other."""
     return replace(c, readout_s=readout_s)
+
+
+def errors_of(flight: TiedFlight, found: TiedPoses) -> tuple[float, float]:
+    """Largest turn [deg] and shift (as a share of the height) of poses after the best similarity.
+
+    The rotation is that of the attitudes: positions on a line leave one open.
+    """
+    placed = found.placed
+    here, there = found.center[placed], flight.center[placed]
+    product = np.einsum("fij,fkj->ik", flight.rotation[placed], found.rotation[placed])
+    left, _, right = np.linalg.svd(product)
+    turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    source, target = (here - here.mean(axis=0)) @ turn.T, there - there.mean(axis=0)
+    scale = np.sum(source * target) / np.sum(source**2)
+    off = np.linalg.norm(scale * source - target, axis=1).max() / flight.height_m
+    rest = turn @ found.rotation[placed] - flight.rotation[placed]
+    angle = 2.0 * np.arcsin(np.minimum(np.linalg.norm(rest, axis=(1, 2)) / np.sqrt(8.0), 1.0))
+    return float(np.degrees(angle.max())), float(off)
