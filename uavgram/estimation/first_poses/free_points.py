@@ -90,12 +90,12 @@ def rays_meet(
         Number K of points.
     """
     across = np.eye(3) - direction[:, :, None] * direction[:, None, :]
+    onto = np.einsum("nij,nj->ni", across, center)
     weight = np.ones(len(owner))
     met, spread = np.full((count, 3), np.nan), np.full(count, np.inf)
     for _ in range(2):
-        normal, right = np.zeros((count, 3, 3)), np.zeros((count, 3))
-        np.add.at(normal, owner, weight[:, None, None] * across)
-        np.add.at(right, owner, weight[:, None] * np.einsum("nij,nj->ni", across, center))
+        normal = _sums(weight[:, None] * across.reshape(-1, 9), owner, count).reshape(-1, 3, 3)
+        right = _sums(weight[:, None] * onto, owner, count)
         values = np.linalg.eigvalsh(normal)
         solvable = values[:, 0] > 1e-12 * values[:, 2]
         met[solvable] = np.linalg.solve(normal[solvable], right[solvable, :, None])[..., 0]
@@ -106,6 +106,11 @@ def rays_meet(
             largest = 1.0 / np.sqrt(values[:, 0]) / mean
         spread = np.where(solvable & np.isfinite(largest), largest, np.inf)
     return met, spread
+
+
+def _sums(rows: Floats, owner: Ints, count: int) -> Floats:
+    """(count, k) sum of the rows (n, k) of each owner."""
+    return np.stack([np.bincount(owner, column, count) for column in rows.T], axis=1)
 
 
 def in_front(met: Floats, center: Floats, direction: Floats, owner: Ints) -> Bools:

@@ -53,6 +53,7 @@ from uavgram.stages.monte_carlo import compare, sample
 from uavgram.stages.other_solutions import with_alternatives
 from uavgram.stages.profiles import profiles
 from uavgram.stages.reconstruct import reconstruct
+from uavgram.stages.refine.begin.tied_frames import with_tied_frames
 from uavgram.stages.refine import refine
 from uavgram.stages.scale_basis import scale_basis
 from uavgram.stages.second_order import second_order
@@ -242,6 +243,7 @@ def refined_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tupl
     if survey.telemetry is None and survey.gauge == "world":
         # Nothing but known points places the frames: their first poses are from these.
         survey = replace(survey, candidate_poses=known_point_poses(survey))
+    survey = with_tied_frames(survey)
     try:
         refined, messages = refine(survey, options)
     except GeometryError as why:

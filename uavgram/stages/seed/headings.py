@@ -20,6 +20,7 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.message import Message
 from uavgram.model.survey.survey import Survey
+from uavgram.stages.seed.tied_headings import attitudes_by_ties, turns_about_up
 
 UNKNOWN_RAD = 1.0
 """Sigma of a heading from which on it is no prior, but says that it is unknown."""
@@ -32,7 +33,7 @@ LOWEST = np.sin(np.radians(5.0))
 
 
 def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
-    """The survey with its seeds turned to the headings that its picks tell.
+    """The survey with its seeds turned to the headings that its ties, or else its picks, tell.
 
     Of photos without a stated attitude, and of those whose stated heading is as good as unknown.
     A log's, and surveys whose photos all state theirs, are left as they are.
@@ -58,6 +59,10 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
     if not free.any():
         return survey, ()
     turn = search_turns(_plan(survey, track.sigma_attitude_rad[row, 0], sigma), free)
+    tied = attitudes_by_ties(survey)
+    if tied is not None:
+        by_ties = turns_about_up(tied, survey.seeds.world_from_camera)
+        turn = np.where(free & np.isfinite(by_ties), by_ties, turn)
     doubted = free & (sigma <= UNKNOWN_RAD) & (np.abs(turn) > CONTRADICTED * sigma)
     return _turned(survey, track, turn, doubted), tuple(_messages(survey, turn, doubted))
 

@@ -48,6 +48,7 @@ class GroupedProducts:
             step = max(1, CHUNK // (one.shape[1] * rows * (a + b)))
             for start in range(0, len(target), step):
                 part = slice(start, start + step)
-                first = left[one[part]].reshape(-1, one.shape[1] * rows, a)
-                second = right[other[part]].reshape(-1, one.shape[1] * rows, b)
+                some = one[part]  # b may be zero: sizes are told, not found out
+                first = left[some].reshape(len(some), one.shape[1] * rows, a)
+                second = right[other[part]].reshape(len(some), one.shape[1] * rows, b)
                 out[target[part]] += np.swapaxes(first, 1, 2) @ second

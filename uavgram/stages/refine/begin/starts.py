@@ -63,10 +63,13 @@ def first_values(survey: Survey) -> list[FirstValues]:
     counts, planes = begun.counts, begun.planes
     if survey.gauge == "world":
         return _grown(survey, ray, planes, _choices(survey))
-    if not planes:
+    chosen = [tied for tied in _choices(survey)[:1] if tied]
+    if not planes and not chosen:
         raise GeometryError(too_little(survey, begun))
-    first = max(planes, key=lambda f: (counts[f], -f))
-    return _grown(survey, ray, planes, [{first: pose_above_plane(p)} for p in planes[first]])
+    if planes:
+        first = max(planes, key=lambda f: (counts[f], -f))
+        chosen += [{first: pose_above_plane(p)} for p in planes[first]]
+    return _grown(survey, ray, planes, chosen)
 
 
 def other_values(
@@ -217,7 +220,7 @@ def _grown(
     control = survey.gauge == "world"
     height = 0.0
     if control:
-        height = _control_height(survey)
+        height = control_height(survey)
     lift = np.array([0.0, 0.0, height])
     values = []
     for poses in choices:
@@ -239,7 +242,7 @@ def _grown(
     return values
 
 
-def _control_height(survey: Survey) -> float:
+def control_height(survey: Survey) -> float:
     """Height of the ground under control points; those whose own is not known count where all do.
 
     Then it is the lowest: they stand on it or above it.

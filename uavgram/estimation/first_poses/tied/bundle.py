@@ -1,0 +1,157 @@
+"""Poses and tie points together: the adjustment of rays alone, in free axes and scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.first_poses.tied.tied_rays import TiedRays
+from uavgram.estimation.solver.levenberg_marquardt import minimise
+from uavgram.estimation.solver.normal_equations import Block, SingularError
+from uavgram.estimation.solver.sparse.structure import Structure
+from uavgram.geometry.motion.rotation import exp_so3, hat
+from uavgram.model.arrays import Bools, Floats, Ints
+
+STAY = 1.0
+"""Sigma with which each centre (in mean distances of the points) and attitude (rad) stays where it
+was, against rays of a ten-thousandth: it holds axes and scale, and bends nothing."""
+
+ITERATIONS = 12
+SETTLED = 1e-3
+"""Predicted fall of the sum of squares, by ray, that needs no other step."""
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Poses and points: (F, 3), (F, 3, 3), (T, 3); NaN where they are not known."""
+
+    center: Floats
+    rotation: Floats
+    point: Floats
+
+    def placed_rows(self, sightings: TiedRays) -> Bools:
+        """(N,) sightings of a point with a place from a frame with a pose."""
+        return np.asarray(
+            np.isfinite(self.center[sightings.frame, 0])
+            & np.isfinite(self.point[sightings.point, 0])
+        )
+
+    def angles(self, sightings: TiedRays) -> Floats:
+        """(N,) by how much each ray misses its point [rad]; NaN where one of both is missing."""
+        seen = np.einsum(
+            "nj,nji->ni",
+            self.point[sightings.point] - self.center[sightings.frame],
+            self.rotation[sightings.frame],
+        )
+        with np.errstate(invalid="ignore", divide="ignore"):
+            seen = seen / np.linalg.norm(seen, axis=1)[:, None]
+        chord = np.linalg.norm(seen - sightings.ray, axis=1)
+        return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)))
+
+
+def adjusted(scene: Scene, sightings: TiedRays, rows: Bools, iterations: int = ITERATIONS) -> Scene:
+    """The poses and points that fit some of the sightings best.
+
+    Parameters
+    ----------
+    scene
+        To start from.
+    sightings
+        All.
+    rows
+        (N,) those that take part: of frames and points that have a place.
+    iterations
+        At the most.
+    """
+    used = sightings.take(rows)
+    points, point = np.unique(used.point, return_inverse=True)
+    frames, frame = np.unique(used.frame, return_inverse=True)
+    problem = _Rays(used, frame, point, scene.center[frames])
+    start = (scene.center[frames], scene.rotation[frames], scene.point[points])
+    size = 3 * len(points) + 6 * len(frames)
+    structure = Structure(
+        size=size, points=len(points), point_size=3, block_size=6, first_shared=size
+    )
+    try:
+        end = minimise(
+            start,
+            problem.blocks,
+            problem.moved,
+            size,
+            structure,
+            most=iterations,
+            at_rest=SETTLED * len(used.frame),
+        )
+    except SingularError:
+        return scene
+    center, rotation, place = (
+        np.array(scene.center),
+        np.array(scene.rotation),
+        np.array(scene.point),
+    )
+    center[frames], rotation[frames], place[points] = end.state
+    return Scene(center, rotation, place)
+
+
+_State = tuple[Floats, Floats, Floats]
+
+
+class _Rays:
+    """Residuals of rays that should pass points."""
+
+    def __init__(self, sightings: TiedRays, frame: Ints, point: Ints, center: Floats) -> None:
+        self._ray, self._frame, self._point = sightings.ray, frame, point
+        ray = sightings.ray
+        least = np.eye(3)[np.argmin(np.abs(ray), axis=1)]
+        first = np.cross(ray, least)
+        first /= np.linalg.norm(first, axis=1)[:, None]
+        second = np.cross(ray, first)
+        self._across = np.stack([first, second], axis=1) / sightings.sigma_rad[:, None, None]
+        self._first_frame = 3 * (int(point.max()) + 1)
+        self._columns = np.concatenate(
+            [
+                3 * point[:, None] + np.arange(3),
+                self._first_frame + 6 * frame[:, None] + np.arange(6),
+            ],
+            axis=1,
+        )
+        self._center = center
+        frames = np.arange(len(center))
+        self._stay_columns = self._first_frame + 6 * frames[:, None] + np.arange(6)
+        self._size = float(
+            np.maximum(np.linalg.norm(center - center.mean(axis=0), axis=1).max(), 1e-6)
+        )
+
+    def blocks(self, state: _State) -> dict[str, Block] | None:
+        center, rotation, place = state
+        turn = rotation[self._frame]
+        seen = np.einsum("nj,nji->ni", place[self._point] - center[self._frame], turn)
+        distance = np.linalg.norm(seen, axis=1)
+        if (np.einsum("ni,ni->n", seen, self._ray) <= 0.0).any():
+            return None
+        seen /= distance[:, None]
+        # Across is normal to the ray, and (I - seen seen^T) hat(seen) = hat(seen).
+        onto = self._across @ (np.eye(3) - seen[:, :, None] * seen[:, None, :])
+        by_point = onto @ turn.transpose(0, 2, 1) / distance[:, None, None]
+        jacobian = np.concatenate([by_point, -by_point, self._across @ hat(seen)], axis=2)
+        residual = np.einsum("nij,nj->ni", self._across, seen)
+        stay = np.zeros((len(center), 6))
+        stay[:, :3] = (center - self._center) / (STAY * self._size)
+        held = np.zeros((len(center), 6, 6))
+        held[:, range(3), range(3)] = 1.0 / (STAY * self._size)
+        held[:, range(3, 6), range(3, 6)] = 1.0 / STAY
+        return {
+            "rays": Block(residual, self._columns, jacobian),
+            "stay": Block(stay, self._stay_columns, held),
+        }
+
+    def moved(self, state: _State, step: Floats) -> _State:
+        center, rotation, place = state
+        by_point = step[: self._first_frame].reshape(-1, 3)
+        by_frame = step[self._first_frame :].reshape(-1, 6)
+        return (
+            center + by_frame[:, :3],
+            rotation @ exp_so3(by_frame[:, 3:]),
+            place + by_point,
+        )

@@ -1,0 +1,150 @@
+"""Tied poses in the axes of the world: level by the ground, or by positions that are known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
+from uavgram.geometry.motion.rotation import exp_so3
+from uavgram.model.arrays import Bools, Floats
+
+SAMPLES = 200
+"""Samples of three points of which one should lie on the ground whole."""
+
+IN_LINE = 0.05
+"""Second extent of known positions, as a share of the first, below which they lie in a line: the
+roll about it is then the ground's to tell."""
+
+FEWEST_POINTS = 10
+"""Tie points from which the ground is told."""
+
+
+def moved(poses: TiedPoses, turn: Floats, scale: float, shift: Floats) -> TiedPoses:
+    """The same, in axes where x is scale * turn x + shift.
+
+    Parameters
+    ----------
+    poses
+        In any axes.
+    turn
+        (3, 3) rotation.
+    scale
+        Positive.
+    shift
+        (3,).
+    """
+    return replace(
+        poses,
+        center=scale * poses.center @ turn.T + shift,
+        rotation=turn @ poses.rotation,
+        point=scale * poses.point @ turn.T + shift,
+    )
+
+
+def levelled(poses: TiedPoses, seed: int = 0) -> TiedPoses | None:
+    """The same over the plane z = 0 that most tie points lie on; None where none is told.
+
+    The plane from which the median distance of the points is least, of planes through three of
+    them that all cameras stand above; then the one that fits those points best.
+
+    Parameters
+    ----------
+    poses
+        In any axes.
+    seed
+        Of what is drawn by lot.
+    """
+    point = poses.point[np.isfinite(poses.point[:, 0])]
+    center = poses.center[poses.placed]
+    if len(point) < FEWEST_POINTS:
+        return None
+    rng = np.random.default_rng(seed)
+    three = point[np.argsort(rng.random((SAMPLES, len(point))), axis=1)[:, :3]]
+    normal = np.cross(three[:, 1] - three[:, 0], three[:, 2] - three[:, 0])
+    size = np.linalg.norm(normal, axis=1)
+    normal, base = normal[size > 0] / size[size > 0, None], three[size > 0, 0]
+    side = (center[None] - base[:, None]) @ normal[:, :, None]
+    normal *= np.sign(np.median(side[..., 0], axis=1))[:, None]
+    above = (np.abs(side[..., 0]) > 0).all(axis=1) & (
+        np.abs(np.sign(side[..., 0]).sum(axis=1)) == len(center)
+    )
+    if not above.any():
+        return None
+    off = np.abs(((point[None] - base[:, None]) @ normal[:, :, None])[..., 0])
+    spread = np.where(above, np.median(off, axis=1), np.inf)
+    best = int(np.argmin(spread))
+    near = point[off[best] <= 3.0 * 1.4826 * spread[best] + 1e-12]
+    middle = near.mean(axis=0)
+    fitted = np.linalg.svd(near - middle, full_matrices=False)[2][2]
+    up = fitted * np.sign(fitted @ normal[best])
+    turn = turn_between(up, np.array([0.0, 0.0, 1.0]))
+    return moved(poses, turn, 1.0, -turn @ middle)
+
+
+def turn_between(source: Floats, target: Floats) -> Floats:
+    """(3, 3) smallest rotation that brings one unit vector (3,) onto another."""
+    axis, cosine = np.cross(source, target), float(source @ target)
+    sine = float(np.linalg.norm(axis))
+    if sine < 1e-12:
+        aside = np.linalg.svd(source[None])[2][1]
+        return np.eye(3) if cosine > 0 else np.asarray(exp_so3(np.pi * aside))
+    return np.asarray(exp_so3(axis / sine * np.arctan2(sine, cosine)))
+
+
+def onto_positions(poses: TiedPoses, position_m: Floats, usable: Bools) -> TiedPoses | None:
+    """The same where known positions of cameras (F, 3) say; None where these say nothing.
+
+    Positions in a line leave the roll about it open: then the ground is level.
+
+    Parameters
+    ----------
+    poses
+        In any axes.
+    position_m
+        (F, 3) east, north, up.
+    usable
+        (F,) frames whose position is known.
+    """
+    rows = np.flatnonzero(usable & poses.placed)
+    if len(rows) < 2:
+        return None
+    given = position_m[rows] - position_m[rows].mean(axis=0)
+    extent = np.linalg.svd(given, compute_uv=False)
+    if extent[0] <= 0:
+        return None
+    if len(rows) >= 3 and extent[1] > IN_LINE * extent[0]:
+        return _similar(poses, position_m, rows)
+    level = levelled(poses)
+    return None if level is None else _similar(level, position_m, rows, upright=True)
+
+
+def _similar(
+    poses: TiedPoses, position_m: Floats, rows: np.ndarray, upright: bool = False
+) -> TiedPoses:
+    """Least squares in closed form (Umeyama 1991); `upright`: turned about up alone.
+
+    Parameters
+    ----------
+    poses
+        In any axes, or level.
+    position_m
+        (F, 3).
+    rows
+        Frames by which to go.
+    upright
+        Whether they are level.
+    """
+    source, target = poses.center[rows], position_m[rows]
+    from_source, from_target = source - source.mean(axis=0), target - target.mean(axis=0)
+    product = from_target.T @ from_source
+    if upright:
+        product[2], product[:, 2] = 0.0, 0.0
+        product[2, 2] = np.linalg.norm(product)
+    left, _, right = np.linalg.svd(product)
+    turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    turned = from_source @ turn.T
+    scale = float(np.sum(from_target * turned) / np.sum(turned**2))
+    shift = target.mean(axis=0) - scale * turn @ source.mean(axis=0)
+    return moved(poses, turn, scale, shift)

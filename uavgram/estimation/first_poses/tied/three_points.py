@@ -1,0 +1,146 @@
+"""The pose of a camera from points whose places are known: three rays, and then all of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.geometry.motion.rotation import exp_so3, hat
+from uavgram.model.arrays import Floats
+
+SAMPLES = 60
+"""Samples of three points; with a fifth of them wrong, 31 are still expected to be right."""
+
+SCORED = 150
+"""Points by which the solutions of the samples are told apart."""
+
+POLISHING = 6
+
+
+def poses_from_three(world: Floats, ray: Floats) -> tuple[Floats, Floats]:
+    """Centres (M, 3) and rotations (M, 3, 3), world from camera, of samples of three points.
+
+    Parameters
+    ----------
+    world
+        (S, 3, 3) three points of each sample.
+    ray
+        (S, 3, 3) unit rays to them, in the camera.
+
+    Notes
+    -----
+    Grunert 1841, as given by Haralick et al. 1994, "Review and analysis of solutions of the three
+    point perspective pose estimation problem", eq. 9; up to four poses of each sample.
+    """
+    a, b, c = (
+        np.sum((world[:, i] - world[:, j]) ** 2, axis=1) for i, j in ((1, 2), (0, 2), (0, 1))
+    )
+    alpha, beta, gamma = (
+        np.sum(ray[:, i] * ray[:, j], axis=1) for i, j in ((1, 2), (0, 2), (0, 1))
+    )
+    with np.errstate(all="ignore"):
+        p, q, r = (a - c) / b, (a + c) / b, c / b
+        quartic = np.stack(
+            [
+                (p - 1) ** 2 - 4 * r * alpha**2,
+                4 * (p * (1 - p) * beta - (1 - q) * alpha * gamma + 2 * r * alpha**2 * beta),
+                2
+                * (
+                    p**2
+                    - 1
+                    + 2 * p**2 * beta**2
+                    + 2 * (1 - r) * alpha**2
+                    - 4 * q * alpha * beta * gamma
+                    + 2 * (1 - a / b) * gamma**2
+                ),
+                4 * (-p * (1 + p) * beta + 2 * (a / b) * gamma**2 * beta - (1 - q) * alpha * gamma),
+                (1 + p) ** 2 - 4 * (a / b) * gamma**2,
+            ],
+            axis=1,
+        )
+        usable = np.isfinite(quartic).all(axis=1) & (np.abs(quartic[:, 0]) > 1e-12)
+    sample, v = _real_roots(quartic, np.flatnonzero(usable))
+    with np.errstate(all="ignore"):
+        u = (p[sample] - 1) * v**2 - 2 * p[sample] * beta[sample] * v + 1 + p[sample]
+        u = u / (2.0 * (gamma[sample] - v * alpha[sample]))
+        nearest = np.sqrt(b[sample] / (1 + v**2 - 2 * v * beta[sample]))
+    good = np.isfinite(u) & np.isfinite(nearest) & (u > 0) & (v > 0)
+    distance = nearest[good, None] * np.stack([np.ones(good.sum()), u[good], v[good]], axis=1)
+    sample = sample[good]
+    local = distance[:, :, None] * ray[sample]
+    rotation = _triads(world[sample]) @ _triads(local).transpose(0, 2, 1)
+    return world[sample, 0] - np.einsum("mij,mj->mi", rotation, local[:, 0]), rotation
+
+
+def _real_roots(quartic: Floats, rows: np.ndarray) -> tuple[np.ndarray, Floats]:
+    """Which polynomial (m,) and the root (m,), of the real roots of some."""
+    companion = np.zeros((len(rows), 4, 4))
+    companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
+    companion[:, 0] = -quartic[rows, 1:] / quartic[rows, :1]
+    roots = np.linalg.eigvals(companion)
+    real = np.abs(roots.imag) <= 1e-4 * np.abs(roots)
+    which, root = np.nonzero(real)
+    return rows[which], roots[which, root].real
+
+
+def _triads(three: Floats) -> Floats:
+    """(M, 3, 3) orthonormal axes, as columns, that three points each span."""
+    along = three[:, 1] - three[:, 0]
+    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    up = np.cross(along, three[:, 2] - three[:, 0])
+    up = up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-300)
+    return np.stack([along, up, np.cross(along, up)], axis=2)
+
+
+def ray_angles(center: Floats, rotation: Floats, world: Floats, ray: Floats) -> Floats:
+    """(M, n) angles between rays (n, 3) and points (n, 3) under M poses [rad]; pi/2 at least behind."""
+    seen = (world[None] - center[:, None]) @ rotation
+    seen /= np.maximum(np.linalg.norm(seen, axis=2, keepdims=True), 1e-300)
+    chord = np.linalg.norm(seen - ray[None], axis=2)
+    return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)))
+
+
+def resected(
+    world: Floats, ray: Floats, rng: np.random.Generator
+) -> tuple[Floats, Floats, float] | None:
+    """Centre (3,), rotation (3, 3) and typical miss [rad] of the camera that sees points so.
+
+    Half of the points may be wrong (least median of squares).
+
+    Parameters
+    ----------
+    world, ray
+        (n, 3) points, and unit rays to them in the camera; n >= 4.
+    rng
+        For the samples.
+    """
+    sample = np.argsort(rng.random((SAMPLES, len(world))), axis=1)[:, :3]
+    center, rotation = poses_from_three(world[sample], ray[sample])
+    if not len(center):
+        return None
+    some = rng.permutation(len(world))[:SCORED]
+    angle = np.median(ray_angles(center, rotation, world[some], ray[some]), axis=1)
+    best = int(np.argmin(angle))
+    return _polished(center[best], rotation[best], world, ray)
+
+
+def _polished(
+    center: Floats, rotation: Floats, world: Floats, ray: Floats
+) -> tuple[Floats, Floats, float] | None:
+    """The pose near another that the rays fit best, those apart that are far off it."""
+    best, miss = (center, rotation), np.inf
+    for _ in range(POLISHING):
+        angle = ray_angles(center[None], rotation[None], world, ray)[0]
+        spread = float(np.median(angle))
+        if spread > 0.995 * miss:
+            break
+        best, miss = (center, rotation), spread
+        good = angle <= 4.0 * spread + 1e-12
+        seen = (world[good] - center) @ rotation
+        distance = np.linalg.norm(seen, axis=1)
+        seen /= distance[:, None]
+        outer = np.eye(3) - seen[:, :, None] * seen[:, None, :]
+        by_place = -(outer @ rotation.T) / distance[:, None, None]
+        jacobian = np.concatenate([by_place, hat(seen)], axis=2).reshape(-1, 6)
+        step = np.linalg.lstsq(jacobian, (ray[good] - seen).ravel(), rcond=1e-10)[0]
+        center, rotation = center + step[:3], rotation @ exp_so3(step[3:])
+    return (*best, miss)

@@ -1,0 +1,143 @@
+"""Poses of frames from their tie points alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.first_poses.tied.bundle import Scene
+from uavgram.estimation.first_poses.tied.growth import (
+    agreeing,
+    grown,
+    spread_of,
+    with_points,
+)
+from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses, TiedRays
+from uavgram.estimation.first_poses.tied.two_views import relative_poses
+from uavgram.model.arrays import Floats, Ints
+
+FEWEST_SHARED = 20
+"""Points that a pair must have in common to begin with."""
+
+ENOUGH = 200
+"""Points of a frame that are enough to place it."""
+
+PAIRS = 3
+"""Pairs that begin in turn."""
+
+TRIED = 5
+"""Frames after which beginnings are compared."""
+
+ENOUGH_RAD = 0.3
+"""Angle under which two cameras see a point, above which more of it makes no pair better."""
+
+
+def tied_poses(sightings: TiedRays, seed: int = 0) -> TiedPoses | None:
+    """Poses of as many frames as hang together; None where no two do.
+
+    Pairs that share many points, seen under wide angles, begin. What they allow (points in a plane
+    allow two poses) is followed until a few frames are placed; the one that fits best goes on.
+
+    Parameters
+    ----------
+    sightings
+        At least two frames.
+    seed
+        Of what is drawn by lot: alike for alike input.
+    """
+    rng = np.random.default_rng(seed)
+    best: tuple[float, Scene] | None = None
+    everything, sightings = sightings, sightings.take(_chosen(sightings))
+    few = min(TRIED, sightings.frames)
+    for first, second in _pairs(sightings):
+        for begun in _begun(sightings, first, second, rng):
+            scene, agrees = grown(begun, sightings, rng, few)
+            misfit = _misfit(scene, sightings)
+            if best is None or misfit < best[0]:
+                best = misfit, scene
+    if best is None:
+        return None
+    scene, agrees = grown(best[1], sightings, rng)
+    spread = spread_of(scene, sightings, agrees)
+    scene, agrees = with_points(scene, everything)
+    agrees = agreeing(scene, everything, agrees)
+    return TiedPoses(
+        center=scene.center,
+        rotation=scene.rotation,
+        point=scene.point,
+        agrees=agrees,
+        spread_rad=spread,
+    )
+
+
+def _chosen(sightings: TiedRays) -> Ints:
+    """Rows of enough points for every frame: those seen most often, and in many frames few."""
+    number = np.bincount(sightings.point, minlength=sightings.points)
+    by_point = np.argsort(sightings.point, kind="stable")
+    ends = np.cumsum(number)
+    full = np.zeros(sightings.frames, dtype=np.int64)
+    kept = []
+    for point in np.argsort(-number, kind="stable"):
+        rows = by_point[ends[point] - number[point] : ends[point]]
+        frames = sightings.frame[rows]
+        if (full[frames] < ENOUGH).sum() >= 2:
+            full[frames] += 1
+            kept.append(rows)
+    return np.sort(np.concatenate(kept)) if kept else np.zeros(0, dtype=np.int64)
+
+
+def _pairs(sightings: TiedRays) -> list[tuple[int, int]]:
+    """Pairs to begin with, best first, of different frames where possible."""
+    shared = np.triu(sightings.shared(), 1)
+    first, second = np.nonzero(shared >= FEWEST_SHARED)
+    worth = np.array(
+        [
+            np.sqrt(shared[a, b]) * min(_parallax(sightings, a, b), ENOUGH_RAD)
+            for a, b in zip(first, second, strict=True)
+        ]
+    )
+    chosen: list[tuple[int, int]] = []
+    for k in np.argsort(-worth, kind="stable"):
+        pair = int(first[k]), int(second[k])
+        if not any(set(pair) & set(other) for other in chosen):
+            chosen.append(pair)
+        if len(chosen) == PAIRS:
+            break
+    return chosen
+
+
+def _parallax(sightings: TiedRays, first: int, second: int) -> float:
+    """Typical angle that is left between the rays of two frames after the best turn [rad]."""
+    one, other = sightings.of_pair(first, second)
+    ray_one, ray_other = sightings.ray[one], sightings.ray[other]
+    left, _, right = np.linalg.svd(ray_other.T @ ray_one)
+    turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    return float(np.median(np.linalg.norm(ray_other - ray_one @ turn.T, axis=1)))
+
+
+def _begun(sightings: TiedRays, first: int, second: int, rng: np.random.Generator) -> list[Scene]:
+    """Scenes of two frames, the first at the origin, one apart."""
+    one, other = sightings.of_pair(first, second)
+    scenes = []
+    for pose in relative_poses(sightings.ray[one], sightings.ray[other], rng):
+        center, rotation = _nowhere(sightings.frames)
+        center[first], rotation[first] = 0.0, np.eye(3)
+        center[second], rotation[second] = -pose.rotation.T @ pose.shift, pose.rotation.T
+        scenes.append(Scene(center, rotation, np.full((sightings.points, 3), np.nan)))
+    return scenes
+
+
+def _nowhere(frames: int) -> tuple[Floats, Floats]:
+    return np.full((frames, 3), np.nan), np.full((frames, 3, 3), np.nan)
+
+
+def _misfit(scene: Scene, sightings: TiedRays) -> float:
+    """Mean of the squared misses, none beyond `LIMIT`, of all rays of the frames placed.
+
+    A ray whose point has no place counts as one that misses.
+    """
+    placed = np.isfinite(scene.center[sightings.frame, 0])
+    number = np.bincount(sightings.point[placed], minlength=sightings.points)
+    rows = placed & (number[sightings.point] >= 2)
+    angle = np.nan_to_num(scene.angles(sightings)[rows], nan=np.inf)
+    limit = 10.0 * sightings.sigma_rad[rows]
+    return float(np.mean(np.minimum(angle / limit, 1.0) ** 2))

@@ -1,0 +1,103 @@
+"""Poses of frames from tie points, where neither log nor photos say where these were."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.estimation.first_poses.network import placing
+from uavgram.estimation.first_poses.tied.placing import levelled, moved
+from uavgram.estimation.first_poses.tied.survey_rays import tied_rays
+from uavgram.estimation.first_poses.tied.tied_poses import tied_poses
+from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.ground.plane import intersect_ground
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.pose import CandidatePoses
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.begin.starts import control_height
+
+
+def with_tied_frames(survey: Survey) -> Survey:
+    """The survey with first poses of the frames that its tie points join.
+
+    Over the plane that most tie points lie on, in the scale of the known lengths or of the control
+    points; with these, the axes are theirs. Frames that have first poses keep them; so does a
+    survey with telemetry.
+    """
+    if survey.telemetry is not None or not survey.ties.points + survey.matches.points:
+        return survey
+    found = tied_poses(tied_rays(survey))
+    level = None if found is None else levelled(found)
+    placed = None if level is None else _placed(survey, level)
+    if placed is None:
+        return survey
+    known = {one.frame_id for one in survey.candidate_poses}
+    more = [
+        CandidatePoses(
+            frame_id=survey.frame_id[f],
+            center_world_m=placed.center[[f]],
+            world_from_camera=placed.rotation[[f]],
+            misfit=np.zeros(1),
+        )
+        for f in np.flatnonzero(placed.placed)
+        if survey.frame_id[f] not in known
+    ]
+    return replace(survey, candidate_poses=(*survey.candidate_poses, *more))
+
+
+def _placed(survey: Survey, level: TiedPoses) -> TiedPoses | None:
+    """Level poses in the scale, and where control points tell them the axes, of the survey."""
+    camera = survey.calibration
+    ray = back_project(camera.model, camera.parameters, survey.pixel_px)
+    point = _ground_places(survey, ray, level)
+    if survey.gauge == "world":
+        return _at_control(survey, level, point)
+    scale = _scale(survey, point)
+    return None if scale is None else moved(level, np.eye(3), scale, np.zeros(3))
+
+
+def _ground_places(survey: Survey, ray: Floats, poses: TiedPoses) -> Floats:
+    """(K, 2) where picks of labels on the ground meet the plane, averaged; NaN without."""
+    frame, label = survey.pick_frame, survey.pick_label
+    center = poses.center[frame]
+    direction = np.einsum("nij,nj->ni", poses.rotation[frame], ray)
+    flat = np.zeros(len(frame))
+    ground = intersect_ground(center, direction, np.zeros(3), np.zeros(2), flat)
+    ground[~placing(survey)[label] | (survey.height_above_m[label] != 0.0)] = np.nan
+    places = np.full((len(survey.label), 2), np.nan)
+    for each in np.unique(label):
+        own = ground[label == each, :2]
+        own = own[np.isfinite(own[:, 0])]
+        if len(own):
+            places[each] = np.median(own, axis=0)
+    return places
+
+
+def _scale(survey: Survey, point: Floats) -> float | None:
+    """By how much the known lengths are longer than in these axes: what most of them say."""
+    a, b = survey.line_start, survey.line_end
+    here = np.linalg.norm(point[a] - point[b], axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = survey.length_m / here
+    ratio = ratio[np.isfinite(ratio) & (ratio > 0)]
+    return float(np.median(ratio)) if len(ratio) else None
+
+
+def _at_control(survey: Survey, level: TiedPoses, point: Floats) -> TiedPoses | None:
+    """The poses turned about up, scaled and shifted onto control points (two at least)."""
+    label = survey.control_label
+    seen = np.isfinite(point[label, 0])
+    if seen.sum() < 2:
+        return None
+    here, there = point[label[seen]] @ [1, 1j], survey.control_world_m[seen, :2] @ [1, 1j]
+    away = here - here.mean()
+    if not np.any(np.abs(away) > 0):
+        return None
+    factor = np.vdot(away, there - there.mean()) / np.vdot(away, away)
+    scale, cosine, sine = abs(factor), factor.real / abs(factor), factor.imag / abs(factor)
+    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    shift = there.mean() - factor * here.mean()
+    up = control_height(survey)
+    return moved(level, turn, scale, np.array([shift.real, shift.imag, up]))
