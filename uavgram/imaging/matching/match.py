@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 
 import numpy as np
 from scipy.stats import chi2
 
 from uavgram.imaging.matching.least_squares import Fitted, fitted
 from uavgram.imaging.matching.matched import Matched, Refused, Sought
+from uavgram.imaging.matching.options import MatchOptions, Patch
 from uavgram.imaging.matching.patches import Frames, Grey, common_frames, window, within
 from uavgram.imaging.matching.search import best_place
 from uavgram.imaging.raster import Image
@@ -22,106 +23,6 @@ _MOST_OUTSIDE = 0.15  # of the probability: more, and something alike within cou
 _ALIKE = 0.005  # in correlation: no difference
 _ABOUT = 4.0  # steps about a place found so
 _MARGIN = 8  # steps about a patch in its window, for the patch to move and for interpolation
-
-
-@dataclass(frozen=True, kw_only=True)
-class Patch:
-    """How much of the picture about a point is compared.
-
-    Attributes
-    ----------
-    half, other_halves
-        Of the sides of the patch that is matched, and of those that must agree with it [steps].
-    search_half
-        Of the side of the patch that is searched [steps].
-    likeness
-        Least correlation after matching: a small patch alone must fit better.
-    step
-        Of the common window, in pixels of the coarser photo.
-    after
-        Why a point was refused before, to be tried with this one.
-    """
-
-    half: int
-    other_halves: tuple[int, int]
-    search_half: int
-    likeness: float
-    step: float = 1.0
-    after: tuple[Refused, ...] = ()
-
-
-PATCHES = (
-    Patch(half=10, other_halves=(7, 15), search_half=12, likeness=0.8),
-    # Where something hides part of the patch, or ends the photo, a smaller one may see it all.
-    Patch(
-        half=7,
-        other_halves=(5, 9),
-        search_half=8,
-        likeness=0.95,
-        after=(
-            Refused.OUTSIDE,
-            Refused.NOT_LIKE,
-            Refused.NOT_BACK,
-            Refused.UNSTABLE,
-            Refused.DISTORTED,
-        ),
-    ),
-    # What drowns in noise pixel by pixel may stand out of it in twos.
-    Patch(
-        half=10,
-        other_halves=(7, 14),
-        search_half=11,
-        likeness=0.8,
-        step=2.0,
-        after=(Refused.WEAK,),
-    ),
-)
-"""One after the other is tried for what was not found before."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class MatchOptions:
-    """What is asked of a match.
-
-    Attributes
-    ----------
-    patches
-        Tried one after the other.
-    search_likeness
-        Least correlation after the search.
-    second_peak
-        Most that 1 - correlation may be of that of the next best place.
-    back, agree
-        Most distance from the point after matching back, and between sizes [steps].
-    change, shift, gain
-        Most change of the map, most way from the search's place [steps], most change of contrast
-        either way.
-    contrast, noisy_contrast
-        Least standard deviation of a patch [grey values], and that below which the noise may be
-        why nothing looks like it.
-    sigma_px
-        Most standard deviation in the worse direction.
-    lsm_scale, floor
-        sigma^2 = (scale * formal)^2 + floor^2: the floor [steps] is what JPEG, sharpening and
-        interpolation leave at best.
-    farthest
-        Most steps from the prediction that are searched.
-    """
-
-    patches: tuple[Patch, ...] = PATCHES
-    search_likeness: float = 0.75
-    second_peak: float = 0.75
-    back: float = 0.3
-    agree: float = 0.35
-    change: float = 0.2
-    shift: float = 2.0
-    gain: float = 2.0
-    contrast: float = 1.5
-    noisy_contrast: float = 6.0
-    sigma_px: float = 0.3
-    lsm_scale: float = 0.9
-    floor: float = 0.03
-    farthest: int = 420
 
 
 _DEFAULT = MatchOptions()
@@ -260,12 +161,14 @@ class _Search:
         options, half = self._options, self._patch.search_half
         near, frame = self._frames.source[i] * coarse, self._frames.target[i] * coarse
         patch = window(self._source, self._sought.source_px[i], near, half)
-        if patch.std() < options.contrast:
+        if patch.std() < options.contrast / self._patch.step**2:
             self._refused[i] = Refused.WEAK
             return center
-        distance = _squared_distance(frame, covariance)
+        into = np.linalg.inv(frame)
+        spread = into @ covariance @ into.T
+        distance = _squared_distance(spread)
         reach = len(distance) // 2
-        inside = self._in_target(center, frame, reach)
+        inside = self._in_photo(self._target, center, frame, reach)
         allowed = inside & (distance <= REGION)
         if not allowed.any():
             self._refused[i] = Refused.OUTSIDE
@@ -275,7 +178,10 @@ class _Search:
         self._score[i] = peak.likeness
         likely = np.exp(-0.5 * distance)
         cut = likely[~inside].sum() > _MOST_OUTSIDE * likely.sum()
-        near_second = 1 - peak.likeness + _ALIKE > options.second_peak * (1 - peak.second)
+        second = peak.second
+        if alone:
+            second = max(second, self._like_itself(i, patch, near, spread))
+        near_second = 1 - peak.likeness + _ALIKE > options.second_peak * (1 - second)
         one = np.array([i])
         unlike = np.array([peak.likeness < options.search_likeness])
         self._refuse(one, unlike & (patch.std() < options.noisy_contrast), Refused.WEAK)
@@ -285,12 +191,26 @@ class _Search:
         self._refuse(one, np.array([peak.at_edge]), Refused.NOT_UNIQUE)
         return np.asarray(center + frame @ peak.place)
 
-    def _in_target(self, center: Floats, frame: Floats, reach: int) -> Bools:
-        """(2 reach + 1, 2 reach + 1) whether a patch there is within the target."""
+    def _like_itself(self, i: int, patch: Grey, frame: Floats, spread: Floats) -> float:
+        """Likeness of the patch and the most like place about it in its own photo.
+
+        The target may hide the true one of two places, the source shows both; between the two
+        lies at most twice the region. A large region holds the next repetition anyway.
+        """
+        large = np.trace(spread) * REGION > _LARGE**2
+        distance = _squared_distance(spread if large else 4.0 * spread)
+        reach, center = len(distance) // 2, self._sought.source_px[i]
+        allowed = self._in_photo(self._source, center, frame, reach) & (distance <= REGION)
+        half = self._patch.search_half + reach
+        around = window(self._source, center, frame, half, exact=False)
+        return best_place(patch, around, allowed).second
+
+    def _in_photo(self, photo: Image, center: Floats, frame: Floats, reach: int) -> Bools:
+        """(2 reach + 1, 2 reach + 1) whether a patch there is within a photo."""
         step = np.arange(-reach, reach + 1.0, dtype=np.float32)
         far = np.abs(frame).sum(axis=1) * self._patch.search_half + 1.0
         inside: Bools = np.ones((len(step), len(step)), bool)
-        for axis, size in enumerate(self._target.shape[1::-1]):
+        for axis, size in enumerate(photo.shape[1::-1]):
             first, second = frame[axis].astype(np.float32)
             place = (first * step + np.float32(center[axis])) + (second * step)[:, None]
             inside &= (place >= far[axis]) & (place <= size - 1 - far[axis])
@@ -324,7 +244,7 @@ class _Search:
         ]
         self._judge_back(index, there, back, others)
         into = self._frames.target[index]
-        covariance = options.lsm_scale**2 * there.covariance + options.floor**2 * np.eye(2)
+        covariance = self._patch.lsm_scale**2 * there.covariance + options.floor**2 * np.eye(2)
         covariance = into @ covariance @ np.swapaxes(into, 1, 2)
         worst = np.sqrt(np.linalg.eigvalsh(covariance)[:, 1])
         self._refuse(index, ~(worst < options.sigma_px), Refused.WEAK)
@@ -332,7 +252,9 @@ class _Search:
 
     def _judge_fit(self, index: Ints, there: Fitted) -> None:
         options = self._options
-        self._refuse(index, ~(there.contrast > options.contrast), Refused.WEAK)
+        self._refuse(
+            index, ~(there.contrast > options.contrast / self._patch.step**2), Refused.WEAK
+        )
         self._refuse(index, ~(there.likeness > self._patch.likeness), Refused.NOT_LIKE)
         change = np.linalg.norm(there.linear - np.eye(2), ord=2, axis=(1, 2))
         far = np.hypot(*there.place.T) > options.shift
@@ -347,18 +269,12 @@ class _Search:
         self._refuse(index, ~(apart < options.agree), Refused.UNSTABLE)
 
 
-def _squared_distance(frame: Floats, covariance: Floats) -> Floats:
+def _squared_distance(covariance: Floats) -> Floats:
     """(2 r + 1, 2 r + 1) squared distances in sigmas of places by steps, up to the region's edge.
 
-    Parameters
-    ----------
-    frame
-        (2, 2) pixels by steps.
-    covariance
-        (2, 2) of the prediction [px^2].
+    A sure prediction still has a step about it.
     """
-    into = np.linalg.inv(frame)
-    spread = into @ covariance @ into.T + np.eye(2) / REGION  # a step about a sure prediction
+    spread = covariance + np.eye(2) / REGION
     reach = int(np.ceil(np.sqrt(REGION * np.diagonal(spread).max()))) + 1
     step = np.arange(-reach, reach + 1.0, dtype=np.float32)
     weight = np.linalg.inv(spread).astype(np.float32)
