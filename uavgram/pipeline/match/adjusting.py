@@ -37,7 +37,7 @@ the ground to the roof of a van."""
 LEAST_HEIGHT_M = 0.25
 """Of a point off the ground, below which what was found is taken for the ground behind its edge."""
 
-ENOUGH = 3
+ENOUGH = 4
 """Photos that must agree on a height of which nothing is known."""
 
 BESIDE = "what looks like it is the ground beside it"
@@ -50,6 +50,9 @@ TRIED_AGAIN = (LeftOutCause.UNDETERMINED, LeftOutCause.NOT_JOINED)
 WRONG = 25.0
 """Squared sigmas from which a match is wrong: chi-square of two degrees of freedom is beyond it in
 one of 270,000."""
+
+WRONG_RAISED = 9.2
+"""The same of points off the ground, whose sigma is wide: beyond it in one of a hundred."""
 
 MOST_ROUNDS = 8
 """Rounds in which such matches are left out."""
@@ -244,7 +247,9 @@ def _standing_out(adjustment: Adjustment, picks: Picks) -> set[int]:
     if not sightings.points:
         return set()
     misfit = _misfits(adjustment, picks)
-    wrong = misfit > WRONG
+    survey = adjustment.survey
+    label = survey.pick_label[sightings.pick][sightings.point]
+    wrong = misfit > np.where(survey.off_ground[label], WRONG_RAISED, WRONG)
     for group in (sightings.frame, sightings.point):
         worst = np.zeros(int(group.max()) + 1)
         np.maximum.at(worst, group, misfit)
