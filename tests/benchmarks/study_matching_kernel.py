@@ -22,7 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
-from street_pairs import AFTER, BEFORE, Pair, PoseError, StreetTruth
+from street_pairs import AFTER, BEFORE, PoseError, StreetTruth
 
 from uavgram.imaging.matching.match import MatchOptions, matched
 from uavgram.imaging.matching.matched import Refused
@@ -30,7 +30,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 
 STREETS = ("street_nadir", "street_rolling", "street_oblique")
 POSES = {"after": AFTER, "before": BEFORE}
-REPEATED = ("corner of a lane marking", "corner of the zebra")
+REPEATED = ("corner of a lane marking", "corner of the zebra", "Z", "D")
 WRONG_PX = 3.0
 
 
@@ -42,12 +42,11 @@ class Outcome(NamedTuple):
     covariance_px2: Floats
     score: Floats
     refused: Ints
-    stretch: Floats
     seconds: float
 
     @property
     def found(self) -> Bools:
-        return self.refused == Refused.NONE
+        return np.asarray(self.refused == Refused.NONE)
 
 
 def outcome(
@@ -56,26 +55,23 @@ def outcome(
     """All pairs of a street."""
     rng = np.random.default_rng(seed)
     photos = {frame: street.photo(frame) for frame in street.frames}
-    parts: list[tuple[Pair, object]] = []
     names, rows, spent = [], [], 0.0
     for pair in street.pairs(labels, error, rng):
         start = time.process_time()
         found = matched(photos[pair.source], photos[pair.target], pair.sought, options)
         spent += time.process_time() - start
         names += [f"{pair.source[4:8]}-{pair.target[4:8]} {label}" for label in pair.label]
-        stretch = np.linalg.svd(pair.sought.affine, compute_uv=False)
         rows.append(
             (
                 found.pixel_px - pair.true_px,
                 found.covariance_px2,
                 found.score,
                 found.refused,
-                stretch,
             )
         )
-    del parts
     columns = [np.concatenate(column) for column in zip(*rows, strict=True)]
-    return Outcome(names, *columns, spent)
+    miss, covariance, score, refused = columns
+    return Outcome(names, miss, covariance, score, refused, spent)
 
 
 def line(name: str, of: Outcome, chosen: Bools) -> str:
@@ -101,7 +97,7 @@ def groups(street: StreetTruth, labels: Iterable[str]) -> dict[str, Bools]:
     kinds = [street.truth["kinds"][label.split()[1]] for label in labels]
     own = [label.split()[1][0] for label in labels]
     repeated = np.array([kind in REPEATED for kind in kinds])
-    natural = np.array([first == "P" for first in own]) & ~repeated
+    natural = np.array([first in "PQ" for first in own]) & ~repeated
     found = {"natural": natural, "repeated": repeated}
     for first, name in (
         ("R", "discs"),
@@ -118,9 +114,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("street", nargs="*", default=list(STREETS))
+    parser.add_argument(
+        "street", nargs="*", default=list(STREETS), help="or folders of flights rendered by tests"
+    )
     parser.add_argument("--poses", nargs="*", choices=list(POSES), default=list(POSES))
-    parser.add_argument("--kinds", default="PRG", help="first letters of the labels")
+    parser.add_argument(
+        "--kinds",
+        default="PRG",
+        help="first letters of the labels; of rendered flights P Q Z D are ground",
+    )
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--kinds-apart", action="store_true", help="a row for each kind of thing")
     parser.add_argument("--wrong", action="store_true", help="name those that are wrong")
@@ -131,7 +133,9 @@ def main() -> None:
     heads = ("sought", "found%", "rms", "z", "most z", "wrong", "ms")
     print(" " * 28 + " ".join(f"{head:>6s}" for head in heads))
     for name in given.street:
-        street = StreetTruth.read(data, name)
+        street = (
+            StreetTruth.read(data, name) if name in STREETS else StreetTruth.rendered(Path(name))
+        )
         labels = {label for label in street.truth["kinds"] if label[0] in given.kinds}
         for poses in given.poses:
             of = outcome(street, labels, POSES[poses], given.seed, MatchOptions())

@@ -1,4 +1,4 @@
-"""Points of rendered streets in pairs of photos: what an adjustment would predict of them, and the truth."""
+"""Points of rendered streets in pairs of photos: their predictions, and the truth."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ GROUND_SIGMA_M = 0.08
 STEP_PX = 4.0
 STEP_M = 0.01
 STEP_RAD = 1e-4
+ROWS = 1800
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +75,23 @@ class StreetTruth:
     def read(data: Path, name: str) -> StreetTruth:
         text = (data / "truth" / f"{name}.json").read_text(encoding="utf-8")
         return StreetTruth(data / name / "photos", json.loads(text))
+
+    @staticmethod
+    def rendered(folder: Path) -> StreetTruth:
+        """A flight of tests/support/streets, its folder holding photos and truth.json."""
+        truth = json.loads((folder / "truth.json").read_text(encoding="utf-8"))
+        for frame in truth["frames"].values():
+            frame["rows"] = [_row(frame, row, truth["readout_s"]) for row in (0.0, ROWS - 1.0)]
+        ground = np.array([at for label, at in truth["points"].items() if label[0] in "PQZD"])
+        middle = ground.mean(axis=0)
+        slope = np.linalg.lstsq(ground[:, :2] - middle[:2], ground[:, 2] - middle[2])[0]
+        truth["ground"] = {
+            "height_m": middle[2],
+            "slope": slope.tolist(),
+            "pivot": middle[:2].tolist(),
+        }
+        truth["kinds"] = {label: label[0] for label in truth["points"]}
+        return StreetTruth(folder / "photos", truth)
 
     @cached_property
     def lens(self) -> Floats:
@@ -156,7 +174,8 @@ class StreetTruth:
         ground = self.truth["ground"]
         normal = np.array([-ground["slope"][0], -ground["slope"][1], 1.0])
         foot = np.array([*ground["pivot"], ground["height_m"] + up])
-        return center + ray * (((foot - center) @ normal) / (ray @ normal))[:, None]
+        depth = ((foot - center) @ normal) / (ray @ normal)
+        return np.asarray(center + ray * depth[:, None])
 
     def _seen(self, frame: str, world: Floats, off: Floats) -> Floats:
         row = np.full(len(world), 900.0)
@@ -166,6 +185,15 @@ class StreetTruth:
             pixel = project("brown", self.lens, camera)
             row = pixel[:, 1]
         return pixel
+
+
+def _row(frame: dict[str, Any], row: float, readout_s: float) -> dict[str, Any]:
+    """The pose at a row, exposed at readout (row - (rows - 1) / 2) / rows after the middle one."""
+    after = readout_s * (row - (ROWS - 1) / 2) / ROWS
+    center = np.array(frame["center_world_m"]) + after * np.array(frame["velocity_world_m_s"])
+    turn = np.array(frame["world_from_camera"])
+    turn = turn @ exp_so3(after * np.array(frame["rate_camera_rad_s"]))
+    return {"row": row, "center_world_m": center, "world_from_camera": turn}
 
 
 def inside(pixel_px: Floats, photo: Image, margin: float) -> Bools:

@@ -141,7 +141,15 @@ def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats,
 
 
 def rows_at(adjustment: Adjustment, frame: Ints, label: Ints) -> PixelRows:
-    """Labels (n,) in frames (n,) of the adjustment, by index; NaN behind the camera."""
+    """Labels in frames of the adjustment; NaN behind the camera.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    frame, label
+        (n,) each, by index.
+    """
     problem, state, n = adjustment.problem, adjustment.state, len(frame)
     place = adjustment.pixels(frame, label)
     shown = np.isfinite(place).all(axis=1)
@@ -159,7 +167,15 @@ def rows_at(adjustment: Adjustment, frame: Ints, label: Ints) -> PixelRows:
 
 
 def propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Floats:
-    """(n, 2, 2) covariances of n pairs of values from their Jacobians (n, 2, k)."""
+    """(n, 2, 2) covariances of n pairs of values.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    columns, jacobian
+        (n, k), (n, 2, k): derivatives of each pair by which unknowns.
+    """
     covariance = np.empty((len(columns), 2, 2))
     size = adjustment.problem.layout.size
     for first in range(0, len(columns), PAIRS_AT_ONCE):

@@ -19,6 +19,7 @@ from uavgram.model.arrays import Floats, Ints
 CHANGE_SIGMA = 0.05
 """Of each element of the affine map: what errors of poses and slopes of the ground leave."""
 
+_ROUNDING = 0.4  # standard deviation of the difference of two rounded grey values
 _CONVERGED = 2e-3  # steps
 _FARTHEST = 6.0  # steps from the start: farther is no refinement
 _MOST_ROWS = 30000  # of an image that OpenCV can resample
@@ -83,7 +84,7 @@ def fitted(
     everyone = np.arange(len(start))
     place, linear = start.copy(), linear.copy()
     value, _ = _sampled(moving, everyone, place, linear, system)
-    inverse, pull = _inverse(system, _variance(value - system.value, system.weight, 2))
+    inverse, pull = _inverse(system, _variance(system, value, 2))
     gain = inverse @ (system.by * system.weight)
     active = everyone
     for step in range(steps):
@@ -103,7 +104,7 @@ def fitted(
         if not len(active):
             break
     value, contrast = _sampled(moving, everyone, place, linear, system)
-    noise = _variance(value - system.value, system.weight, 8)
+    noise = _variance(system, value, 8)
     by = linear @ gain[:, :2]
     prior = linear @ inverse[:, :2, 2:] * (pull * CHANGE_SIGMA)[:, None, None]
     covariance = noise[:, None, None] * (by @ np.swapaxes(by, 1, 2))
@@ -117,10 +118,12 @@ def fitted(
     )
 
 
-def _variance(rest: Floats, weight: Floats, unknowns: int) -> Floats:
-    """(m,) of one residual, from weighted residuals (m, k)."""
+def _variance(system: _System, value: Floats, unknowns: int) -> Floats:
+    """(m,) of what remains of values (m, k), at least that of rounding to whole grey values."""
+    weight = system.weight
     number = weight.sum() ** 2 / (weight**2).sum()
-    return np.asarray((rest**2 @ weight) / weight.sum() * number / (number - unknowns))
+    rest = (value - system.value) ** 2 @ weight / weight.sum() * number / (number - unknowns)
+    return np.asarray(np.maximum(rest, (_ROUNDING / system.contrast) ** 2))
 
 
 def _inverse(system: _System, noise: Floats) -> tuple[Floats, Floats]:
@@ -129,13 +132,13 @@ def _inverse(system: _System, noise: Floats) -> tuple[Floats, Floats]:
     normal += (1e-9 * np.trace(normal, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(6)
     pull = noise / CHANGE_SIGMA**2
     normal += pull[:, None, None] * np.diag([0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
-    return np.linalg.inv(normal), pull
+    return np.asarray(np.linalg.inv(normal), np.float64), pull
 
 
 def _system(fixed: Grey, half: int) -> _System:
     side = np.arange(-half, half + 1.0)
     grid = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    weight = np.exp(-2.0 * (grid**2).sum(axis=1) / half**2)
+    weight: Floats = np.exp(-2.0 * (grid**2).sum(axis=1) / half**2)
     middle = fixed.shape[1] // 2
     cut = slice(middle - half - 1, middle + half + 2)
     patch = fixed[:, cut, cut].astype(np.float64)
@@ -175,6 +178,6 @@ def _sampled(
 def _normalised(value: Floats, weight: Floats) -> tuple[Floats, Floats]:
     """Values (m, k) with weighted mean 0 and variance 1, and their deviations (m,)."""
     total = weight.sum()
-    value = value - (value @ weight / total)[:, None]
-    deviation = np.sqrt(value**2 @ weight / total) + 1e-6
-    return value / deviation[:, None], deviation
+    centred: Floats = value - (value @ weight / total)[:, None]
+    deviation: Floats = np.sqrt(centred**2 @ weight / total) + 1e-6
+    return centred / deviation[:, None], deviation

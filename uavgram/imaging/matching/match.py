@@ -19,6 +19,7 @@ REGION = float(chi2.ppf(0.999, 2))
 
 _LARGE = 40.0  # steps: regions that reach farther are searched at every other step first
 _MOST_OUTSIDE = 0.15  # of the probability: more, and something alike within could be taken for it
+_ALIKE = 0.005  # in correlation: no difference
 _ABOUT = 4.0  # steps about a place found so
 _MARGIN = 8  # steps about a patch in its window, for the patch to move and for interpolation
 
@@ -232,7 +233,7 @@ class _Search:
 
     def _search_one(self, i: int, covariance: Floats, far: float) -> Floats:
         """Look in a large region at every other step first, then about what was found."""
-        at = self._sought.target_px[i]
+        at: Floats = self._sought.target_px[i]
         if far > _LARGE:
             at = self._best(i, at, covariance, 2.0, alone=True)
             covariance = self._frames.target[i] @ self._frames.target[i].T * _ABOUT**2 / REGION
@@ -274,7 +275,7 @@ class _Search:
         self._score[i] = peak.likeness
         likely = np.exp(-0.5 * distance)
         cut = likely[~inside].sum() > _MOST_OUTSIDE * likely.sum()
-        near_second = 1 - peak.likeness > options.second_peak * (1 - peak.second)
+        near_second = 1 - peak.likeness + _ALIKE > options.second_peak * (1 - peak.second)
         one = np.array([i])
         unlike = np.array([peak.likeness < options.search_likeness])
         self._refuse(one, unlike & (patch.std() < options.noisy_contrast), Refused.WEAK)

@@ -51,8 +51,9 @@ def best_place(patch: Grey, searched: Grey, allowed: Bools) -> Peak:
     y, x = np.unravel_index(int(inside.argmax()), inside.shape)
     reach = like.shape[0] // 2
     if not 0 < x < 2 * reach or not 0 < y < 2 * reach:
-        return Peak(np.array([x - reach, y - reach], float), float(inside[y, x]), -1.0, True)
-    around = like[y - 1 : y + 2, x - 1 : x + 2]
+        off = np.array([x - reach, y - reach], np.float64)
+        return Peak(off, float(inside[y, x]), second=-1.0, at_edge=True)
+    around = like[y - 1 : y + 2, x - 1 : x + 2].astype(np.float64)
     at_edge = bool(around.max() > like[y, x])
     rest = inside.copy()
     rest[max(y - SAME_PEAK, 0) : y + SAME_PEAK + 1, max(x - SAME_PEAK, 0) : x + SAME_PEAK + 1] = -1
@@ -61,7 +62,7 @@ def best_place(patch: Grey, searched: Grey, allowed: Bools) -> Peak:
     return Peak(place, float(like[y, x]), float(rest.max()), at_edge)
 
 
-def _top(three: Grey) -> float:
+def _top(three: Floats) -> float:
     """Where the parabola through three values, the middle one largest, is highest."""
     bend = 2 * three[1] - three[0] - three[2]
     return float(np.clip(0.5 * (three[2] - three[0]) / bend, -0.5, 0.5)) if bend > 0 else 0.0

@@ -15,7 +15,7 @@ import numpy as np
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
 from uavgram.estimation.survey.departures import heights_at
-from uavgram.model.arrays import Bools, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.match.rows import with_found
@@ -46,6 +46,13 @@ ALONE = "its height is not known, and too few photos show it to be sure"
 TRIED_AGAIN = (LeftOutCause.UNDETERMINED, LeftOutCause.NOT_JOINED)
 """Why picks were left out that what is found may bring back."""
 
+
+WRONG = 25.0
+"""Squared sigmas from which a match is wrong: chi-square of two degrees of freedom is beyond it in
+one of 270,000."""
+
+MOST_ROUNDS = 8
+"""Rounds in which such matches are left out."""
 
 SPREAD = 2.0
 """Factor of the matches' sigmas from which on one of them may have spread its error over all."""
@@ -140,14 +147,26 @@ class Base:
         picks = with_found(self.inputs.picks, found)
         survey = assembled_survey(replace(self.inputs, picks=picks), self.posed).survey
         sound = with_sound_ties(self._prepared(survey))
-        taking = Participants(
-            sound.survey, self.keep, self.refined.line_removed, {}, self.refined.known_removed
-        )
-        adjustment = best_minima(taking).adjustment
-        out = {(picks.image[i], picks.label[i]) for i in sound.left_out["matches"].tolist()}
+        out = set(sound.matches_left_out)
+        survey, adjustment = sound.survey, self._best(sound.survey)
+        for _ in range(MOST_ROUNDS):  # the ground, and heights that are known, have a say now
+            wrong = _standing_out(adjustment, picks)
+            if not wrong:
+                break
+            out |= wrong
+            gone = np.isin(survey.matches.row, list(wrong)) & _is_found(survey, picks)
+            survey = replace(survey, matches=survey.matches.without(gone)[0])
+            adjustment = self._best(survey)
         factor = max((one.factor for one in sound.noise if one.source == "match"), default=0.0)
         worst = _worst(adjustment, picks) if factor > SPREAD else None
-        return _Tried(adjustment, frozenset(found) - out, factor, worst)
+        gone_pairs = {(picks.image[i], picks.label[i]) for i in out}
+        return _Tried(adjustment, frozenset(found) - gone_pairs, factor, worst)
+
+    def _best(self, survey: Survey) -> Adjustment:
+        """The best adjustment without what the full one left out."""
+        refined = self.refined
+        taking = Participants(survey, self.keep, refined.line_removed, {}, refined.known_removed)
+        return best_minima(taking).adjustment
 
     def _prepared(self, survey: Survey) -> Survey:
         """With ground that may be uneven, and heights that the full adjustment found or lacks."""
@@ -198,12 +217,36 @@ def _photos_of_labels(survey: Survey) -> Ints:
     return np.bincount(pairs[0], minlength=len(survey.label))
 
 
+def _is_found(survey: Survey, picks: Picks) -> Bools:
+    """(N,) which sightings of chains are matches, and not the picked pixels they begin from."""
+    return np.asarray(picks.of_source("match")[survey.matches.row])
+
+
+def _misfits(adjustment: Adjustment, picks: Picks) -> Floats:
+    """(N,) squared sigmas by which matches do not fit; -1 of picked pixels."""
+    survey = adjustment.survey
+    fall = falls_without(adjustment.minimum.blocks["matches"], adjustment.covariance)
+    return np.where(_is_found(survey, picks), fall, -1.0)
+
+
 def _worst(adjustment: Adjustment, picks: Picks) -> Pair | None:
-    """The match that fits worst; picked pixels, from which chains begin, are none."""
+    """The match that fits worst."""
     sightings = adjustment.survey.matches
     if not sightings.points:
         return None
-    fall = falls_without(adjustment.minimum.blocks["matches"], adjustment.covariance)
-    fall = np.where(picks.of_source("match")[sightings.row], fall, -1.0)
-    row = int(sightings.row[fall.argmax()])
+    row = int(sightings.row[_misfits(adjustment, picks).argmax()])
     return picks.image[row], picks.label[row]
+
+
+def _standing_out(adjustment: Adjustment, picks: Picks) -> set[int]:
+    """Rows of picks: of matches that do not fit, the worst of each photo and of each chain."""
+    sightings = adjustment.survey.matches
+    if not sightings.points:
+        return set()
+    misfit = _misfits(adjustment, picks)
+    wrong = misfit > WRONG
+    for group in (sightings.frame, sightings.point):
+        worst = np.zeros(int(group.max()) + 1)
+        np.maximum.at(worst, group, misfit)
+        wrong &= misfit >= worst[group]
+    return set(sightings.row[wrong].tolist())

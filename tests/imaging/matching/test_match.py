@@ -1,0 +1,212 @@
+"""Points found in another photo: truth from textures known at every place."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+from textures import Texture
+
+from uavgram.imaging.matching.match import REGION, MatchOptions, matched
+from uavgram.imaging.matching.matched import REASON, Matched, Refused, Sought
+from uavgram.imaging.raster import Image
+from uavgram.model.arrays import Floats
+
+SHAPE = (200, 260)
+MIDDLE = np.array([130.0, 100.0])
+SOURCE = MIDDLE + np.random.default_rng(7).uniform(-45, 45, (12, 2))
+LEVEL = np.eye(2)
+SHIFT = np.array([3.37, -2.71])
+
+
+def turned(angle_deg: float, stretch_u: float, stretch_v: float) -> Floats:
+    angle = np.deg2rad(angle_deg)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return turn @ np.diag([stretch_u, stretch_v])
+
+
+def photos(
+    texture: Texture, affine: Floats, seed: int = 1, noise: float = 1.5
+) -> tuple[Image, Image]:
+    """Target pixel = affine (source pixel - MIDDLE) + MIDDLE + SHIFT."""
+    rng = np.random.default_rng(seed)
+    back: Floats = np.asarray(np.linalg.inv(affine), np.float64)
+    return (
+        texture.photo(SHAPE, LEVEL, np.zeros(2), noise, rng),
+        texture.photo(SHAPE, back, MIDDLE - back @ (MIDDLE + SHIFT), noise, rng),
+    )
+
+
+def truth(source: Floats, affine: Floats) -> Floats:
+    return np.asarray((source - MIDDLE) @ affine.T + MIDDLE + SHIFT)
+
+
+def sought(source: Floats, affine: Floats, sigma: float = 2.0, off: Floats | float = 0.0) -> Sought:
+    n = len(source)
+    return Sought(
+        source_px=source,
+        target_px=truth(source, affine) + off,
+        covariance_px2=np.tile(sigma**2 * np.eye(2), (n, 1, 1)),
+        affine=np.tile(affine, (n, 1, 1)),
+    )
+
+
+def why(found: Matched) -> set[Refused]:
+    return {Refused(number) for number in found.refused.tolist()}
+
+
+@pytest.mark.parametrize(
+    "affine",
+    [
+        LEVEL,
+        turned(35.0, 1.0, 1.0),
+        turned(-160.0, 1.1, 0.95),
+        turned(10.0, 0.5, 0.45),
+        turned(0.0, 1.0, 0.55),
+        turned(-20.0, 1.9, 1.0),
+        LEVEL[::-1] * np.array([[1.0], [-1.0]]),
+    ],
+)
+def test_points_are_found_to_hundredths_of_a_pixel(affine: Floats) -> None:
+    source = MIDDLE + 0.8 * (SOURCE - MIDDLE)
+    texture = Texture.random(3, finest=0.3)
+    off = np.random.default_rng(2).normal(0, 2, (12, 2))
+    found = matched(*photos(texture, affine), sought(source, affine, 2.0, off))
+    assert why(found) == {Refused.NONE}
+    step = float(np.linalg.svd(affine, compute_uv=False).max(initial=1.0))
+    error = found.pixel_px - truth(source, affine)
+    assert np.sqrt(np.mean(error**2)) < 0.04 * step
+    assert found.score.min() > 0.9
+
+
+def test_a_map_that_is_a_little_wrong_is_found_right() -> None:
+    affine = turned(3.0, 1.04, 0.97)
+    off = truth(SOURCE, affine) - truth(SOURCE, LEVEL)
+    found = matched(*photos(Texture.random(4), affine), sought(SOURCE, LEVEL, 2.0, off))
+    assert why(found) == {Refused.NONE}
+    assert np.abs(found.pixel_px - truth(SOURCE, affine)).max() < 0.15
+
+
+def test_the_covariance_is_that_of_repeated_noise() -> None:
+    # The floor of JPEG and sharpening does not stand in these photos: formal covariance alone.
+    options = MatchOptions(lsm_scale=1.0, floor=0.0)
+    affine = turned(20.0, 1.2, 0.9)
+    squared = []
+    for seed in range(10):
+        pair = photos(Texture.random(seed, 15.0), affine, seed, noise=3.0)
+        found = matched(*pair, sought(SOURCE, affine), options)
+        error = found.pixel_px - truth(SOURCE, affine)
+        some = found.refused == Refused.NONE
+        weight = np.linalg.inv(found.covariance_px2[some])
+        squared.append(np.einsum("ni,nij,nj->n", error[some], weight, error[some]))
+    values = np.concatenate(squared)
+    assert len(values) > 100
+    # Resampling makes neighbouring residuals alike: formal variances are up to a third off.
+    low, high = (float(chi2.ppf(p, 2 * len(values))) / (2 * len(values)) for p in (1e-3, 0.999))
+    assert 0.7 * low < values.mean() / 2 < 1.35 * high
+
+
+def test_brighter_and_stronger_light_changes_nothing() -> None:
+    near, far = photos(Texture.random(5), LEVEL)
+    lit = np.clip(0.7 * far + 40, 0, 255).astype(np.uint8)
+    plain, other = (matched(near, photo, sought(SOURCE, LEVEL)) for photo in (far, lit))
+    assert why(other) == {Refused.NONE}
+    assert np.abs(plain.pixel_px - other.pixel_px).max() < 0.05
+
+
+def test_a_repeated_marking_is_found_where_the_prediction_decides() -> None:
+    period = 24.0
+    pair = photos(Texture.stripes(period), LEVEL)
+    off = np.array([2.0, -1.5])
+    # The region's radius is a third of the period.
+    found = matched(*pair, sought(SOURCE, LEVEL, period / 3 / REGION**0.5, off))
+    assert why(found) == {Refused.NONE}
+    assert np.abs(found.pixel_px - truth(SOURCE, LEVEL)).max() < 0.1
+
+
+@pytest.mark.parametrize("periods", [1.2, 3.0, 8.0])
+def test_a_repeated_marking_is_refused_where_it_does_not(periods: float) -> None:
+    period = 24.0
+    pair = photos(Texture.stripes(period), LEVEL)
+    off = np.array([0.45 * period, 0.0])
+    found = matched(*pair, sought(SOURCE, LEVEL, periods * period / REGION**0.5, off))
+    # The largest region reaches beyond the photo.
+    assert why(found) <= {Refused.NOT_UNIQUE, Refused.OUTSIDE}
+
+
+def test_what_is_not_there_is_not_found() -> None:
+    near, _ = photos(Texture.random(1), LEVEL)
+    _, far = photos(Texture.random(2), LEVEL)
+    found = matched(near, far, sought(SOURCE, LEVEL))
+    assert why(found) <= {Refused.NOT_LIKE, Refused.NOT_UNIQUE}
+    assert np.isnan(found.pixel_px).all()
+    assert np.isnan(found.sigma_px).all()
+
+
+def test_half_of_the_patch_hidden_moves_nothing() -> None:
+    near, far = photos(Texture.random(6), LEVEL)
+    hidden, _ = photos(Texture.random(9), LEVEL)
+    far = far.copy()
+    point = truth(SOURCE[:1], LEVEL)[0]
+    edge = int(point[0]) + 4  # what hides begins beside the point
+    far[:, edge:] = hidden[:, edge:]
+    found = matched(near, far, sought(SOURCE[:1], LEVEL))
+    moved = found.pixel_px[0] - point
+    assert found.refused[0] != Refused.NONE or np.abs(moved).max() < 4 * found.sigma_px[0]
+
+
+def test_an_even_picture_is_too_weak() -> None:
+    even = np.full(SHAPE, 90, np.uint8)
+    assert why(matched(even, even, sought(SOURCE, LEVEL))) == {Refused.WEAK}
+
+
+def test_an_edge_tells_no_place_along_itself() -> None:
+    edge = np.full(SHAPE, 60, np.uint8)
+    edge[100:] = 180
+    at = np.array([[130.0, 100.0]])
+    found = matched(edge, edge, sought(at, LEVEL, 2.0, -SHIFT))
+    assert found.refused[0] in {Refused.NOT_UNIQUE, Refused.WEAK}
+
+
+def test_a_weak_texture_is_found_by_smoothing() -> None:
+    weak = Texture.random(8, contrast=12.0, finest=0.12)
+    pair = photos(weak, LEVEL, noise=6.0)
+    found = matched(*pair, sought(SOURCE, LEVEL))
+    some = found.refused == Refused.NONE
+    assert some.mean() > 0.6
+    error = (found.pixel_px - truth(SOURCE, LEVEL))[some] / found.sigma_px[some, None]
+    assert np.sqrt(np.mean(error**2)) < 1.6
+
+
+def test_outside_and_too_far() -> None:
+    near, far = photos(Texture.random(5), LEVEL)
+    at = np.array([[2.0, 100.0], [130.0, 100.0], [130.0, 100.0]])
+    one = sought(at, LEVEL)
+    target = one.target_px + np.array([[0, 0], [400, 0], [0, 0]])
+    covariance = one.covariance_px2 * np.array([1, 1, 1e5])[:, None, None]
+    asked = Sought(source_px=at, target_px=target, covariance_px2=covariance, affine=one.affine)
+    found = matched(near, far, asked)
+    assert found.refused.tolist() == [Refused.OUTSIDE, Refused.OUTSIDE, Refused.TOO_FAR]
+
+
+def test_something_like_it_is_not_taken_where_the_point_is_likely_outside() -> None:
+    texture = Texture.random(5)
+    near, far = photos(texture, LEVEL)
+    copy = far.copy()
+    own = np.round(truth(SOURCE[:1], LEVEL)[0]).astype(int)
+    copy[own[1] - 20 : own[1] + 21, 3:44] = far[
+        own[1] - 20 : own[1] + 21, own[0] - 20 : own[0] + 21
+    ]
+    copy[:, 60:] = 255 - copy[:, 60:]
+    asked = sought(SOURCE[:1], LEVEL, 10.0, np.array([8.0 - own[0], 0.0]))
+    found = matched(near, copy, asked)
+    assert found.refused[0] == Refused.OUTSIDE
+
+
+def test_nothing_sought_is_nothing_found() -> None:
+    near, far = photos(Texture.random(5), LEVEL)
+    assert len(matched(near, far, sought(np.empty((0, 2)), LEVEL))) == 0
+
+
+def test_each_reason_has_words() -> None:
+    assert set(REASON) == set(Refused)
