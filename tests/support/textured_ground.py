@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -108,7 +109,7 @@ def _length(start: tuple[float, float], end: tuple[float, float]) -> float:
     return float(np.hypot(*np.subtract(start, end)))
 
 
-def _table(path: Path, header: tuple[str, ...], rows: list[tuple[object, ...]]) -> None:
+def _table(path: Path, header: tuple[str, ...], rows: Sequence[tuple[object, ...]]) -> None:
     lines = [",".join(map(str, row)) for row in (header, *rows)]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 

@@ -33,8 +33,8 @@ def match_lines(done: Matches) -> list[str]:
         )
     if done.unplaced:
         lines.append(
-            f"not looked in: {_named(done.unplaced)}: where they were taken is not known; pick "
-            "three points or more there"
+            f"not looked in: {_named(done.unplaced)}: nobody knows from where it shows the scene; "
+            "pick three points or more there"
         )
     return lines + _to_ask(done)
 

@@ -67,7 +67,7 @@ def test_a_second_search_replaces_the_first_and_undo_gives_the_very_file_back(
     assert project.picks.read_bytes() == once
     assert command("picks", "match", project.path, "--undo", "--photos", "c.png").status == 0
     assert project.picks.read_bytes() == once
-    assert "2 matches" in command("picks", "match", project.path, "--undo").stdout
+    assert "picks.csv: 2" in command("picks", "match", project.path, "--undo").stdout
     # The columns of the matches stay, empty: what people wrote is as it was.
     assert [line.rstrip(",") for line in project.picks.read_text().splitlines()[1:]] == (
         before.decode().splitlines()[1:]

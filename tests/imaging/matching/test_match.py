@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.stats import chi2
 from textures import Texture
 
-from uavgram.imaging.matching.match import REGION, MatchOptions, matched
+from uavgram.imaging.matching.match import PATCHES, REGION, MatchOptions, matched
 from uavgram.imaging.matching.matched import REASON, Matched, Refused, Sought
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
@@ -89,7 +91,7 @@ def test_a_map_that_is_a_little_wrong_is_found_right() -> None:
 
 def test_the_covariance_is_that_of_repeated_noise() -> None:
     # The floor of JPEG and sharpening does not stand in these photos: formal covariance alone.
-    options = MatchOptions(lsm_scale=1.0, floor=0.0)
+    options = MatchOptions(patches=(replace(PATCHES[0], lsm_scale=1.0),), floor=0.0)
     affine = turned(20.0, 1.2, 0.9)
     squared = []
     for seed in range(10):
@@ -132,6 +134,19 @@ def test_a_repeated_marking_is_refused_where_it_does_not(periods: float) -> None
     found = matched(*pair, sought(SOURCE, LEVEL, periods * period / REGION**0.5, off))
     # The largest region reaches beyond the photo.
     assert why(found) <= {Refused.NOT_UNIQUE, Refused.OUTSIDE}
+
+
+def test_a_repetition_is_seen_in_the_source_where_the_target_hides_the_true_place() -> None:
+    near, far = photos(Texture.stripes(24.0), LEVEL)
+    point = truth(SOURCE[:1], LEVEL)[0]
+    hidden, _ = photos(Texture.random(9), LEVEL)
+    far = far.copy()
+    u, v = np.round(point).astype(int)
+    hide = np.ones(SHAPE, bool)
+    hide[v - 16 : v + 17, u + 8 : u + 41] = False  # one repetition is left, not the true place
+    far[hide] = hidden[hide]
+    found = matched(near, far, sought(SOURCE[:1], LEVEL, 30.0 / REGION**0.5))
+    assert found.refused[0] == Refused.NOT_UNIQUE
 
 
 def test_what_is_not_there_is_not_found() -> None:

@@ -10,9 +10,9 @@ import pytest
 from pick_pages import PROJECT, Server, small_project
 
 from uavgram.errors import InputError, OutputError, UavgramError
+from uavgram.io.project_lock import LOCK
 from uavgram.picking.session.outputs import FILES, RECORDING, RESULTS, Outputs
 from uavgram.picking.storage.journal import JOURNAL
-from uavgram.io.project_lock import LOCK
 from uavgram.picking.storage.set_aside import oldest_set_aside
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.measure.inputs import read_inputs

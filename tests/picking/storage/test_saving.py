@@ -16,6 +16,7 @@ import pytest
 from pick_pages import Page, RefusedToStartError, Server, running, small_project
 
 from uavgram.errors import InputError, OutputError, UavgramError
+from uavgram.io.project_lock import LOCK, ProjectLock
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import Command
 from uavgram.picking.document.history import Session, apply
@@ -24,7 +25,6 @@ from uavgram.picking.protocol.parse import Message
 from uavgram.picking.session.session import PickSession
 from uavgram.picking.session.workers import Task
 from uavgram.picking.storage.journal import JOURNAL, Journal, left_in
-from uavgram.io.project_lock import LOCK, ProjectLock
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.pick.live import LiveSurvey

@@ -31,7 +31,8 @@ def chosen(
     n = len(pairs)
     is_raised = np.array([label.startswith("roof") for _, label in pairs], dtype=np.bool_)
     candidates = Candidates(places(sigma_px, stretch), tuple(pairs), np.arange(n), is_raised)
-    return next_places(candidates, np.ones(n, np.bool_), record or Record()).tolist()
+    rows: list[int] = next_places(candidates, np.ones(n, np.bool_), record or Record()).tolist()
+    return rows
 
 
 def test_of_several_picks_that_lead_to_a_place_the_most_alike_view_is_taken() -> None:

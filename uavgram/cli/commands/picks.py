@@ -121,8 +121,8 @@ def match(
     asked = Asked(_names(labels), _names(photos))
     if undo:
         undone = undo_matches(project, asked, dry_run=dry_run)
-        what = "would be taken out of" if dry_run else "taken out of"
-        say(f"{undone.removed} matches {what} {undone.path}")
+        what = "would be taken" if dry_run else "taken"
+        say(f"matches {what} out of {undone.path}: {undone.removed}")
         return DONE
     done = match_picks(project, asked, dry_run=dry_run, progress=progress())
     say(*match_lines(done))
@@ -130,7 +130,7 @@ def match(
         say("nothing was written (--dry-run)")
     else:
         earlier = f", in place of {done.replaced} earlier ones" if done.replaced else ""
-        say(f"written:   {done.path} ({len(done.record.found)} matches{earlier})")
+        say(f"written:   {done.path}, matches: {len(done.record.found)}{earlier}")
     return DONE
 
 

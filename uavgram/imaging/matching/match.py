@@ -38,6 +38,8 @@ class Patch:
         Least correlation after matching: a small patch alone must fit better.
     step
         Of the common window, in pixels of the coarser photo.
+    lsm_scale
+        sigma^2 = (scale * formal)^2 + floor^2: measured on rendered streets.
     after
         Why a point was refused before, to be tried with this one.
     """
@@ -47,6 +49,7 @@ class Patch:
     search_half: int
     likeness: float
     step: float = 1.0
+    lsm_scale: float = 0.9
     after: tuple[Refused, ...] = ()
 
 
@@ -68,11 +71,12 @@ PATCHES = (
     ),
     # What drowns in noise pixel by pixel may stand out of it in twos.
     Patch(
-        half=10,
-        other_halves=(7, 14),
-        search_half=11,
+        half=14,
+        other_halves=(10, 18),
+        search_half=14,
         likeness=0.8,
         step=2.0,
+        lsm_scale=1.15,
         after=(Refused.WEAK,),
     ),
 )
@@ -97,13 +101,12 @@ class MatchOptions:
         Most change of the map, most way from the search's place [steps], most change of contrast
         either way.
     contrast, noisy_contrast
-        Least standard deviation of a patch [grey values], and that below which the noise may be
+        Least standard deviation of a patch [grey values] whose steps are pixels, and that below which the noise may be
         why nothing looks like it.
     sigma_px
         Most standard deviation in the worse direction.
-    lsm_scale, floor
-        sigma^2 = (scale * formal)^2 + floor^2: the floor [steps] is what JPEG, sharpening and
-        interpolation leave at best.
+    floor
+        What JPEG, sharpening and interpolation leave at best [steps].
     farthest
         Most steps from the prediction that are searched.
     """
@@ -119,7 +122,6 @@ class MatchOptions:
     contrast: float = 1.5
     noisy_contrast: float = 6.0
     sigma_px: float = 0.3
-    lsm_scale: float = 0.9
     floor: float = 0.03
     farthest: int = 420
 
@@ -260,12 +262,14 @@ class _Search:
         options, half = self._options, self._patch.search_half
         near, frame = self._frames.source[i] * coarse, self._frames.target[i] * coarse
         patch = window(self._source, self._sought.source_px[i], near, half)
-        if patch.std() < options.contrast:
+        if patch.std() < options.contrast / self._patch.step**2:
             self._refused[i] = Refused.WEAK
             return center
-        distance = _squared_distance(frame, covariance)
+        into = np.linalg.inv(frame)
+        spread = into @ covariance @ into.T
+        distance = _squared_distance(spread)
         reach = len(distance) // 2
-        inside = self._in_target(center, frame, reach)
+        inside = self._in_photo(self._target, center, frame, reach)
         allowed = inside & (distance <= REGION)
         if not allowed.any():
             self._refused[i] = Refused.OUTSIDE
@@ -275,7 +279,10 @@ class _Search:
         self._score[i] = peak.likeness
         likely = np.exp(-0.5 * distance)
         cut = likely[~inside].sum() > _MOST_OUTSIDE * likely.sum()
-        near_second = 1 - peak.likeness + _ALIKE > options.second_peak * (1 - peak.second)
+        second = peak.second
+        if alone:
+            second = max(second, self._like_itself(i, patch, near, spread))
+        near_second = 1 - peak.likeness + _ALIKE > options.second_peak * (1 - second)
         one = np.array([i])
         unlike = np.array([peak.likeness < options.search_likeness])
         self._refuse(one, unlike & (patch.std() < options.noisy_contrast), Refused.WEAK)
@@ -285,12 +292,26 @@ class _Search:
         self._refuse(one, np.array([peak.at_edge]), Refused.NOT_UNIQUE)
         return np.asarray(center + frame @ peak.place)
 
-    def _in_target(self, center: Floats, frame: Floats, reach: int) -> Bools:
-        """(2 reach + 1, 2 reach + 1) whether a patch there is within the target."""
+    def _like_itself(self, i: int, patch: Grey, frame: Floats, spread: Floats) -> float:
+        """Likeness of the patch and the most like place about it in its own photo.
+
+        The target may hide the true one of two places, the source shows both; between the two
+        lies at most twice the region. A large region holds the next repetition anyway.
+        """
+        large = np.trace(spread) * REGION > _LARGE**2
+        distance = _squared_distance(spread if large else 4.0 * spread)
+        reach, center = len(distance) // 2, self._sought.source_px[i]
+        allowed = self._in_photo(self._source, center, frame, reach) & (distance <= REGION)
+        half = self._patch.search_half + reach
+        around = window(self._source, center, frame, half, exact=False)
+        return best_place(patch, around, allowed).second
+
+    def _in_photo(self, photo: Image, center: Floats, frame: Floats, reach: int) -> Bools:
+        """(2 reach + 1, 2 reach + 1) whether a patch there is within a photo."""
         step = np.arange(-reach, reach + 1.0, dtype=np.float32)
         far = np.abs(frame).sum(axis=1) * self._patch.search_half + 1.0
         inside: Bools = np.ones((len(step), len(step)), bool)
-        for axis, size in enumerate(self._target.shape[1::-1]):
+        for axis, size in enumerate(photo.shape[1::-1]):
             first, second = frame[axis].astype(np.float32)
             place = (first * step + np.float32(center[axis])) + (second * step)[:, None]
             inside &= (place >= far[axis]) & (place <= size - 1 - far[axis])
@@ -324,7 +345,7 @@ class _Search:
         ]
         self._judge_back(index, there, back, others)
         into = self._frames.target[index]
-        covariance = options.lsm_scale**2 * there.covariance + options.floor**2 * np.eye(2)
+        covariance = self._patch.lsm_scale**2 * there.covariance + options.floor**2 * np.eye(2)
         covariance = into @ covariance @ np.swapaxes(into, 1, 2)
         worst = np.sqrt(np.linalg.eigvalsh(covariance)[:, 1])
         self._refuse(index, ~(worst < options.sigma_px), Refused.WEAK)
@@ -332,7 +353,9 @@ class _Search:
 
     def _judge_fit(self, index: Ints, there: Fitted) -> None:
         options = self._options
-        self._refuse(index, ~(there.contrast > options.contrast), Refused.WEAK)
+        self._refuse(
+            index, ~(there.contrast > options.contrast / self._patch.step**2), Refused.WEAK
+        )
         self._refuse(index, ~(there.likeness > self._patch.likeness), Refused.NOT_LIKE)
         change = np.linalg.norm(there.linear - np.eye(2), ord=2, axis=(1, 2))
         far = np.hypot(*there.place.T) > options.shift
@@ -347,18 +370,12 @@ class _Search:
         self._refuse(index, ~(apart < options.agree), Refused.UNSTABLE)
 
 
-def _squared_distance(frame: Floats, covariance: Floats) -> Floats:
+def _squared_distance(covariance: Floats) -> Floats:
     """(2 r + 1, 2 r + 1) squared distances in sigmas of places by steps, up to the region's edge.
 
-    Parameters
-    ----------
-    frame
-        (2, 2) pixels by steps.
-    covariance
-        (2, 2) of the prediction [px^2].
+    A sure prediction still has a step about it.
     """
-    into = np.linalg.inv(frame)
-    spread = into @ covariance @ into.T + np.eye(2) / REGION  # a step about a sure prediction
+    spread = covariance + np.eye(2) / REGION
     reach = int(np.ceil(np.sqrt(REGION * np.diagonal(spread).max()))) + 1
     step = np.arange(-reach, reach + 1.0, dtype=np.float32)
     weight = np.linalg.inv(spread).astype(np.float32)

@@ -203,7 +203,7 @@ def _looked(
         if found.refused[k]:
             results[pair] = Missed(own, float(radius[k]), reason(int(found.refused[k])))
         else:
-            u, v = found.pixel_px[k].tolist()
-            sigma, score = float(worse[k]), float(found.score[k])
+            u, v = np.round(found.pixel_px[k], 3).tolist()
+            sigma, score = round(float(worse[k]), 4), round(float(found.score[k]), 3)
             results[pair] = Found(own, (u, v), sigma, score, float(radius[k]))
     return results
