@@ -24,8 +24,9 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from street_pairs import AFTER, BEFORE, PoseError, StreetTruth
 
-from uavgram.imaging.matching.match import MatchOptions, matched
+from uavgram.imaging.matching.match import matched
 from uavgram.imaging.matching.matched import Refused
+from uavgram.imaging.matching.options import MatchOptions
 from uavgram.model.arrays import Bools, Floats, Ints
 
 STREETS = ("street_nadir", "street_rolling", "street_oblique")
