@@ -35,12 +35,6 @@ def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = (
     latitude, longitude = _geographic(position, world)
     departure, departure_sigma = departures(adjustment)
     height, height_sigma = heights_above_ground(adjustment)
-    order = np.argsort(survey.pick_label, kind="stable")
-    ends = np.cumsum(np.bincount(survey.pick_label, minlength=len(survey.label)))
-    frames = tuple(
-        tuple(survey.frame_id[f] for f in seen)
-        for seen in np.split(survey.pick_frame[order], ends[:-1])
-    )
     return PointResults(
         label=survey.label,
         position_world_m=position,
@@ -55,9 +49,22 @@ def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = (
         covariance_m3=covariance,
         latitude_deg=latitude,
         longitude_deg=longitude,
-        frames=frames,
+        frames=_frames_of_points(survey),
         height_source=_height_sources(survey, found),
     )
+
+
+def _frames_of_points(survey: Survey) -> tuple[tuple[str, ...], ...]:
+    """(K,) frames in which each point was picked, and then those in which it was matched."""
+    matches = survey.matches
+    matched = survey.pick_label[matches.pick][matches.point]
+    frames: tuple[dict[int, None], ...] = tuple({} for _ in survey.label)
+    for label, frame in (
+        *zip(survey.pick_label.tolist(), survey.pick_frame.tolist(), strict=True),
+        *zip(matched.tolist(), matches.frame.tolist(), strict=True),
+    ):
+        frames[label][frame] = None
+    return tuple(tuple(survey.frame_id[f] for f in seen) for seen in frames)
 
 
 def _height_sources(survey: Survey, found: Collection[str]) -> tuple[HeightSource, ...]:

@@ -209,6 +209,11 @@ def test_what_was_found_from_a_pick_goes_with_it_and_undo_brings_all_back(change
     assert apply(after, c.Undo()).state == before.state
 
 
+def test_what_was_found_from_another_pick_at_the_same_place_stays() -> None:
+    gone = apply(with_matches(), c.Unpick(image="1.jpg", label="B"))
+    assert photos_of(gone, "A") == ["1.jpg", "2.jpg", "3.jpg"]
+
+
 def test_a_whole_drag_of_a_pick_is_undone_with_its_matches() -> None:
     before = with_matches()
     after = place(place(before, "A", u=1.5, step=7), "A", u=1.0, step=7)

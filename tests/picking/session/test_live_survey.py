@@ -57,9 +57,9 @@ def only(observed: Observed, rows: Ints | Bools) -> Observed:
             is_free=picks.is_free[rows],
             score=picks.score[rows],
             from_px=picks.from_px[rows],
+            area=(),
             source=(),
             from_image=(),
-            area=(),
             line=(),
         ),
     )

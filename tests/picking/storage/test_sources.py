@@ -61,6 +61,15 @@ def test_a_pick_that_is_removed_takes_its_matches_out_of_the_table(tmp_path: Pat
     assert written(tmp_path / "picks.csv", before, before) == TABLE
 
 
+def test_what_a_person_noted_in_these_columns_stays_when_the_pick_is_moved(tmp_path: Path) -> None:
+    path = tmp_path / "picks.csv"
+    path.write_bytes(b"image,label,u_px,v_px,source,score\nP1.jpg,A,10,20,the officer,7\n")
+    _, lines = observations_of(State())
+    before = state_of(read_picks(path), lines, ())
+    after = done(before, c.Place(image="P1.jpg", label="A", u_px=11.5, v_px=20.0))
+    assert written(path, before, after).splitlines()[1] == b"P1.jpg,A,11.5,20,the officer,7"
+
+
 def test_a_journal_knows_who_made_a_pick(tmp_path: Path) -> None:
     state = state_in(tmp_path / "picks.csv")
     journal = Journal(tmp_path / "j.jsonl", fresh=True)

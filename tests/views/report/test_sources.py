@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from functools import cache
 from html import unescape
 
@@ -54,10 +55,8 @@ def test_points_and_photos_say_who_made_their_picks() -> None:
             "P13": f"1 by hand, {len(picked) - 1} matched",
             "P02": "",
         }[label]
-        assert rows()[label][-1].endswith(said)
-        assert rows()[label][-1].startswith(
-            str(len(made.points.frames[made.points.label.index(label)]))
-        )
+        frames = made.points.frames[made.points.label.index(label)]
+        assert rows()[label][-1] == f"{len(frames)}{said}"
     photo = made.frames.frame_id[12]
     counts = [
         sum(
@@ -67,6 +66,12 @@ def test_points_and_photos_say_who_made_their_picks() -> None:
         for source in ("hand", "match", "target")
     ]
     assert rows()[photo][3] == "{}{} by hand, {} matched, {} targets".format(sum(counts), *counts)
+
+
+def test_all_picks_together_are_counted_by_who_made_them() -> None:
+    made = Counter(result().picks.source)
+    told = f"Picks: {made['hand']} by hand, {made['match']} matched, {made['target']} targets."
+    assert told in html()
 
 
 def test_ties_of_each_photo_stand_in_the_table_of_photos() -> None:

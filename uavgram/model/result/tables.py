@@ -41,8 +41,8 @@ class FrameResults(FrozenArrays):
     time_utc_s
         (F,) of the exposure, after the adjustment; NaN where unknown.
     status, reason
-        (F,) ``refined`` (in the adjustment, with at least one pick), ``seeded``, ``unmatched``,
-        ``rejected``; and why.
+        (F,) ``refined`` (in the adjustment, with a pick, a match or a tie point), ``seeded``,
+        ``unmatched``, ``rejected``; and why.
     seed, refined
         Poses from the telemetry, and after the adjustment: of the middle row.
     sweep

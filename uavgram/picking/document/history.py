@@ -151,7 +151,10 @@ def _placed_anew(state: State, there: Pick, do: c.Place) -> State:
         raise RefusedError(f"a person picked {do.label!r} in {do.image!r} already")
     # The sigma of a match is the matching's, not that of a person's hand.
     own = there.sigma_px if there.source == do.source else None
-    new = replace(there, **vars(do) | {"sigma_px": own if do.sigma_px is None else do.sigma_px})
+    sigma = own if do.sigma_px is None else do.sigma_px
+    # What a person noted of an own pick in columns that the program reads too stays.
+    made = {} if there.source == do.source == "hand" else vars(do)
+    new = replace(there, **made | {"u_px": do.u_px, "v_px": do.v_px, "sigma_px": sigma})
     return _with_pick(_without_matches(state, there), there, new)
 
 

@@ -63,6 +63,7 @@ from uavgram.stages.summarise import (
     summarise_shared,
     summarise_solution,
 )
+from uavgram.stages.summarise_ties import summarise_ties
 
 _GUESSED = (ASSUMED_CAMERA, UNKNOWN_CAMERA)
 PACKAGES = ("numpy", "scipy", "opencv-python-headless", "pymavlink", "pyproj", "rerun-sdk")
@@ -140,6 +141,7 @@ def compute(
         *without_the_innocent(judged.messages, refined.causes),
         *judge_makers(judged.picks, measured.table),
     )
+    tied = summarise_ties(adjustment, posed.frames.frame_id)
     still = {cause.message.code for cause in refined.causes if cause not in mended}
     put_right = {cause.message.code for cause in mended} - still
     verdict, status = pass_verdict(messages, judged.fit, judged.examined, measured.table, put_right)
@@ -150,7 +152,11 @@ def compute(
         camera=inputs.calibration,
         shared=shared,
         areas=summarise_areas(adjustment),
-        frames=_frames(inputs, posed, assembled, refined, duplicates),
+        frames=replace(
+            _frames(inputs, posed, assembled, refined, duplicates),
+            ties=tied.ties,
+            ties_rms_px=tied.rms_px,
+        ),
         points=reconstruct(adjustment, world, refined.off_ground),
         error_budget=shares(error_budget(adjustment.minimum.blocks, values)),
         lines=judged.lines,
@@ -167,6 +173,7 @@ def compute(
         checks_overall=judged.checks_overall,
         solution=summarise_solution(refined, judged.groups, measured.others),
         noise=refined.noise,
+        ties=tied.together,
         messages=messages,
         verdict=verdict,
     )

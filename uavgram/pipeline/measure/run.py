@@ -14,6 +14,7 @@ from uavgram.io.outputs import staged_output
 from uavgram.io.own_files import check_folder_of_project
 from uavgram.io.results.results_json import write_results
 from uavgram.model.result.result import Result
+from uavgram.model.result.ties import TieCloud
 from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.exports import exports
 from uavgram.pipeline.measure.inputs import read_inputs
@@ -21,6 +22,7 @@ from uavgram.pipeline.measure.journal import Journal
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.summarise_ties import tie_cloud
 from uavgram.views.recording.write import write_recording
 from uavgram.views.report import write_report
 
@@ -72,17 +74,20 @@ def run(
     if output is FROM_PROJECT:
         check_folder_of_project(Path(inputs.project.output), Path(project).absolute().parent)
     with journal.step("adjust and measure"):
-        result = compute(inputs, sampling).result
+        result, refined = compute(inputs, sampling)
+        ties = tie_cloud(refined.adjustment, result.frames.frame_id)
     journal.result(result)
     if folder is not None:
         with staged_output(Path(folder), inputs.files, inputs.photos.path) as staging:
-            _write_outputs(result, staging, journal, progress)
+            _write_outputs(result, ties, staging, journal, progress)
     return result
 
 
-def _write_outputs(result: Result, folder: Path, journal: Journal, progress: Progress) -> None:
+def _write_outputs(
+    result: Result, ties: TieCloud | None, folder: Path, journal: Journal, progress: Progress
+) -> None:
     with journal.step("write recording.rrd"):
-        write_review(result, folder / "recording.rrd", progress)
+        write_review(result, folder / "recording.rrd", progress, ties)
     writers: dict[str, Callable[[Path], None]] = {
         **exports(result),
         "report.html": lambda path: write_report(result, path),
@@ -95,7 +100,9 @@ def _write_outputs(result: Result, folder: Path, journal: Journal, progress: Pro
     journal.write(folder / "run.jsonl")
 
 
-def write_review(result: Result, path: Path, progress: Progress = silent) -> None:
+def write_review(
+    result: Result, path: Path, progress: Progress = silent, ties: TieCloud | None = None
+) -> None:
     """Write the recording of a result, with its photos and the ground that they show.
 
     Photos pass through one by one: what is in memory does not grow with their number.
@@ -108,6 +115,8 @@ def write_review(result: Result, path: Path, progress: Progress = silent) -> Non
         The recording to write.
     progress
         Shows long loops.
+    ties
+        Tie points, where there are any.
 
     Raises
     ------
@@ -126,4 +135,4 @@ def write_review(result: Result, path: Path, progress: Progress = silent) -> Non
             mosaic.add(name, pixels)
             yield name, preview
 
-    write_recording(result, photos(), mosaic.texture, path)
+    write_recording(result, photos(), mosaic.texture, path, ties)

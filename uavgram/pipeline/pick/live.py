@@ -210,7 +210,7 @@ def _alike(before: Observed, now: Observed) -> bool:
     """Whether nothing but pixels and readings differ."""
     a, b, la, lb = before.picks, now.picks, before.lines, now.lines
     return (
-        (a.image, a.label, a.area) == (b.image, b.label, b.area)
+        (a.image, a.label, a.area, a.source) == (b.image, b.label, b.area, b.source)
         and np.array_equal(a.sigma_px, b.sigma_px, equal_nan=True)
         and np.array_equal(a.height_m, b.height_m, equal_nan=True)
         and np.array_equal(a.height_sigma_m, b.height_sigma_m, equal_nan=True)

@@ -14,6 +14,8 @@ from uavgram.views.wording import computed_first, number
 # Okabe and Ito (2008): told apart by colour-blind readers; in the order of the bars.
 COLOURS = {
     "picks": "#0072b2",
+    "matches": "#88ccee",
+    "tie points": "#b3b35c",
     "lens": "#cc79a7",
     "known lengths": "#009e73",
     "known things": "#44aa44",
@@ -31,6 +33,14 @@ WORDS = {
     "picks": (
         "how exactly the points were picked in the photos",
         "Picking them in more photos, or with more care, would help there.",
+    ),
+    "matches": (
+        "how exactly picked points were found in other photos",
+        "Sharper photos, or picks on things that stand out, would help there.",
+    ),
+    "tie points": (
+        "how exactly points that nobody picked were found in the photos",
+        "Photos that overlap more would help there.",
     ),
     "lens": (
         "how well the camera is calibrated",

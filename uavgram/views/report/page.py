@@ -43,6 +43,7 @@ from uavgram.views.survey.sources import (
     frames_tied,
     has_found,
     measured_alone,
+    picks_text,
     points_made,
     ties_text,
 )
@@ -150,6 +151,7 @@ def _made_by(result: Result) -> dict[str, object]:
         "found_any": has_found(result),
         "only_program": ONLY_PROGRAM,
         "ties": ties_text(result),
+        "picks_made": picks_text(result),
         "points_made": points_made(result),
         "frames_made": frames_made(result),
         "frames_tied": frames_tied(result),

@@ -35,6 +35,12 @@ def counts_text(counts: Mapping[Source, int]) -> str:
     )
 
 
+def picks_text(result: Result) -> str:
+    """Who made all the picks, in a sentence; empty where people alone did."""
+    told = counts_text(Counter(result.picks.source))
+    return f"Picks: {told}." if told else ""
+
+
 def points_made(result: Result) -> tuple[str, ...]:
     """(K,) who made the picks of each point; empty where a person made all of them."""
     made = picks_by_source(result.picks)

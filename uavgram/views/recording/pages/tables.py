@@ -23,7 +23,13 @@ from uavgram.views.survey.reliability import (
     second_order_rows,
     weakest_links,
 )
-from uavgram.views.survey.sources import has_found, measured_alone, points_made, ties_text
+from uavgram.views.survey.sources import (
+    has_found,
+    measured_alone,
+    picks_text,
+    points_made,
+    ties_text,
+)
 from uavgram.views.survey.verdict import STATUS_WORDS, THREE_SIGMA, VerdictWords, headline
 from uavgram.views.wording import (
     LEVEL_RANK,
@@ -83,6 +89,7 @@ def summary(result: Result, verdict: VerdictWords, scene: Scene) -> str:
         place=place(result),
         quoted=repr,
         found_any=has_found(result),
+        picks_made=picks_text(result),
         ties=ties_text(result),
     )
 
