@@ -41,7 +41,8 @@ def chequer(place: Floats) -> Floats:
 
     The fields end within the plate: their own corners have as much contrast as the middle.
     """
-    return 130 * square(place, 12.0) - 200 * (square(place - 5.0, 5.0) + square(place + 5.0, 5.0))
+    fields = square(place - 5.25, 5.25) + square(place + 5.25, 5.25)
+    return 130 * square(place, 12.0) - 200 * fields
 
 
 def photo(*things: Floats) -> Pixels:

@@ -13,7 +13,7 @@ from uavgram.errors import InputError
 from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.imaging.raster import Image
 
-NAMES = ("a", "b", "c", "d")
+NAMES = ("a", "b", "c", "d", "e")
 SIZE = 100
 
 
@@ -42,7 +42,7 @@ def reader() -> Reader:
 
 @pytest.fixture
 def photos(reader: Reader) -> Iterator[GreyPhotos]:
-    made = GreyPhotos(dict.fromkeys(NAMES, SIZE), reader, most_bytes=3 * SIZE)
+    made = GreyPhotos(dict.fromkeys(NAMES, SIZE), reader, most_bytes=4 * SIZE)
     yield made
     reader.go_on.set()
     made.stop()
@@ -58,11 +58,19 @@ def wait_until_read(reader: Reader, count: int) -> None:
 def test_they_are_decoded_in_order_and_no_more_than_have_room(
     photos: GreyPhotos, reader: Reader
 ) -> None:
-    photos.read_ahead(("c", "b", "a", "d"))
-    wait_until_read(reader, 3)
+    photos.read_ahead(("c", "b", "a", "d", "e"))
+    wait_until_read(reader, 4)
     photos.stop()
-    assert reader.read == ["c", "b", "a"]
-    assert [name for name in NAMES if photos.photos.has(name)] == ["a", "c"]
+    assert reader.read == ["c", "b", "a", "d"]
+    assert [name for name in NAMES if photos.photos.has(name)] == ["a", "c", "d"]
+
+
+def test_large_ones_are_decoded_when_they_are_asked_for_not_before(reader: Reader) -> None:
+    large = GreyPhotos(dict.fromkeys(NAMES, SIZE), reader, most_bytes=2 * SIZE)
+    large.read_ahead(("a", "c"))
+    large.stop()
+    assert not reader.read
+    assert large.photos.get("a").shape == (10, 10)
 
 
 def test_what_is_asked_for_later_comes_first(photos: GreyPhotos, reader: Reader) -> None:

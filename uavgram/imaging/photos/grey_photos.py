@@ -12,8 +12,12 @@ from uavgram.imaging.raster import Image
 
 log = logging.getLogger(__name__)
 
-GREY_BYTES = 200_000_000
-"""Of decoded photos: one of 12 megapixels takes 12 MB, one of 48 takes 48."""
+GREY_BYTES = 140_000_000
+"""Of decoded photos: eleven of 12 megapixels, two of 48."""
+
+LEAST_AHEAD = 4
+"""Photos of which fewer have room are decoded when they are looked at, not before: two of them
+beside those that are shown in colour would take more memory than the page may."""
 
 
 class GreyPhotos:
@@ -53,7 +57,7 @@ class GreyPhotos:
         room, wanted = self._most_bytes, []
         for name in names:
             room -= self._size_bytes[name]
-            if room < 0:
+            if room < 0 or LEAST_AHEAD * self._size_bytes[name] > self._most_bytes:
                 break
             wanted.append(name)
         with self._changed:

@@ -100,6 +100,7 @@ class PickSession:
             lambda name: read_grey(paths[name]),
         )
         self._seeker = Seeker(survey, self._grey, self._sought)
+        self._is_resting = True  # no step goes on
 
     @property
     def output(self) -> str:
@@ -210,6 +211,7 @@ class PickSession:
             self._try(before.state, final=True)
             raise
         self.session = after
+        self._is_resting = message.final
         if message.final:
             self._seeker.submit(Wanted(after.state, self._live.last))
         return {
@@ -307,5 +309,5 @@ class PickSession:
             answer["expected"] = self._expected()
             self._last_message = answer
         self._broadcast(answer)
-        if found["mode"] == "adjusted":
+        if found["mode"] == "adjusted" and self._is_resting:  # a drag has the cores for itself
             self._seeker.submit(Wanted(self.state, self._live.last))

@@ -59,9 +59,9 @@ function askedPart({ selected }, tools) {
     return null;
   }
   const rows = groups(all);
-  return keep("asked", [all, selected], () => node("details", { class: "part asked", open: rows.length <= FEW },
+  return keep("asked", [all, selected], () => node("details", { class: "part asked", "aria-label": "Still to be picked by hand", open: rows.length <= FEW },
     node("summary", {}, `Still to be picked by hand (${all.length})`),
-    node("ul", { class: "scroll", tabindex: 0, "aria-label": "Still to be picked by hand" }, ...rows.slice(0, MOST).map((some) => askedRow(some, tools))), more(rows.length)));
+    node("ul", { class: "scroll", tabindex: 0, "aria-label": "What is still to be picked by hand" }, ...rows.slice(0, MOST).map((some) => askedRow(some, tools))), more(rows.length)));
 }
 
 /** Those of one point and one reason together. @param {Asked[]} all @returns {Asked[][]} */
