@@ -212,9 +212,10 @@ def tell(done: list[dict[str, Any]], worst: int) -> None:
     for each in done:
         error, sigma = (np.array(each["distances"][key]) for key in ("error", "sigma"))
         held = np.isfinite(sigma)
+        z = _rms(error[held] / sigma[held])
         print(
-            f"{each['flight']:20s} distances {held.sum()}: z "
-            f"{_rms(error[held] / sigma[held]):.2f}, mean error {np.abs(error[held]).mean():.4f} m; cpu {each['seconds']:.0f} s"
+            f"{each['flight']:20s} distances {held.sum()}: z {z:.2f}, mean error "
+            f"{np.abs(error[held]).mean():.4f} m; cpu {each['seconds']:.0f} s"
         )
         for message in each["distances"]["messages"]:
             print("   ", message)

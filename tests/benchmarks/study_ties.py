@@ -6,7 +6,8 @@ Streets of tests/support/streets, each of its own seed: nothing was tuned on the
     epipolar median distance of one sighting to the line of another, by the true poses [px];
              share beyond 3 px, per cent
     withheld with two lengths and six labels each picked in two photos: mean error of distances
-             between points that are picked once [m], and z, without ties and with them
+             between points that are picked once [m], and z, without ties and with them; picks
+             and lengths are drawn several times
 
     python tests/benchmarks/study_ties.py --flights 2 --photos 40 --seed 9000 --json ties.json
 """
@@ -33,7 +34,7 @@ import cv2
 import numpy as np
 from streets.flight import Kind
 from streets.street import Street, Wish, draw_street
-from streets.writing import Pick, Seeds, Tables, photo_names, picked, write_street
+from streets.writing import Pick, Tables, photo_names, picked, write_street
 from uavgram.pipeline.picks_ties import write_ties
 
 from uavgram.errors import UavgramError
@@ -60,9 +61,9 @@ def study_street(index: int, seed: int, photos: int, readout_s: float) -> Street
     return draw_street(seed + index, wish)
 
 
-def tables(street: Street) -> Tables:
+def tables(street: Street, draw: int) -> Tables:
     """Six labels in two photos, two lengths between them; the rest picked once, and measured."""
-    rng = np.random.default_rng((8, street.seed))
+    rng = np.random.default_rng((8, street.seed, draw))
     twice = picked(street, "P", 2, NOISE_PX, rng)
     photos: dict[str, list[Pick]] = defaultdict(list)
     for pick in twice:
@@ -99,20 +100,20 @@ def run(index: int, given: argparse.Namespace) -> dict[str, Any]:
     done: dict[str, Any] = {"flight": f"{street.wish.kind} {given.seeds} {street.seed}"}
     with TemporaryDirectory(prefix="ties") as temporary:
         folder = Path(given.folder or temporary) / f"t{index}"
-        seeds: Seeds = given.seeds
-        (folder / "ties.csv").unlink(missing_ok=True)
-        project = write_street(street, folder, tables(street), seeds)
-        done["without"] = _errors(street, project)
+        ties = folder / "ties.csv"
+        project = write_street(street, folder, tables(street, 0), given.seeds)
         start = time.process_time()
-        written = write_ties(project)
+        if not (given.keep_ties and ties.exists()):
+            ties.unlink(missing_ok=True)
+            done["said"] = [str(m.text)[:300] for m in write_ties(project).messages]
         done["seconds"] = (time.process_time() - start) / given.photos
-        done["said"] = [str(m.text)[:300] for m in written.messages]
-        done |= _epipolar(street, folder / "ties.csv")
-        listed = json.loads(project.read_text()) | {"ties": "ties.csv"}
-        project.write_text(json.dumps(listed))
-        start = time.process_time()
-        done["with"] = _errors(street, project)
-        done["adjusted_s"] = time.process_time() - start
+        done |= _epipolar(street, ties)
+        for key, options in (("without", {}), ("with", {"ties": "ties.csv"})):
+            draws = []
+            for draw in range(given.redraw):
+                write_street(street, folder, tables(street, draw), given.seeds, options)
+                draws.append(_errors(street, project))
+            done[key] = draws
     return done
 
 
@@ -190,19 +191,22 @@ def tell(done: dict[str, Any]) -> None:
         f"{done['beyond']:.2f} %, over stated {done['z']:.2f}"
     )
     for key in ("without", "with"):
-        each = done[key]
-        error, sigma = np.array(each["error"]), np.array(each["sigma"])
-        held = np.isfinite(sigma)
-        if not held.any():
-            print(f"  {key:8s} no distance: {each['messages'][:2]}")
+        draws = [each for each in done[key] if np.isfinite(each["sigma"]).any()]
+        if not draws:
+            print(f"  {key:8s} no distance: {done[key][0]['messages'][:2]}")
             continue
+        error, sigma = (np.concatenate([each[k] for each in draws]) for k in ("error", "sigma"))
+        held = np.isfinite(sigma)
+        # Distances of one draw share the error of its lengths: their mean z is one number.
+        means = [np.nanmean(np.divide(each["error"], each["sigma"])) for each in draws]
         z = np.sqrt(np.mean((error[held] / sigma[held]) ** 2))
         print(
-            f"  {key:8s} {held.sum()} of {len(held)} distances: mean error "
-            f"{np.abs(error[held]).mean():.4f} m, z {z:.2f}, factor {each['factor']:.2f}"
+            f"  {key:8s} {held.sum()} of {len(held)} distances of {len(draws)} draws: mean error "
+            f"{np.abs(error[held]).mean():.4f} m, z {z:.2f}, of each draw "
+            f"{' '.join(f'{mean:.1f}' for mean in means)}; factor {draws[0]['factor']:.2f}"
         )
-        for message in each["messages"][:6]:
-            print("     ", message)
+        for message in dict.fromkeys(m for each in draws for m in each["messages"]):
+            print("     ", message[:120])
 
 
 def main() -> None:
@@ -215,6 +219,8 @@ def main() -> None:
     parser.add_argument("--readout-ms", type=float, default=0.0)
     parser.add_argument("--seeds", default="log", choices=["log", "csv", "places", "none"])
     parser.add_argument("--seed", type=int, default=9000)
+    parser.add_argument("--redraw", type=int, default=6, help="picks and lengths so many times")
+    parser.add_argument("--keep-ties", action="store_true", help="those in the folder, if any")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--json", help="where all figures are written")
     parser.add_argument("--folder", help="where the projects are kept")

@@ -101,9 +101,9 @@ def _grain(
             shift = rng.uniform(0.5, 1.5, 2)
             matrix = np.array([[1 / grain, 0, shift[0]], [0, 1 / grain, shift[1]]])
             flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
-            noise = cv2.warpAffine(
-                noise, matrix, shape[::-1], flags=flags, borderMode=cv2.BORDER_REFLECT
-            )
+            border = cv2.BORDER_REFLECT
+            wide = cv2.warpAffine(noise, matrix, shape[::-1], flags=flags, borderMode=border)
+            noise = np.asarray(wide, np.float32)
         cv2.scaleAdd(np.ascontiguousarray(noise[: shape[0], : shape[1]]), weight, total, total)
     return total
 
@@ -131,7 +131,7 @@ def wear(canvas: Canvas, rng: np.random.Generator, half_s_m: float) -> None:
     for _ in range(round(1.5 * metres)):  # stains and litter
         place = np.array([rng.uniform(-half_s_m, half_s_m), rng.uniform(-6.4, 6.4)])
         size, grey = rng.uniform(0.03, 0.16, 2), float(rng.choice([45, 60, 150, 175]))
-        turn = rng.uniform(0, np.pi)
+        leaning = float(rng.uniform(0, np.pi))
 
         def blot(
             s: Floats,
@@ -139,7 +139,7 @@ def wear(canvas: Canvas, rng: np.random.Generator, half_s_m: float) -> None:
             place: Floats = place,
             size: Floats = size,
             grey: float = grey,
-            turn: float = turn,
+            turn: float = leaning,
         ) -> tuple[Floats, Floats]:
             ds, dt = s - place[0], t - place[1]
             a = (np.cos(turn) * ds + np.sin(turn) * dt) / size[0]

@@ -94,7 +94,7 @@ class Renderer:
 
     def _rays(self, view: View) -> tuple[tuple[Single, Single, Single], tuple[Single, ...]]:
         """Directions (H, W) of all pixels, one array a coordinate, and centres (H, 1)."""
-        center, rotation = view.poses(np.arange(self.camera.height_px))
+        center, rotation = view.poses(np.arange(float(self.camera.height_px)))
         r = rotation.astype(np.float32)[:, None]
         x, y = self._plain[..., 0], self._plain[..., 1]
         ray = tuple(r[..., k, 0] * x + r[..., k, 1] * y + r[..., k, 2] for k in range(3))
@@ -147,7 +147,8 @@ class Renderer:
         result = np.empty(size[::-1], np.float32)
         for row in range(0, size[1], 200):
             part = slice(row, row + 200)
-            a, b, w = wide[part], tall[part], want[part]
+            a, b = (np.asarray(each[part], np.float32) for each in (wide, tall))
+            w = want[part]
             near = np.zeros(a.shape, np.float32)
             for k, level in enumerate(levels):
                 weight = np.clip(1 - np.abs(w - k), 0, 1).astype(np.float32)[:, None]
@@ -211,8 +212,8 @@ class Renderer:
         body, part = what
         rows, columns = part
         h, w = rows.stop - rows.start, columns.stop - columns.start
-        at = np.stack(np.mgrid[0 : SOLID * h, 0 : SOLID * w], axis=-1)[..., ::-1].reshape(-1, 2)
-        offset = (at + 0.5) / SOLID - 0.5
+        v, u = np.divmod(np.arange(float(SOLID * h * SOLID * w)), SOLID * w)
+        offset = (np.column_stack([u, v]) + 0.5) / SOLID - 0.5
         plain = _between(self._plain[part], offset)
         row = rows.start + offset[:, 1]
         keys, which = np.unique(row, return_inverse=True)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 
 Color = tuple[float, float, float]
 GLASS: Color = (52.0, 46.0, 40.0)
@@ -37,7 +37,7 @@ class Convex:
     color: Floats
     contrast: float
 
-    def span(self, origin: Floats, ray: Floats) -> tuple[Floats, Floats, Floats]:
+    def span(self, origin: Floats, ray: Floats) -> tuple[Floats, Floats, Ints]:
         """Where rays (n, 3) from origins (n, 3) or (3,) enter and leave, and by which face."""
         speed = ray @ self.normal.T
         gap = self.offset - np.atleast_2d(origin) @ self.normal.T
@@ -137,7 +137,7 @@ def shadow(solid: Convex, ground_m: float, sun: Floats) -> Floats:
     return np.asarray(cv2.convexHull(flat.astype(np.float32))[:, 0], np.float64)
 
 
-def hidden(point: Floats, center: Floats, bodies: tuple[Body, ...]) -> Floats:
+def hidden(point: Floats, center: Floats, bodies: tuple[Body, ...]) -> Bools:
     """(n,) whether something stands between points and centres, both (n, 3)."""
     ray = point - center
     long = np.linalg.norm(ray, axis=1)

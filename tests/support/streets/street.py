@@ -104,7 +104,7 @@ class Street:
         with np.errstate(invalid="ignore"):
             seen = np.asarray(((pixel > 3) & (pixel < size - 4)).all(axis=1))
         center, _ = view.poses(np.nan_to_num(pixel[:, 1]))
-        seen &= ~hidden(point, center, (*self.scene.bodies, *self.movers(photo))).astype(bool)
+        seen &= ~hidden(point, center, (*self.scene.bodies, *self.movers(photo)))
         return pixel, seen
 
     def photos(self) -> Iterator[NDArray[np.uint8]]:
@@ -186,7 +186,7 @@ def _things(
     def on(s: float, t: float) -> Floats:
         return np.array([s, t, relief.up(np.array([s, t]))[0]])
 
-    bodies = []
+    bodies: list[Body] = []
     for _ in range(40):
         s = rng.uniform(-reach, reach)
         parked = rng.random() < 0.7

@@ -271,7 +271,9 @@ def _log(street: Street) -> SimulatedLog:
 
     def geodetic(time: Floats) -> Floats:
         place = flight.center(time) @ world.T + bias + wander(time)
-        longitude, latitude, up = TO_WORLD.transform(*place.T, direction="INVERSE")
+        longitude, latitude, up = TO_WORLD.transform(
+            place[:, 0], place[:, 1], place[:, 2], direction="INVERSE"
+        )
         return np.column_stack([latitude, longitude, np.asarray(up) - UNDULATION_M])
 
     east, north, up = (flight.velocity(position_s) @ world.T).T
@@ -311,7 +313,9 @@ def _pose_rows(street: Street, seeds: Seeds) -> Iterable[str]:
     bias, common, wander, sway, _ = _errors(street)
     time = flight.exposure_s
     place = flight.center(time) @ world.T + bias + wander(time)
-    longitude, latitude, up = TO_WORLD.transform(*place.T, direction="INVERSE")
+    longitude, latitude, up = TO_WORLD.transform(
+        place[:, 0], place[:, 1], place[:, 2], direction="INVERSE"
+    )
     ned = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
     street_ned = Rotation.from_matrix(ned @ world @ np.diag([1.0, -1.0, -1.0]))
     mount = Rotation.from_rotvec(sway(time)) * street_ned * flight.ned_from_mount(time)
