@@ -108,4 +108,4 @@ def test_places_without_rays_are_not_good() -> None:
 def test_places_all_in_line_fail_nothing() -> None:
     line = np.column_stack([np.linspace(-0.5, 0.5, 60), np.zeros(60), np.ones(60)])
 
-    assert verify(line, line + [0.01, 0.0, 0.0], FOCAL_PX, 1.0).good.shape == (60,)
+    assert verify(line, line + np.array([0.01, 0.0, 0.0]), FOCAL_PX, 1.0).good.shape == (60,)
