@@ -124,7 +124,13 @@ def make_survey(condition: Condition, seed: int) -> HostileSurvey:
     if condition.matched:
         own = frame, label, pixel
         (frame, label, pixel), matches = match_picks(scene, lens, readout_s, own, found_rng)
-    measure = _wanted(scene, _placeable(label, off), off, line, line_rng)
+    measure = _wanted(
+        scene,
+        _placeable(label if matches is None else np.concatenate([label, matches.point]), off),
+        off,
+        line,
+        line_rng,
+    )
     read_m = _read_lengths(condition, world_m[line], scale, line_rng)
     clock_s = CLOCK_SIGMA_S * drawn[3] + condition.lag_s
     since = flight.exposure_s - flight.exposure_s.mean()

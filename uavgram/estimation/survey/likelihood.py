@@ -28,6 +28,10 @@ from uavgram.estimation.survey.unknowns import Layout, State, layout_of
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 
+TURNING_RAD_S = 0.03
+"""How well a log says how fast a camera turns, 1.7 degrees a second: attitudes good to 0.1 degree,
+ten times a second, and a mount that shakes in between."""
+
 GAUGE_SIGMA = np.array([1e-4, 1e-4, 1e-6])
 """Of the three conditions that fix a free gauge [m, m, rad]: they are met exactly at the minimum,
 so their size moves no estimate; small enough to add nothing to a covariance."""
@@ -143,6 +147,8 @@ class SurveyProblem:
             known, first = self.survey.rolling.readout, self.layout.first_readout
             off = state.readout - known.value_s
             blocks["readout"] = independent_prior(off, np.array([known.sigma_s]), first)
+        if self.layout.turning:
+            blocks["turning"] = self._turning(state)
         if self.layout.free_gauge:
             blocks["gauge"] = self._gauge(state)
         if self.survey.telemetry is not None:
@@ -290,6 +296,11 @@ class SurveyProblem:
             first = self.layout.first_plane + prior.first
             blocks[name] = independent_prior(own - prior.mean, prior.sigma, first)
         return blocks
+
+    def _turning(self, state: State) -> Block:
+        columns = self.layout.turning_columns(np.arange(self.layout.frames))
+        weight = np.broadcast_to(np.eye(3) / TURNING_RAD_S, (len(columns), 3, 3))
+        return Block(state.turning / TURNING_RAD_S, columns, weight)
 
     def _tape(self, state: State) -> Block:
         sigma = np.full(len(self.tapes), self.survey.tape_scale_sigma)

@@ -31,7 +31,8 @@ class Layout:
         T, each with `point_size` unknowns as well: chains of matches first (as of their labels),
         then tie points (east, north, up).
     frames
-        F, each with six: δcentre in world [m], δθ in camera [rad].
+        F, each with six: δcentre in world [m], δθ in camera [rad]; and where `turning`, three more:
+        by how much faster it turned than the log says [rad/s], in camera axes.
     intrinsics
         Number of unknown combinations of the interior orientation, in sigmas.
     plane
@@ -59,6 +60,12 @@ class Layout:
     free_gauge: bool
     readout: int = 0
     ties: int = 0
+    turning: bool = False
+
+    @property
+    def frame_size(self) -> int:
+        """Unknowns of a frame: its pose, and perhaps its turning."""
+        return 9 if self.turning else 6
 
     @cached_property
     def first_tie(self) -> int:
@@ -73,7 +80,7 @@ class Layout:
     @cached_property
     def first_intrinsic(self) -> int:
         """Column of the first unknown of the interior orientation."""
-        return self.first_frame + 6 * self.frames
+        return self.first_frame + self.frame_size * self.frames
 
     @cached_property
     def first_plane(self) -> int:
@@ -112,7 +119,7 @@ class Layout:
             size=self.size,
             points=self.points + self.ties,
             point_size=self.point_size,
-            block_size=6,
+            block_size=self.frame_size,
             first_shared=self.first_intrinsic,
         )
 
@@ -125,8 +132,13 @@ class Layout:
         return self.first_tie + self.point_columns(index)
 
     def frame_columns(self, index: Ints) -> Ints:
-        """(n, 6) unknowns of n frames."""
-        return self.first_frame + index[:, None] * 6 + np.arange(6)
+        """(n, 6) unknowns of the poses of n frames."""
+        return self.first_frame + index[:, None] * self.frame_size + np.arange(6)
+
+    def turning_columns(self, index: Ints) -> Ints:
+        """(n, 3) unknowns of the turning of n frames; (n, 0) where it is no unknown."""
+        own = np.arange(6, self.frame_size)
+        return self.first_frame + index[:, None] * self.frame_size + own
 
     def shared_columns(self, first: int, count: int, rows: int) -> Ints:
         """(rows, count) the same shared unknowns in every row.
@@ -147,7 +159,7 @@ class Layout:
         if index < self.first_tie:
             return f"the position of point {survey.label[index // self.point_size]!r}"
         if index < self.first_intrinsic:
-            frame = (index - self.first_frame) // 6
+            frame = (index - self.first_frame) // self.frame_size
             return f"the pose of frame {survey.frame_id[frame]!r}"
         if index < self.first_plane:
             return "the interior orientation"
@@ -187,6 +199,8 @@ class State:
         (1,) or (0,) readout time [s].
     tie
         (T, point_size) of chains of matches as `point`; of tie points east, north, up [m].
+    turning
+        (F, 3), or (F, 0) where it is no unknown: angular rates beyond those of the log [rad/s].
     """
 
     point: Floats
@@ -199,6 +213,7 @@ class State:
     tape: Floats = field(default_factory=lambda: np.zeros(0))
     readout: Floats = field(default_factory=lambda: np.zeros(0))
     tie: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    turning: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
@@ -225,7 +240,16 @@ def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
         free_gauge=survey.gauge == "plane",
         readout=int(survey.rolling is not None),
         ties=survey.matches.points + survey.ties.points,
+        turning=is_turning_unknown(survey),
     )
+
+
+def is_turning_unknown(survey: Survey) -> bool:
+    """Whether the log says too little of how the camera turned while its rows were read.
+
+    People's picks, good to a pixel, never show that; a few hundred sightings of a tenth of it do.
+    """
+    return survey.rolling is not None and bool(survey.matches.points + survey.ties.points)
 
 
 def move(layout: Layout, state: State, step: Floats) -> State:
@@ -240,13 +264,13 @@ def move(layout: Layout, state: State, step: Floats) -> State:
     step
         (size,) increment.
     """
-    frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
+    frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, layout.frame_size)
     plane = state.plane.copy()
     plane[len(plane) - layout.plane :] += step[layout.first_plane : layout.first_relief]
     return State(
         point=state.point + step[: layout.first_tie].reshape(state.point.shape),
         center=state.center + frame_step[:, :3],
-        rotation=state.rotation @ exp_so3(frame_step[:, 3:]),
+        rotation=state.rotation @ exp_so3(frame_step[:, 3:6]),
         intrinsic=state.intrinsic + step[layout.first_intrinsic : layout.first_plane],
         plane=plane,
         relief=state.relief + step[layout.first_relief : layout.first_telemetry],
@@ -254,6 +278,7 @@ def move(layout: Layout, state: State, step: Floats) -> State:
         tape=state.tape + step[layout.first_tape : layout.first_readout],
         readout=state.readout + step[layout.first_readout :],
         tie=state.tie + step[layout.first_tie : layout.first_frame].reshape(state.tie.shape),
+        turning=state.turning + frame_step[:, 6:],
     )
 
 
@@ -271,7 +296,7 @@ def between(layout: Layout, start: State, end: State) -> Floats:
     parts = (
         end.point - start.point,
         end.tie - start.tie,
-        np.concatenate([end.center - start.center, turn], axis=1),
+        np.concatenate([end.center - start.center, turn, end.turning - start.turning], axis=1),
         end.intrinsic - start.intrinsic,
         (end.plane - start.plane)[len(start.plane) - layout.plane :],
         end.relief - start.relief,
@@ -297,7 +322,7 @@ def advance(layout: Layout, state: State, step: Floats) -> State:
         As for `move`.
     """
     point_step = step[: layout.first_tie].reshape(state.point.shape)[:, :2]
-    frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
+    frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, layout.frame_size)
     middle = state.point[:, :2].mean(axis=0)
     arm = state.point[:, :2] - middle
     size = float(np.vdot(arm, arm))
@@ -308,12 +333,12 @@ def advance(layout: Layout, state: State, step: Floats) -> State:
     rest = np.array(step)
     rest_point = rest[: layout.first_tie].reshape(state.point.shape)
     rest_tie = rest[layout.first_tie : layout.first_frame].reshape(state.tie.shape)
-    rest_frame = rest[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
+    rest_frame = rest[layout.first_frame : layout.first_intrinsic].reshape(-1, layout.frame_size)
     rest_point[:, :2] -= angle * across
     rest_tie[:, :2] -= angle * (state.tie[:, :2] - middle)[:, ::-1] * (-1.0, 1.0)
     rest_frame[:, 0] += angle * (state.center[:, 1] - middle[1])
     rest_frame[:, 1] -= angle * (state.center[:, 0] - middle[0])
-    rest_frame[:, 3:] = frame_step[:, 3:] - angle * state.rotation[:, 2]
+    rest_frame[:, 3:6] = frame_step[:, 3:6] - angle * state.rotation[:, 2]
     turned = _turned(state, middle, np.array([np.cos(angle), np.sin(angle)]))
     moved = move(layout, turned, rest)
     return _at_gauge(moved) if layout.free_gauge else moved

@@ -26,6 +26,7 @@ SOURCES: dict[str, str] = {
     "clock": "flight log",
     "clock_drift": "flight log",
     "readout": "rolling shutter",
+    "turning": "rolling shutter",
     "plane": "ground",
     "roughness": "ground",
     "relief": "ground",

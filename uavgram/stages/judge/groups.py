@@ -20,7 +20,7 @@ GROUP_WORDS = {
 """What each group is called, and where to look."""
 
 
-NOT_JUDGED = ("gauge", "idle", "idle chains", "linked", "tie heights")
+NOT_JUDGED = ("gauge", "idle", "idle chains", "linked", "tie heights", "turning")
 """Groups that say nothing of how anything fits."""
 
 WIDE = 0.4

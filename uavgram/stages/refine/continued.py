@@ -41,10 +41,13 @@ def carried(adjustment: Adjustment, problem: SurveyProblem) -> State:
         old = before.survey.grounds[area].relief
         if ground.relief is not None and old is not None and old.kind == ground.relief.kind:
             relief[problem.ground.relief_rows(area)] = state.relief[before.ground.relief_rows(area)]
+    turning = np.zeros((problem.layout.frames, problem.layout.frame_size - 6))
+    if turning.shape == state.turning.shape:
+        turning = state.turning
     readout = state.readout
     if len(readout) != problem.layout.readout:
         readout = np.zeros(0) if survey.rolling is None else survey.rolling.first_value
-    return replace(state, point=point, tie=tie, relief=relief, readout=readout)
+    return replace(state, point=point, tie=tie, relief=relief, readout=readout, turning=turning)
 
 
 def lines_used(adjustment: Adjustment) -> Bools:

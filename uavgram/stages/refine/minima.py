@@ -276,6 +276,7 @@ def _minimise(
         tape=np.zeros(layout.tape),
         readout=np.zeros(0) if survey.rolling is None else survey.rolling.first_value,
         tie=tied[:, : layout.point_size],
+        turning=np.zeros((layout.frames, layout.frame_size - 6)),
     )
     try:
         minimum = iterate(problem, settled(survey, state, pivot, line_used), most, slack)

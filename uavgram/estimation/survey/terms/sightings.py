@@ -11,6 +11,7 @@ from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.geometry.motion.row_poses import row_share
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey.survey import Survey
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -68,6 +69,7 @@ def seen(
         layout.shared_columns(layout.first_intrinsic, layout.intrinsics, len(frame)),
         points[1],
         layout.shared_columns(layout.first_readout, layout.readout, len(frame)),
+        layout.turning_columns(frame),
     ]
     return Seen(frame, pixel_px, sigma_px, np.concatenate(parts, axis=1))
 
@@ -94,7 +96,7 @@ def rows_of_sightings(
     unturned = None
     if survey.rolling is not None:
         # The row's own pose: centre + a v, R exp(a w), with a the time since the middle row.
-        motion = survey.rolling.motion[frame]
+        motion = motion_of(survey, state)[frame]
         share = row_share(rows.pixel_px[:, 1], survey.calibration.height_px)[:, None]
         moved = share * state.readout * motion
         from_center = from_center - moved[:, :3]
@@ -122,9 +124,21 @@ def rows_of_sightings(
         by_time = np.cross(camera, motion[:, 3:])
         by_time -= np.einsum("nij,nj->ni", camera_from_world, motion[:, :3])
         parts.append(d_camera @ (share * by_time)[..., None])
+        if problem.layout.turning:
+            # d/dw of exp(-a w) x = hat(exp(-a w) x) a to first order in a w, some hundredths
+            parts.append(d_camera @ (hat(camera) * (share * state.readout)[..., None]))
     jacobian = np.concatenate(parts, axis=2)
     residual = (pixel - rows.pixel_px) * weight[:, None]
     return Block(residual, rows.columns, jacobian * weight[:, None, None])
+
+
+def motion_of(survey: Survey, state: State) -> Floats:
+    """(F, 6) of each frame while its rows are read: the log's, and what it does not say."""
+    assert survey.rolling is not None  # noqa: S101  (the caller asked)
+    motion = np.array(survey.rolling.motion)
+    if state.turning.size:
+        motion[:, 3:] += state.turning
+    return motion
 
 
 class TiedPoints:
