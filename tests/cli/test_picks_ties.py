@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from small_projects import Command
 from tied_photos import CAMERA, flight, write_photos
 
 from uavgram.io.tables.ties import read_ties
+from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.pipeline.measure.tie_points import are_missing, with_ties_found
 
 OWN = "p0.png,m1,100,120,0.5,mine\np1.png,m1,200,120,0.5,mine\n"
 HEADER = "image,tie,u_px,v_px,sigma_px,source\n"
@@ -111,3 +115,19 @@ def test_a_tie_outside_its_photo_is_refused(project: Path, command: Command) -> 
 
     assert done.status == 1
     assert "tie point 'm1' at (900, 120) lies outside 'p1.png' (640 x 480 px" in done.stderr
+
+
+def test_ties_that_are_asked_for_and_missing_are_found_kept_and_read_again(project: Path) -> None:
+    table = project.with_name("ties.csv")
+    project.write_text(project.read_text(encoding="utf-8") + "ties: auto\n", encoding="utf-8")
+    inputs = read_inputs(project, unfinished=True)
+    assert are_missing(inputs)
+
+    found = with_ties_found(inputs, pose_frames(inputs), write=True)
+
+    again = read_inputs(project, unfinished=True)
+    assert not are_missing(again)
+    np.testing.assert_array_equal(again.ties.pixel_px, found.ties.pixel_px)
+    assert table in again.files
+    assert found.digests[-1] in again.digests
+    assert "ties-found" in {message.code for message in found.messages}

@@ -38,7 +38,7 @@ def ground() -> Image:
     """A picture of the ground, 20 pixels a metre, its middle at the origin."""
     rng = np.random.default_rng(5)
     noise = octaves(rng, (GROUND_PX, GROUND_PX), {2: 0.5, 5: 0.7, 14: 0.7, 60: 0.6})
-    return np.clip(120.0 + 35.0 * noise, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(120.0 + 35.0 * noise, 0, 255), np.uint8)
 
 
 def flight(*, sigma_m: float = 0.5, sigma_rad: float = 0.01) -> Poses:
@@ -67,7 +67,7 @@ def photo(poses: Poses, k: int) -> Image:
     )
     seen = cv2.warpPerspective(ground(), pixel_from_ground @ scale, (WIDTH_PX, HEIGHT_PX))
     noise = np.random.default_rng(k).normal(0.0, 2.0, seen.shape)
-    return np.clip(seen * (1.0 - 0.05 * k) + noise, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(seen * (1.0 - 0.05 * k) + noise, 0, 255), np.uint8)
 
 
 def write_photos(folder: Path, poses: Poses) -> tuple[str, ...]:

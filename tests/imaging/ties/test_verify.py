@@ -71,6 +71,17 @@ def test_a_car_that_drives_along_the_base_goes_though_its_rays_meet_it() -> None
     assert np.delete(tested.good, car).mean() > 0.97
 
 
+def test_what_is_a_few_pixels_off_its_line_goes() -> None:
+    _, one, other = scene(600)
+    off = np.arange(0, 600, 12)
+    other[off, 1] += 3.8 / FOCAL_PX  # less than relief may do along it
+
+    tested = verify(one, other, FOCAL_PX, 1.0)
+
+    assert tested.good[off].mean() < 0.1
+    assert np.delete(tested.good, off).mean() > 0.97
+
+
 def test_a_shutter_that_bends_the_lines_is_no_reason_and_no_noise() -> None:
     _, one, other = scene(600)
     other[:, 1] += 2.0 / FOCAL_PX * np.sin(2.5 * other[:, 0])
@@ -108,4 +119,4 @@ def test_places_without_rays_are_not_good() -> None:
 def test_places_all_in_line_fail_nothing() -> None:
     line = np.column_stack([np.linspace(-0.5, 0.5, 60), np.zeros(60), np.ones(60)])
 
-    assert verify(line, line + [0.01, 0.0, 0.0], FOCAL_PX, 1.0).good.shape == (60,)
+    assert verify(line, line + np.array([0.01, 0.0, 0.0]), FOCAL_PX, 1.0).good.shape == (60,)

@@ -27,7 +27,7 @@ ALONG = 4.0, 4.0
 """Greatest difference of shift from theirs: pixels of the reduced photo, and robust sigmas."""
 
 WAVIEST = 15.0
-"""Greatest robust sigma that a scene's relief explains: above it, chance brought matches together."""
+"""Greatest robust sigma that relief explains: above it, chance brought matches together."""
 
 FEWEST = 12
 """Matches of two photos that are worth believing."""

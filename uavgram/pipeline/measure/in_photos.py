@@ -18,6 +18,13 @@ from uavgram.model.survey.ties import TiePicks
 def check_picks(project: Project, picks: Picks, photos: Photos) -> None:
     """Refuse the first pick in a photo that is not there, or outside its photo.
 
+    Parameters
+    ----------
+    project
+        It names the table.
+    picks, photos
+        Of the project.
+
     Raises
     ------
     InputError
@@ -30,6 +37,13 @@ def check_picks(project: Project, picks: Picks, photos: Photos) -> None:
 
 def check_ties(path: str, ties: TiePicks, photos: Photos) -> None:
     """Refuse the first sighting of a tie point in a photo that is not there, or outside its photo.
+
+    Parameters
+    ----------
+    path
+        The table.
+    ties, photos
+        Of the project.
 
     Raises
     ------

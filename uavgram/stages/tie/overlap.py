@@ -99,7 +99,7 @@ def overlap(seen: Seen) -> Floats:
     count = len(seen.poses.frame_id)
     grid = _grid(seen.calibration)
     ground = np.stack([seen.ground_of(k, grid) for k in range(count)])
-    shown = np.isfinite(ground).all(axis=2)
+    shown = np.asarray(np.isfinite(ground).all(axis=2))
     share = np.zeros((count, count))
     photos = np.flatnonzero(shown.any(axis=1))
     middle = np.full((count, 3), np.inf)
