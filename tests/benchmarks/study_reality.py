@@ -25,7 +25,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -36,7 +36,7 @@ import yaml
 sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from hostile_conditions import CONDITIONS
-from hostile_project import write_project
+from hostile_project import tie_picks, write_project
 from hostile_surveys import make_survey
 
 from uavgram.errors import UavgramError
@@ -92,7 +92,10 @@ def run_survey(job: tuple[str, int], options: Mapping[str, object]) -> Outcome:
         project = write_project(survey, Path(folder), options)
         start = time.process_time()
         try:
-            result = compute(read_inputs(project), curved=False).result
+            inputs = read_inputs(project)
+            if survey.ties is not None:
+                inputs = replace(inputs, ties=tie_picks(survey))
+            result = compute(inputs, curved=False).result
         except (UavgramError, np.linalg.LinAlgError) as fault:  # the latter is the program's own
             return Outcome(condition=condition, seed=seed, failure=str(fault))
         cpu_s = time.process_time() - start

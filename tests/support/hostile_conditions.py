@@ -61,6 +61,9 @@ class Condition:
         tilts are drawn for each survey, see `hostile_things.draw_geometry`.
     cars, walls, kerbs
         That stand on the ground.
+    ties, matched, wrong_found
+        Number of tie points that the program looks for; whether each label is picked once, and
+        found in the other photos by the program; share of what it finds that is wrong.
     draws_scale, draws_readout, draws_slope
         Whether tape scale (0.1 %), readout (30 ms) and slopes (the default of
         `ground.slope_sigma_deg`, else 0.5 degrees) are drawn from the program's priors.
@@ -87,6 +90,9 @@ class Condition:
     length_factor: float = 1.0
     heavy_tails: float = 0.0
     pick_factor: float = 1.0
+    ties: int = 0
+    matched: bool = False
+    wrong_found: float = 0.0
     lag_s: float = 0.0
     drift_ppm: float = 0.0
     yaw_deg: float = 0.0
@@ -236,8 +242,17 @@ _STREETS = {
         REAL_MIX, picked_share=0.7, labels=14, any_geometry=True, cars=2, walls=1, kerbs=1
     ),
 }
+_FOUND = {
+    "tied": Condition(ties=400, draws_slope=True),
+    "tied_wrong": Condition(ties=400, wrong_found=0.01, relief_m=0.03),
+    "tied_real_mix": replace(REAL_MIX, ties=400, wrong_found=0.005),
+    "matched": Condition(matched=True, picked_share=1.0),
+    "matched_wrong": Condition(matched=True, picked_share=1.0, wrong_found=0.01, relief_m=0.03),
+    "matched_street": replace(_STREET, matched=True, picked_share=1.0),
+    "matched_tied": Condition(matched=True, picked_share=1.0, ties=400, wrong_found=0.005),
+}
 
 CONDITIONS = MappingProxyType(
-    _SHARED | _SHARP | _GROUND | _CAMERA | _LENGTHS | _LOG | _SINGLE | _STREETS
+    _SHARED | _SHARP | _GROUND | _CAMERA | _LENGTHS | _LOG | _SINGLE | _STREETS | _FOUND
 )
 """By their names on the command line."""

@@ -11,11 +11,14 @@ from typing import Literal
 import cv2
 import numpy as np
 from hostile_surveys import CLOCK_SIGMA_S, LENGTH_SIGMA_M, PICK_SIGMA_PX, HostileSurvey
+from hostile_ties import MATCH_SIGMA_PX, TIE_SIGMA_PX
 
 from uavgram.io.logs.tlog.writer import write_tlog
+from uavgram.model.survey.ties import TiePicks
 
 Heights = Literal["free", "unstated", "stated"]
 HEIGHT_SIGMA_M = 0.05
+FOUND_COLUMNS = ",sigma_px,source,from_image,from_u_px,from_v_px"
 
 
 def write_project(
@@ -109,12 +112,38 @@ def _height_columns(survey: HostileSurvey, heights: Heights) -> list[str]:
 
 
 def _pick_rows(survey: HostileSurvey, height: Sequence[str]) -> Iterator[str]:
-    yield "image,label,u_px,v_px" + (",height_m,height_sigma_m" if height else "")
+    columns = ",height_m,height_sigma_m" if height else ""
+    found = survey.matches
+    yield f"image,label,u_px,v_px{columns}" + (FOUND_COLUMNS if found is not None else "")
+    at = {}
     for photo, label, (u, v) in zip(
         survey.pick_photo, survey.pick_label, survey.pick_px, strict=True
     ):
         end = height[label] if height else ""
-        yield f"{survey.photo[photo]}.jpg,P{label},{u:.3f},{v:.3f}{end}"
+        at[photo, label] = f"{u:.3f},{v:.3f}"
+        yield f"{survey.photo[photo]}.jpg,P{label},{u:.3f},{v:.3f}{end}" + ",,,,," * (
+            found is not None
+        )
+    if found is None:
+        return
+    for photo, label, (u, v), source in zip(
+        found.photo, found.point, found.pixel_px, found.from_photo, strict=True
+    ):
+        end = height[label] if height else ""
+        made = f"{MATCH_SIGMA_PX},match,{survey.photo[source]}.jpg,{at[source, label]}"
+        yield f"{survey.photo[photo]}.jpg,P{label},{u:.3f},{v:.3f}{end},{made}"
+
+
+def tie_picks(survey: HostileSurvey) -> TiePicks:
+    """The tie points, as a table has them."""
+    found = survey.ties
+    assert found is not None
+    return TiePicks(
+        image=tuple(f"{survey.photo[k]}.jpg" for k in found.photo),
+        tie=tuple(f"t{k}" for k in found.point),
+        pixel_px=found.pixel_px,
+        sigma_px=np.full(len(found.photo), TIE_SIGMA_PX),
+    )
 
 
 def _line_rows(survey: HostileSurvey) -> Iterator[str]:

@@ -17,6 +17,7 @@ import numpy as np
 from hostile_conditions import Condition
 from hostile_log import START_UTC_S, record
 from hostile_things import draw_geometry, draw_things
+from hostile_ties import Found, draw_ties, match_picks
 from hostile_world import (
     ORDINARY,
     SHARP,
@@ -66,6 +67,8 @@ class HostileSurvey:
         to lie off it.
     center_m
         (f, 3) where the photos were taken.
+    ties, matches
+        What the program finds by itself, if anything.
     """
 
     camera: StatedCamera
@@ -83,6 +86,8 @@ class HostileSurvey:
     height_m: Floats
     off_ground: Bools
     center_m: Floats
+    ties: Found | None
+    matches: Found | None
 
 
 def make_survey(condition: Condition, seed: int) -> HostileSurvey:
@@ -103,8 +108,8 @@ def make_survey(condition: Condition, seed: int) -> HostileSurvey:
         raised[one] = above_m
     world_m[:, 2] += raised
     camera = SHARP if condition.sharp else ORDINARY
-    scene = _Scene(condition, camera, ground, flight, world_m)
-    frame, label, pixel = _picks(scene, readout_s, pick_rng)
+    scene = Scene(condition, camera, ground, flight, world_m)
+    (frame, label, pixel), lens = _picks(scene, readout_s, pick_rng)
     if condition.single:
         kept = frame == int(abs(drawn[2]) * 1000) % len(flight.exposure_s)
         frame, label, pixel = frame[kept], label[kept], pixel[kept]
@@ -112,12 +117,27 @@ def make_survey(condition: Condition, seed: int) -> HostileSurvey:
     kept = pick_rng.random(len(label)) < condition.picked_share
     kept |= np.isin(label, line)  # who tapes a length picks its ends wherever he sees them
     frame, label, pixel = frame[kept], label[kept], pixel[kept]
-    measure = _wanted(scene, _placeable(label, off), off, line, line_rng)
+    found_rng = np.random.default_rng([seed, 7])
+    ties, matches = None, None
+    if condition.ties:
+        ties = draw_ties(scene, lens, readout_s, found_rng)
+    if condition.matched:
+        own = frame, label, pixel
+        (frame, label, pixel), matches = match_picks(scene, lens, readout_s, own, found_rng)
+    measure = _wanted(
+        scene,
+        _placeable(label if matches is None else np.concatenate([label, matches.point]), off),
+        off,
+        line,
+        line_rng,
+    )
     read_m = _read_lengths(condition, world_m[line], scale, line_rng)
     clock_s = CLOCK_SIGMA_S * drawn[3] + condition.lag_s
     since = flight.exposure_s - flight.exposure_s.mean()
     stated_s = flight.exposure_s + clock_s + 1e-6 * condition.drift_ppm * since
     used = np.unique(frame)
+    if ties is not None or matches is not None:
+        used = np.arange(len(flight.exposure_s))
     return HostileSurvey(
         camera=camera,
         photo=tuple(_photo_name(stated_s[k]) for k in used),
@@ -134,6 +154,8 @@ def make_survey(condition: Condition, seed: int) -> HostileSurvey:
         height_m=np.where(off, world_m[:, 2] - ground.up(world_m[:, :2]), raised),
         off_ground=off,
         center_m=flight.camera(flight.exposure_s)[0][used],
+        ties=ties,
+        matches=matches,
     )
 
 
@@ -155,7 +177,7 @@ def _labels(condition: Condition, ground: TrueGround, rng: np.random.Generator) 
     return np.column_stack([place, ground.up(place) + own])
 
 
-class _Scene(NamedTuple):
+class Scene(NamedTuple):
     condition: Condition
     camera: StatedCamera
     ground: TrueGround
@@ -163,8 +185,13 @@ class _Scene(NamedTuple):
     world_m: Floats
 
 
-def _picks(scene: _Scene, readout_s: float, rng: np.random.Generator) -> tuple[Ints, Ints, Floats]:
-    """Frames, labels and pixels (p, 2) of all that lies inside the photos, as someone picks it."""
+def _picks(
+    scene: Scene, readout_s: float, rng: np.random.Generator
+) -> tuple[tuple[Ints, Ints, Floats], Floats]:
+    """Frames, labels and pixels (p, 2) of all that lies inside the photos, as someone picks it.
+
+    And the lenses (f, 9) of the photos.
+    """
     condition, camera, ground, flight, world_m = scene
     count = len(flight.exposure_s)
     frame, label = (part.ravel() for part in np.mgrid[:count, : len(world_m)])
@@ -172,13 +199,13 @@ def _picks(scene: _Scene, readout_s: float, rng: np.random.Generator) -> tuple[I
     place = world_m[label, :2] + moved
     rise = ground.up(place) - ground.up(world_m[label, :2])
     identified = np.column_stack([place, world_m[label, 2] + rise])
-    lens = draw_lenses(condition, camera, count, rng)[frame]
-    pixel, depth = photograph(flight, lens, frame, identified, (camera.height_px, readout_s))
+    lens = draw_lenses(condition, camera, count, rng)
+    pixel, depth = photograph(flight, lens[frame], frame, identified, (camera.height_px, readout_s))
     tail = np.where(rng.random((len(frame), 1)) < condition.heavy_tails, 5.0, 1.0)
     pixel += PICK_SIGMA_PX * condition.pick_factor * tail * rng.standard_normal(pixel.shape)
     inside = (depth > 0) & (pixel > MARGIN_PX).all(axis=1)
     inside &= (pixel < np.array([camera.width_px, camera.height_px]) - MARGIN_PX).all(axis=1)
-    return frame[inside], label[inside], pixel[inside]
+    return (frame[inside], label[inside], pixel[inside]), lens
 
 
 def _pairs(condition: Condition, world_m: Floats, seen: Ints, rng: np.random.Generator) -> Ints:
@@ -195,7 +222,7 @@ def _placeable(label: Ints, off: Bools) -> Ints:
 
 
 def _wanted(
-    scene: _Scene, seen: Ints, off: Bools, taped: Ints, rng: np.random.Generator
+    scene: Scene, seen: Ints, off: Bools, taped: Ints, rng: np.random.Generator
 ) -> dict[str, tuple[str, tuple[int, ...]]]:
     """What to measure: distances that were not taped, an area and an angle on the ground.
 

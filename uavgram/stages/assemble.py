@@ -22,6 +22,8 @@ from uavgram.model.options import GroundOptions, TapeOptions
 from uavgram.model.survey.known import NO_KNOWN, KnownThing, KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
+from uavgram.model.survey.ties import NO_TIES, TiePicks
+from uavgram.stages.tied import matches_of, ties_of
 
 NO_CONTROL = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
 
@@ -35,7 +37,7 @@ class Assembled(FrozenArrays):
     survey
         Ready to refine.
     pick_index
-        (P,) into the survey's picks; -1 for picks in frames without a pose.
+        (P,) into the survey's picks; -1 for matches, and for picks in frames without a pose.
     line_index
         (L,) into the survey's lines; -1 for withheld lines and those with an end never picked.
     pick_sigma_px
@@ -65,6 +67,8 @@ class Observations:
         What else is known of points; what is withheld stays out.
     control
         Points with known coordinates in the world [m].
+    ties
+        Sightings of tie points.
     telemetry
         Where each frame was, by the log or the photos; None without either.
     ground
@@ -84,6 +88,7 @@ class Observations:
     lines: KnownLines
     known: KnownThings = NO_KNOWN
     control: KnownWorldPoints = NO_CONTROL
+    ties: TiePicks = NO_TIES
     telemetry: Telemetry | None = None
     ground: GroundOptions
     picks_sigma_px: float
@@ -96,7 +101,7 @@ class Observations:
 def assemble(observed: Observations) -> Assembled:
     """Make one survey of what was observed.
 
-    Frames take part where they have a pick and, with a log, an instant in it. The gauge is
+    Frames take part where they have a pick or a tie and, with a log, an instant in it. The gauge is
     ``world`` where telemetry or two picked control points fix position and heading.
 
     Raises
@@ -107,8 +112,12 @@ def assemble(observed: Observations) -> Assembled:
     picks, lines, control = observed.picks, observed.lines, observed.control
     telemetry = observed.telemetry
     chosen = _usable_picks(observed)
-    picked = {picks.image[i] for i in chosen}
-    order = (*observed.photos, *picks.image) if telemetry is None else telemetry.poses.frame_id
+    picked = {picks.image[i] for i in chosen} | _tied(observed)
+    order = (
+        (*observed.photos, *picks.image, *observed.ties.image)
+        if telemetry is None
+        else telemetry.poses.frame_id
+    )
     frame_at = _rows(name for name in order if name in picked)
     label_at = _rows(picks.label[i] for i in chosen)
     seen = [
@@ -124,6 +133,7 @@ def assemble(observed: Observations) -> Assembled:
     # The default area comes first where any label lies in it: with a free gauge it is z = 0.
     area_at = _rows(sorted(areas, key=lambda name: name != DEFAULT_AREA))
     sigma = np.where(np.isnan(picks.sigma_px), observed.picks_sigma_px, picks.sigma_px)
+    matches, stale = matches_of(picks, sigma, _index(chosen, len(picks.image)), frame_at)
     survey = Survey(
         frame_id=tuple(frame_at),
         seeds=None if telemetry is None else _ordered(telemetry.poses, frame_at),
@@ -138,6 +148,9 @@ def assemble(observed: Observations) -> Assembled:
         pick_label=np.array([label_at[picks.label[i]] for i in chosen]),
         pixel_px=picks.pixel_px[chosen],
         pick_sigma_px=sigma[chosen],
+        target_pick=np.flatnonzero(picks.of_source("target")[chosen]),
+        matches=matches,
+        ties=ties_of(observed.ties, frame_at),
         line_start=np.array([label_at[lines.start[i]] for i in seen], dtype=np.int64),
         line_end=np.array([label_at[lines.end[i]] for i in seen], dtype=np.int64),
         length_m=lines.length_m[seen],
@@ -166,6 +179,7 @@ def assemble(observed: Observations) -> Assembled:
         pick_sigma_px=sigma,
         messages=(
             *_gauge(survey),
+            *stale,
             *_level_lines(survey),
             *_unseen_control(control, survey),
             *_unpicked_areas(observed.ground, survey),
@@ -175,17 +189,30 @@ def assemble(observed: Observations) -> Assembled:
 
 
 def _usable_picks(observed: Observations) -> Ints:
-    """Indices of the picks in photos that take part."""
-    picks, telemetry = observed.picks, observed.telemetry
-    posed = set(picks.image) if telemetry is None else set(telemetry.poses.frame_id)
-    posed -= set(observed.copies)
+    """Indices of the picks, but for matches, in photos that take part."""
+    picks, posed = observed.picks, _posed(observed)
     used = np.flatnonzero([image in posed for image in picks.image])
+    used = used[~picks.of_source("match")[used]]
     if not used.size:
         raise GeometryError(
             "no usable frame remains: not one pick lies in a photo that the flight log covers; "
             "the reasons stand with the frames (uavgram check)"
         )
     return used
+
+
+def _posed(observed: Observations) -> set[str]:
+    """Photos that may take part."""
+    telemetry = observed.telemetry
+    seen = {*observed.picks.image, *observed.ties.image}
+    posed = seen if telemetry is None else set(telemetry.poses.frame_id)
+    return posed - set(observed.copies)
+
+
+def _tied(observed: Observations) -> set[str]:
+    """Photos that take part by what was found in them."""
+    found = {observed.picks.image[i] for i in np.flatnonzero(observed.picks.of_source("match"))}
+    return (found | set(observed.ties.image)) & _posed(observed)
 
 
 def _rows(names: Iterable[str]) -> dict[str, int]:

@@ -74,6 +74,8 @@ FRAME_STATUS_WORDS = {
 # Groups of observations; those of further areas of the ground are called ``plane of NAME``.
 GROUP_WORDS = {
     "pixels": "picked pixels",
+    "matches": "what was picked, found in other photos",
+    "ties": "tie points",
     "lengths": "known lengths",
     "known": "known things",
     "calibration": "lens calibration",

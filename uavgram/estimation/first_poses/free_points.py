@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
@@ -32,15 +33,16 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
     free = np.flatnonzero(survey.is_free)
     if not len(free):
         return values
-    frame, label = survey.pick_frame, survey.pick_label
+    frame, label, ray, sigma_px = _with_chains(survey, ray)
     rows = np.flatnonzero(survey.is_free[label] & np.isfinite(values.center[frame, 0]))
     center, owner = values.center[frame[rows]], label[rows]
     direction = np.einsum("nij,nj->ni", values.rotation[frame[rows]], ray[rows])
     direction /= np.linalg.norm(direction, axis=1)[:, None]
-    met, spread = _meeting(center, direction, survey.pick_sigma_px[rows], owner, survey)
+    sigma = sigma_px[rows] / survey.calibration.parameters[0]
+    met, spread = rays_meet(center, direction, sigma, owner, len(survey.label))
     plane = np.array([values.height_m, 0.0, 0.0])
     ground = intersect_ground(center, direction, plane, np.zeros(2), np.zeros(len(rows)))
-    point = _means(ground, owner, len(survey.label))
+    point = means_of(ground, owner, len(survey.label))
     point[survey.control_label] = survey.control_world_m
     anchored = np.zeros(len(survey.label), dtype=np.bool_)
     for known in (survey.control_label, survey.line_start, survey.line_end):
@@ -48,7 +50,7 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
     for thing in survey.known:
         anchored[list(thing.label)] = True
     point[~anchored & (spread > WIDE)] = np.nan
-    good = _in_front(met, center, direction, owner) & (spread <= WIDE)
+    good = in_front(met, center, direction, owner) & (spread <= WIDE)
     point[good] = met[good]
     point_m, departure_m = values.point_m.copy(), values.departure_m.copy()
     point_m[free] = point[free, :2]
@@ -56,8 +58,20 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
     return values._replace(point_m=point_m, departure_m=departure_m)
 
 
-def _meeting(
-    center: Floats, direction: Floats, sigma_px: Floats, owner: Ints, survey: Survey
+def _with_chains(survey: Survey, ray: Floats) -> tuple[Ints, Ints, Floats, Floats]:
+    """Frames, labels, rays and sigmas [px] of the picks and of the matches found from them."""
+    matches, camera = survey.matches, survey.calibration
+    found = back_project(camera.model, camera.parameters, matches.pixel_px)
+    return (
+        np.concatenate([survey.pick_frame, matches.frame]),
+        np.concatenate([survey.pick_label, survey.pick_label[matches.pick][matches.point]]),
+        np.concatenate([ray, found]),
+        np.concatenate([survey.pick_sigma_px, matches.sigma_px]),
+    )
+
+
+def rays_meet(
+    center: Floats, direction: Floats, sigma_rad: Floats, owner: Ints, count: int
 ) -> tuple[Floats, Floats]:
     """Where rays meet (K, 3), and the largest sigma of that, as a share of its distance (K,).
 
@@ -68,14 +82,13 @@ def _meeting(
     ----------
     center, direction
         (n, 3) where rays begin, and unit vectors along them.
-    sigma_px
-        (n,) of their picks.
+    sigma_rad
+        (n,) standard deviations across them.
     owner
-        (n,) label of each.
-    survey
-        Its camera and labels.
+        (n,) point of each, 0 to count - 1.
+    count
+        Number K of points.
     """
-    count = len(survey.label)
     across = np.eye(3) - direction[:, :, None] * direction[:, None, :]
     weight = np.ones(len(owner))
     met, spread = np.full((count, 3), np.nan), np.full(count, np.inf)
@@ -87,8 +100,7 @@ def _meeting(
         solvable = values[:, 0] > 1e-12 * values[:, 2]
         met[solvable] = np.linalg.solve(normal[solvable], right[solvable, :, None])[..., 0]
         distance = np.linalg.norm(met[owner] - center, axis=1)
-        sigma = sigma_px / survey.calibration.parameters[0]
-        weight = np.nan_to_num(1.0 / np.maximum(sigma * distance, 1e-9) ** 2, nan=1.0)
+        weight = np.nan_to_num(1.0 / np.maximum(sigma_rad * distance, 1e-9) ** 2, nan=1.0)
         mean = np.bincount(owner, distance, count) / np.maximum(np.bincount(owner, None, count), 1)
         with np.errstate(divide="ignore", invalid="ignore"):
             largest = 1.0 / np.sqrt(values[:, 0]) / mean
@@ -96,15 +108,35 @@ def _meeting(
     return met, spread
 
 
-def _in_front(met: Floats, center: Floats, direction: Floats, owner: Ints) -> Bools:
-    """(K,) which points lie ahead on all of their rays."""
+def in_front(met: Floats, center: Floats, direction: Floats, owner: Ints) -> Bools:
+    """(K,) which points lie ahead on all of their rays.
+
+    Parameters
+    ----------
+    met
+        (K, 3) points; NaN of those without.
+    center, direction
+        (n, 3) where rays begin, and unit vectors along them.
+    owner
+        (n,) point of each ray.
+    """
     ahead = np.einsum("ni,ni->n", met[owner] - center, direction) > 0
     behind = np.bincount(owner[~ahead], minlength=len(met)) > 0
     return np.asarray(np.isfinite(met[:, 0]) & ~behind)
 
 
-def _means(place: Floats, owner: Ints, count: int) -> Floats:
-    """(count, 3) mean of the finite rows of each owner; NaN where there is none."""
+def means_of(place: Floats, owner: Ints, count: int) -> Floats:
+    """(count, 3) mean of the finite rows of each owner; NaN where there is none.
+
+    Parameters
+    ----------
+    place
+        (n, 3) places.
+    owner
+        (n,) point of each.
+    count
+        Number of points.
+    """
     finite = np.isfinite(place).all(axis=1)
     total = np.zeros((count, 3))
     np.add.at(total, owner[finite], place[finite])

@@ -14,6 +14,7 @@ from uavgram.estimation.solver.normal_equations import Covariance
 from uavgram.estimation.survey.ground_planes import relief_basis
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.terms.sightings import motion_of
 from uavgram.estimation.survey.terms.tapes import Taped, unlearnt
 from uavgram.estimation.survey.unknowns import State
 from uavgram.estimation.survey.within_survey import Placed, within_survey
@@ -85,7 +86,7 @@ class Adjustment:
         """(F, 6) by which the camera moves while a photo is read: see `RowPoses`."""
         if self.survey.rolling is None:
             return np.zeros((len(self.survey.frame_id), 6))
-        return self.state.readout * self.survey.rolling.motion
+        return self.state.readout * motion_of(self.survey, self.state)
 
     def relief_m(self, area: int) -> float:
         """Root mean square of the smooth departures of an area's points from its plane [m]."""
@@ -305,6 +306,8 @@ class Refined:
         ground.
     causes
         What explains that the observations do not fit, likeliest first.
+    matches_left_out
+        Rows of the project's picks: matches that do not fit what was found in other photos.
     """
 
     adjustment: Adjustment
@@ -324,6 +327,7 @@ class Refined:
     full_weight: Adjustment | None = None
     off_ground: frozenset[str] = frozenset()
     causes: tuple[Cause, ...] = ()
+    matches_left_out: frozenset[int] = frozenset()
 
     @property
     def settled(self) -> frozenset[str]:

@@ -15,15 +15,22 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.ground_planes import GroundPlanes
 from uavgram.estimation.survey.terms.known_terms import known_rows, says_something, things_of_rows
 from uavgram.estimation.survey.terms.priors import independent_prior
+from uavgram.estimation.survey.terms.sightings import (
+    Seen,
+    TiedPoints,
+    rows_of_sightings,
+    seen,
+)
 from uavgram.estimation.survey.terms.tapes import Taped, tape_rows, taped_lines, tapes_of
 from uavgram.estimation.survey.terms.telemetry_terms import TelemetryTerms, telemetry_prior
 from uavgram.estimation.survey.terms.third_coordinate import ThirdCoordinate
 from uavgram.estimation.survey.unknowns import Layout, State, layout_of
-from uavgram.geometry.camera.projection import project_with_jacobian
-from uavgram.geometry.motion.rotation import exp_so3, hat
-from uavgram.geometry.motion.row_poses import row_share
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
+
+TURNING_RAD_S = 0.03
+"""How well a log says how fast a camera turns, 1.7 degrees a second: attitudes good to 0.1 degree,
+ten times a second, and a mount that shakes in between."""
 
 GAUGE_SIGMA = np.array([1e-4, 1e-4, 1e-6])
 """Of the three conditions that fix a free gauge [m, m, rad]: they are met exactly at the minimum,
@@ -79,11 +86,25 @@ class SurveyProblem:
         d_plane : (n, 3, w)
             By the plane and the relief of its area, the unknowns `plane_columns`.
         """
-        world, d_point, d_plane = self.ground_points(state, label)
+        return self.placed(state, state.point[label], label)
+
+    def placed(self, state: State, own: Floats, label: Ints) -> tuple[Floats, Floats, Floats]:
+        """World coordinates of points by their own unknowns, as `world_points` of labels.
+
+        Parameters
+        ----------
+        state
+            Values of what all points share.
+        own
+            (n, point_size) unknowns of each point.
+        label
+            (n,) the label in whose area, and at whose height above the ground, it lies.
+        """
+        world, d_point, d_plane = self._on_ground(state, own, label)
         world[:, 2] += self.survey.height_above_m[label]
         if self.layout.point_size == 3:
             departs = self.third.departs[label]
-            world[:, 2] += np.where(departs, state.point[label, 2], 0.0)
+            world[:, 2] += np.where(departs, own[:, 2], 0.0)
             d_point[:, 2, 2] = departs
         return world, d_point, d_plane
 
@@ -93,7 +114,9 @@ class SurveyProblem:
         Plane and relief, without what a point on rough ground departs from them. Shapes and
         unknowns are those of `world_points`.
         """
-        own = state.point[label]
+        return self._on_ground(state, state.point[label], label)
+
+    def _on_ground(self, state: State, own: Floats, label: Ints) -> tuple[Floats, Floats, Floats]:
         surface = self.ground.at(state.plane, state.relief, label, own[:, :2])
         d_point = np.zeros((len(label), 3, self.layout.point_size))
         d_point[:, 0, 0] = d_point[:, 1, 1] = 1.0
@@ -115,16 +138,17 @@ class SurveyProblem:
         """
         if self.intrinsics(state)[:2].min() <= 0:
             return None
-        pixels = self._pixels(state)
-        if pixels is None:
+        sighted = self._sighted(state)
+        if sighted is None:
             return None
-        blocks = {"pixels": pixels, "calibration": self._calibration(state)}
-        blocks |= self._stated(state)
+        blocks = sighted | {"calibration": self._calibration(state)} | self._stated(state)
         blocks |= self._grounds(state)
         if self.survey.rolling is not None:
             known, first = self.survey.rolling.readout, self.layout.first_readout
             off = state.readout - known.value_s
             blocks["readout"] = independent_prior(off, np.array([known.sigma_s]), first)
+        if self.layout.turning:
+            blocks["turning"] = self._turning(state)
         if self.layout.free_gauge:
             blocks["gauge"] = self._gauge(state)
         if self.survey.telemetry is not None:
@@ -152,60 +176,25 @@ class SurveyProblem:
         """(R,) which of the known things that take part each row of their group is of."""
         return things_of_rows(self.survey, self.known)
 
+    def _sighted(self, state: State) -> dict[str, Block] | None:
+        """Rows of picks, matches and ties; None where a point is not in front of its camera."""
+        pixels = self._pixels(state)
+        tied = {} if self._tied is None else self._tied.blocks(state)
+        return None if pixels is None or tied is None else {"pixels": pixels} | tied
+
     def _pixels(self, state: State) -> Block | None:
-        survey = self.survey
-        frame = survey.pick_frame
-        world, d_point, d_plane = self.world_points(state, survey.pick_label)
-        camera_from_world = np.swapaxes(state.rotation, 1, 2)[frame]
-        from_center = world - state.center[frame]
-        unturned = None
-        if survey.rolling is not None:
-            # The row's own pose: centre + a v, R exp(a w), with a the time since the middle row.
-            motion = survey.rolling.motion[frame]
-            share = row_share(survey.pixel_px[:, 1], survey.calibration.height_px)[:, None]
-            moved = share * state.readout * motion
-            from_center = from_center - moved[:, :3]
-            unturned = exp_so3(-moved[:, 3:])
-            in_middle = np.einsum("nij,nj->ni", camera_from_world, from_center)
-            camera_from_world = unturned @ camera_from_world
-        camera = np.einsum("nij,nj->ni", camera_from_world, from_center)
-        pixel, d_camera, d_intrinsics = project_with_jacobian(
-            survey.calibration.model, self.intrinsics(state), camera, beyond_fold="extend"
-        )
-        if not np.isfinite(pixel).all():
-            return None
-        weight = 1.0 / survey.pick_sigma_px
-        d_world = d_camera @ camera_from_world
-        by_turn = hat(camera) if unturned is None else unturned @ hat(in_middle)
-        parts = [
-            d_world @ d_point,
-            -d_world,
-            d_camera @ by_turn,
-            d_intrinsics @ self.intrinsic_basis,
-            d_world @ d_plane,
-        ]
-        if unturned is not None:
-            # d/da of exp(-a w) R^T (X - centre - a v): camera x w - R_row^T v
-            by_time = np.cross(camera, motion[:, 3:])
-            by_time -= np.einsum("nij,nj->ni", camera_from_world, motion[:, :3])
-            parts.append(d_camera @ (share * by_time)[..., None])
-        jacobian = np.concatenate(parts, axis=2)
-        residual = (pixel - survey.pixel_px) * weight[:, None]
-        return Block(residual, self._pixel_columns, jacobian * weight[:, None, None])
+        placed = self.world_points(state, self.survey.pick_label)
+        return rows_of_sightings(self, state, self._picks, placed)
 
     @cached_property
-    def _pixel_columns(self) -> Ints:
-        layout, frame, label = self.layout, self.survey.pick_frame, self.survey.pick_label
-        return np.concatenate(
-            [
-                layout.point_columns(label),
-                layout.frame_columns(frame),
-                layout.shared_columns(layout.first_intrinsic, layout.intrinsics, len(frame)),
-                self.plane_columns(label),
-                layout.shared_columns(layout.first_readout, layout.readout, len(frame)),
-            ],
-            axis=1,
-        )
+    def _picks(self) -> Seen:
+        survey, label = self.survey, self.survey.pick_label
+        own = self.layout.point_columns(label), self.plane_columns(label)
+        return seen(self, own, survey.pick_frame, survey.pixel_px, survey.pick_sigma_px)
+
+    @cached_property
+    def _tied(self) -> TiedPoints | None:
+        return TiedPoints(self) if self.layout.ties else None
 
     def _lengths(self, state: State) -> Block:
         survey = self.survey
@@ -307,6 +296,11 @@ class SurveyProblem:
             first = self.layout.first_plane + prior.first
             blocks[name] = independent_prior(own - prior.mean, prior.sigma, first)
         return blocks
+
+    def _turning(self, state: State) -> Block:
+        columns = self.layout.turning_columns(np.arange(self.layout.frames))
+        weight = np.broadcast_to(np.eye(3) / TURNING_RAD_S, (len(columns), 3, 3))
+        return Block(state.turning / TURNING_RAD_S, columns, weight)
 
     def _tape(self, state: State) -> Block:
         sigma = np.array([self.survey.scale_sigma_of(tape) for tape in self.tapes])

@@ -11,6 +11,7 @@ import numpy as np
 from uavgram.model.arrays import Bools, Ints, rows_of
 from uavgram.model.flight.pose import TelemetryPrior
 from uavgram.model.survey.survey import Survey
+from uavgram.model.survey.ties import Sightings
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +35,14 @@ class Selection:
 def select_picks(survey: Survey, keep: Bools) -> Selection:
     """Keep the picks in `keep` (P,), and whatever still hangs on one of them."""
     picks = np.flatnonzero(keep)
-    frames, pick_frame = np.unique(survey.pick_frame[picks], return_inverse=True)
+    frames = np.union1d(survey.pick_frame[picks], _tied_only(survey))
     labels, pick_label = np.unique(survey.pick_label[picks], return_inverse=True)
     new_label = np.full(len(survey.label), -1)
     new_label[labels] = np.arange(len(labels))
     new_frame = np.full(len(survey.frame_id), -1)
     new_frame[frames] = np.arange(len(frames))
+    new_pick = np.full(len(survey.pick_frame), -1)
+    new_pick[picks] = np.arange(len(picks))
     start, end = new_label[survey.line_start], new_label[survey.line_end]
     lines = np.flatnonzero((start >= 0) & (end >= 0))
     control = np.flatnonzero(new_label[survey.control_label] >= 0)
@@ -50,7 +53,11 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
         telemetry=_some_telemetry(survey, new_frame),
         rolling=survey.rolling and replace(survey.rolling, **rows_of(survey.rolling, frames, "f")),
         **rows_of(survey, labels, "k"),
-        **rows_of(survey, picks, "p") | {"pick_frame": pick_frame, "pick_label": pick_label},
+        **rows_of(survey, picks, "p")
+        | {"pick_frame": new_frame[survey.pick_frame[picks]], "pick_label": pick_label},
+        target_pick=new_pick[survey.target_pick][new_pick[survey.target_pick] >= 0],
+        matches=_some_sightings(survey.matches, new_frame, new_pick),
+        ties=_some_sightings(survey.ties, new_frame, new_pick),
         **_some_lines(survey, lines) | {"line_start": start[lines], "line_end": end[lines]},
         known=tuple(
             replace(one, label=tuple(new_label[list(one.label)].tolist()))
@@ -63,6 +70,23 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
     return Selection(reduced, picks, lines)
 
 
+def _tied_only(survey: Survey) -> Ints:
+    """Frames that sightings of tie points show, and nobody picked anything in."""
+    tied = np.union1d(survey.matches.frame, survey.ties.frame)
+    return np.setdiff1d(tied, survey.pick_frame)
+
+
+def _some_sightings(sightings: Sightings, new_frame: Ints, new_pick: Ints) -> Sightings:
+    """Those in frames that stay, of chains whose pick stays; with new indices (-1: left out)."""
+    if not sightings.points:
+        return sightings
+    pick = np.where(sightings.pick < 0, -1, new_pick[sightings.pick])
+    gone = (sightings.pick >= 0) & (pick < 0)
+    out = (new_frame[sightings.frame] < 0) | gone[sightings.point]
+    some, _ = replace(sightings, pick=pick).without(out)
+    return replace(some, frame=new_frame[some.frame])
+
+
 def select_lines(survey: Survey, keep: Bools) -> Survey:
     """Keep the known lengths in `keep` (L,), and everything else."""
     return replace(survey, **_some_lines(survey, np.flatnonzero(keep)))
@@ -71,6 +95,14 @@ def select_lines(survey: Survey, keep: Bools) -> Survey:
 def without_known(survey: Survey, left_out: Collection[int]) -> Survey:
     """Leave out known things, by their number among the project's."""
     return replace(survey, known=tuple(one for one in survey.known if one.index not in left_out))
+
+
+def without_ties_of(survey: Survey, frames: Collection[str]) -> Survey:
+    """Leave out what ties some frames, by name, to others."""
+    out = np.isin(survey.frame_id, list(frames))
+    matches, _ = survey.matches.without(out[survey.matches.frame])
+    ties, _ = survey.ties.without(out[survey.ties.frame])
+    return replace(survey, matches=matches, ties=ties)
 
 
 def _some_lines(survey: Survey, lines: Ints) -> dict[str, Any]:

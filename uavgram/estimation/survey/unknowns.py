@@ -18,15 +18,21 @@ from uavgram.model.survey.survey import Survey
 
 @dataclass(frozen=True)
 class Layout:
-    """Order of the unknowns: points, frames, intrinsics, plane, relief, telemetry, tape, readout.
+    """Order of the unknowns: points, tie points, frames, then what all photos share.
+
+    That is intrinsics, planes, relief, telemetry, tapes, readout.
 
     Attributes
     ----------
     points
         K, each with `point_size` unknowns: east, north and, where a point of the survey may
         depart from where the ground and its stated height put it, that departure.
+    ties
+        T, each with `point_size` unknowns as well: chains of matches first (as of their labels),
+        then tie points (east, north, up).
     frames
-        F, each with six: δcentre in world [m], δθ in camera [rad].
+        F, each with six: δcentre in world [m], δθ in camera [rad]; and where `turning`, three more:
+        by how much faster it turned than the log says [rad/s], in camera axes.
     intrinsics
         Number of unknown combinations of the interior orientation, in sigmas.
     plane
@@ -53,16 +59,28 @@ class Layout:
     tape: int
     free_gauge: bool
     readout: int = 0
+    ties: int = 0
+    turning: bool = False
+
+    @property
+    def frame_size(self) -> int:
+        """Unknowns of a frame: its pose, and perhaps its turning."""
+        return 9 if self.turning else 6
+
+    @cached_property
+    def first_tie(self) -> int:
+        """Column of the first tie point's east."""
+        return self.points * self.point_size
 
     @cached_property
     def first_frame(self) -> int:
         """Column of the first frame's first unknown."""
-        return self.points * self.point_size
+        return self.first_tie + self.ties * self.point_size
 
     @cached_property
     def first_intrinsic(self) -> int:
         """Column of the first unknown of the interior orientation."""
-        return self.first_frame + 6 * self.frames
+        return self.first_frame + self.frame_size * self.frames
 
     @cached_property
     def first_plane(self) -> int:
@@ -99,9 +117,9 @@ class Layout:
         """For the elimination order."""
         return Structure(
             size=self.size,
-            points=self.points,
+            points=self.points + self.ties,
             point_size=self.point_size,
-            block_size=6,
+            block_size=self.frame_size,
             first_shared=self.first_intrinsic,
         )
 
@@ -109,9 +127,18 @@ class Layout:
         """(n, point_size) unknowns of n points."""
         return index[:, None] * self.point_size + np.arange(self.point_size)
 
+    def tie_columns(self, index: Ints) -> Ints:
+        """(n, point_size) unknowns of n tie points."""
+        return self.first_tie + self.point_columns(index)
+
     def frame_columns(self, index: Ints) -> Ints:
-        """(n, 6) unknowns of n frames."""
-        return self.first_frame + index[:, None] * 6 + np.arange(6)
+        """(n, 6) unknowns of the poses of n frames."""
+        return self.first_frame + index[:, None] * self.frame_size + np.arange(6)
+
+    def turning_columns(self, index: Ints) -> Ints:
+        """(n, 3) unknowns of the turning of n frames; (n, 0) where it is no unknown."""
+        own = np.arange(6, self.frame_size)
+        return self.first_frame + index[:, None] * self.frame_size + own
 
     def shared_columns(self, first: int, count: int, rows: int) -> Ints:
         """(rows, count) the same shared unknowns in every row.
@@ -127,10 +154,12 @@ class Layout:
 
     def describe(self, index: int, survey: Survey) -> str:
         """Which unknown stands at `index`, in words."""
-        if index < self.first_frame:
+        if self.first_tie <= index < self.first_frame:
+            return "the position of a tie point"
+        if index < self.first_tie:
             return f"the position of point {survey.label[index // self.point_size]!r}"
         if index < self.first_intrinsic:
-            frame = (index - self.first_frame) // 6
+            frame = (index - self.first_frame) // self.frame_size
             return f"the pose of frame {survey.frame_id[frame]!r}"
         if index < self.first_plane:
             return "the interior orientation"
@@ -168,6 +197,10 @@ class State:
         (T,) scales: +0.01 of a tape that is 1 % too long.
     readout
         (1,) or (0,) readout time [s].
+    tie
+        (T, point_size) of chains of matches as `point`; of tie points east, north, up [m].
+    turning
+        (F, 3), or (F, 0) where it is no unknown: angular rates beyond those of the log [rad/s].
     """
 
     point: Floats
@@ -179,6 +212,8 @@ class State:
     telemetry: Floats
     tape: Floats = field(default_factory=lambda: np.zeros(0))
     readout: Floats = field(default_factory=lambda: np.zeros(0))
+    tie: Floats = field(default_factory=lambda: np.zeros((0, 2)))
+    turning: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
@@ -195,7 +230,7 @@ def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
     """
     return Layout(
         points=len(survey.label),
-        point_size=3 if ThirdCoordinate.of(survey).is_unknown else 2,
+        point_size=3 if ThirdCoordinate.of(survey).is_unknown or survey.ties.points else 2,
         frames=len(survey.frame_id),
         intrinsics=intrinsics,
         plane=PLANE_SIZE * (len(survey.grounds) - fixed_planes(survey)),
@@ -204,7 +239,17 @@ def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
         tape=tapes,
         free_gauge=survey.gauge == "plane",
         readout=int(survey.rolling is not None),
+        ties=survey.matches.points + survey.ties.points,
+        turning=is_turning_unknown(survey),
     )
+
+
+def is_turning_unknown(survey: Survey) -> bool:
+    """Whether the log says too little of how the camera turned while its rows were read.
+
+    People's picks, good to a pixel, never show that; a few hundred sightings of a tenth of it do.
+    """
+    return survey.rolling is not None and bool(survey.matches.points + survey.ties.points)
 
 
 def move(layout: Layout, state: State, step: Floats) -> State:
@@ -219,19 +264,21 @@ def move(layout: Layout, state: State, step: Floats) -> State:
     step
         (size,) increment.
     """
-    frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
+    frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, layout.frame_size)
     plane = state.plane.copy()
     plane[len(plane) - layout.plane :] += step[layout.first_plane : layout.first_relief]
     return State(
-        point=state.point + step[: layout.first_frame].reshape(state.point.shape),
+        point=state.point + step[: layout.first_tie].reshape(state.point.shape),
         center=state.center + frame_step[:, :3],
-        rotation=state.rotation @ exp_so3(frame_step[:, 3:]),
+        rotation=state.rotation @ exp_so3(frame_step[:, 3:6]),
         intrinsic=state.intrinsic + step[layout.first_intrinsic : layout.first_plane],
         plane=plane,
         relief=state.relief + step[layout.first_relief : layout.first_telemetry],
         telemetry=state.telemetry + step[layout.first_telemetry : layout.first_tape],
         tape=state.tape + step[layout.first_tape : layout.first_readout],
         readout=state.readout + step[layout.first_readout :],
+        tie=state.tie + step[layout.first_tie : layout.first_frame].reshape(state.tie.shape),
+        turning=state.turning + frame_step[:, 6:],
     )
 
 
@@ -248,7 +295,8 @@ def between(layout: Layout, start: State, end: State) -> Floats:
     turn = log_so3(np.swapaxes(start.rotation, 1, 2) @ end.rotation)
     parts = (
         end.point - start.point,
-        np.concatenate([end.center - start.center, turn], axis=1),
+        end.tie - start.tie,
+        np.concatenate([end.center - start.center, turn, end.turning - start.turning], axis=1),
         end.intrinsic - start.intrinsic,
         (end.plane - start.plane)[len(start.plane) - layout.plane :],
         end.relief - start.relief,
@@ -273,8 +321,8 @@ def advance(layout: Layout, state: State, step: Floats) -> State:
     layout, state, step
         As for `move`.
     """
-    point_step = step[: layout.first_frame].reshape(state.point.shape)[:, :2]
-    frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
+    point_step = step[: layout.first_tie].reshape(state.point.shape)[:, :2]
+    frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, layout.frame_size)
     middle = state.point[:, :2].mean(axis=0)
     arm = state.point[:, :2] - middle
     size = float(np.vdot(arm, arm))
@@ -283,12 +331,14 @@ def advance(layout: Layout, state: State, step: Floats) -> State:
     across = arm[:, ::-1] * (-1.0, 1.0)
     angle = float(np.vdot(across, point_step)) / size
     rest = np.array(step)
-    rest_point = rest[: layout.first_frame].reshape(state.point.shape)
-    rest_frame = rest[layout.first_frame : layout.first_intrinsic].reshape(-1, 6)
+    rest_point = rest[: layout.first_tie].reshape(state.point.shape)
+    rest_tie = rest[layout.first_tie : layout.first_frame].reshape(state.tie.shape)
+    rest_frame = rest[layout.first_frame : layout.first_intrinsic].reshape(-1, layout.frame_size)
     rest_point[:, :2] -= angle * across
+    rest_tie[:, :2] -= angle * (state.tie[:, :2] - middle)[:, ::-1] * (-1.0, 1.0)
     rest_frame[:, 0] += angle * (state.center[:, 1] - middle[1])
     rest_frame[:, 1] -= angle * (state.center[:, 0] - middle[0])
-    rest_frame[:, 3:] = frame_step[:, 3:] - angle * state.rotation[:, 2]
+    rest_frame[:, 3:6] = frame_step[:, 3:6] - angle * state.rotation[:, 2]
     turned = _turned(state, middle, np.array([np.cos(angle), np.sin(angle)]))
     moved = move(layout, turned, rest)
     return _at_gauge(moved) if layout.free_gauge else moved
@@ -306,8 +356,10 @@ def _at_gauge(state: State) -> State:
     shift = np.array([*foot, 0.0])
     point = turned.point.copy()
     point[:, :2] -= foot
+    tie = turned.tie.copy()
+    tie[:, :2] -= foot
     center = turned.center - shift
-    return replace(turned, point=point, center=center)
+    return replace(turned, point=point, tie=tie, center=center)
 
 
 def _turned(state: State, about: Floats, cosine_sine: Floats) -> State:
@@ -315,8 +367,9 @@ def _turned(state: State, about: Floats, cosine_sine: Floats) -> State:
     cosine, sine = cosine_sine
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     flat = turn[:2, :2].T
-    point, center = state.point.copy(), state.center.copy()
+    point, tie, center = state.point.copy(), state.tie.copy(), state.center.copy()
     point[:, :2] = about + (point[:, :2] - about) @ flat
+    tie[:, :2] = about + (tie[:, :2] - about) @ flat
     center[:, :2] = about + (center[:, :2] - about) @ flat
     rotation = turn @ state.rotation
-    return replace(state, point=point, center=center, rotation=rotation)
+    return replace(state, point=point, tie=tie, center=center, rotation=rotation)

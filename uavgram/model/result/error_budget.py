@@ -9,6 +9,11 @@ from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 
 SOURCES: dict[str, str] = {
     "pixels": "picks",
+    "matches": "matches",
+    "linked": "matches",
+    "idle chains": "matches",
+    "ties": "tie points",
+    "tie heights": "tie points",
     "calibration": "lens",
     "lengths": "known lengths",
     "known": "known things",
@@ -21,6 +26,7 @@ SOURCES: dict[str, str] = {
     "clock": "flight log",
     "clock_drift": "flight log",
     "readout": "rolling shutter",
+    "turning": "rolling shutter",
     "plane": "ground",
     "roughness": "ground",
     "relief": "ground",

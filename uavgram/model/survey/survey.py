@@ -14,6 +14,7 @@ from uavgram.model.flight.pose import CandidatePoses, Poses, TelemetryPrior
 from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.observations import Along
 from uavgram.model.survey.rolling_shutter import RollingShutter
+from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
 
 DEFAULT_AREA = "default"
 """Of labels that name no area."""
@@ -97,6 +98,13 @@ class Survey:
         (K,) whether the height is an unknown of which nothing is known. Empty: of none.
     pick_frame, pick_label, pixel_px, pick_sigma_px
         (P,), (P,), (P, 2), (P,): frame, label, place and sigma of each pick.
+    target_pick
+        (n,) which picks the program made: it found a target there.
+    matches
+        Chains of sightings: a pick, and where the program found what it shows in other photos. A
+        chain's point is what lies under the picked pixel, which is not quite what was meant.
+    ties
+        Sightings of tie points, of which nothing else is known.
     line_start, line_end, length_m, length_sigma_m
         (L,) labels of the ends of each known length, and the length.
     line_name
@@ -138,6 +146,9 @@ class Survey:
     pick_label: Annotated[Ints, "p"]
     pixel_px: Annotated[Floats, "p", 2]
     pick_sigma_px: Annotated[Floats, "p"]
+    target_pick: Annotated[Ints, "n"] = field(default_factory=lambda: np.zeros(0, np.int64))
+    matches: Sightings = NO_SIGHTINGS
+    ties: Sightings = NO_SIGHTINGS
     line_start: Annotated[Ints, "l"]
     line_end: Annotated[Ints, "l"]
     length_m: Annotated[Floats, "l"]
@@ -169,6 +180,13 @@ class Survey:
     def scale_sigma_of(self, tape: str) -> float:
         """Prior of the scale of one tape."""
         return dict(self.own_scale_sigma).get(tape, self.tape_scale_sigma)
+
+    @property
+    def pick_is_target(self) -> Bools:
+        """(P,) whether the program made a pick: it found a target there."""
+        found = np.zeros(len(self.pick_frame), dtype=np.bool_)
+        found[self.target_pick] = True
+        return found
 
     @property
     def off_ground(self) -> Bools:

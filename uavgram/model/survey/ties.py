@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
 
-from uavgram.model.arrays import Floats, FrozenArrays, Ints
+from uavgram.model.arrays import Bools, Floats, FrozenArrays, Ints, rows_of
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -65,6 +65,18 @@ class Sightings(FrozenArrays):
     def points(self) -> int:
         """Number T of tie points."""
         return len(self.pick)
+
+    def without(self, out: Bools) -> tuple[Sightings, Ints]:
+        """Those that are not in `out` (N,), and the points (T',) that are left.
+
+        A point that is then seen once or never is left out too.
+        """
+        rows = np.flatnonzero(~out)
+        count = np.bincount(self.point[rows], minlength=self.points)
+        rows = rows[count[self.point[rows]] > 1]
+        points, point = np.unique(self.point[rows], return_inverse=True)
+        some = rows_of(self, rows, "n") | rows_of(self, points, "t")
+        return replace(self, **some | {"point": point}), points
 
 
 NO_SIGHTINGS = Sightings()

@@ -201,6 +201,7 @@ def _assembled(
         lines=counted,
         known=_without_copies(inputs.known, duplicates),
         control=control,
+        ties=inputs.ties,
         telemetry=posed.telemetry,
         ground=inputs.project.ground,
         picks_sigma_px=inputs.project.picks_sigma_px,

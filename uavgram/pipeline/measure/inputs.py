@@ -35,6 +35,7 @@ from uavgram.model.options import CAMERA_UNKNOWN, Project
 from uavgram.model.provenance import InputDigest
 from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
+from uavgram.model.survey.ties import NO_TIES, TiePicks
 from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
 from uavgram.stages.duplicates import Duplicates, find_duplicates
 
@@ -72,6 +73,7 @@ class Inputs:
     picks: Picks
     lines: KnownLines
     known: KnownThings = NO_KNOWN
+    ties: TiePicks = NO_TIES
     requests: tuple[MeasurementRequest, ...]
     control: KnownPoints
     check: KnownPoints

@@ -20,6 +20,9 @@ GROUP_WORDS = {
 """What each group is called, and where to look."""
 
 
+NOT_JUDGED = ("gauge", "idle", "idle chains", "linked", "tie heights", "turning")
+"""Groups that say nothing of how anything fits."""
+
 WIDE = 0.4
 """Variance factor below which stated sigmas are far too wide; those of priors are meant to be
 generous, and surveys in good order lie above."""
@@ -47,7 +50,7 @@ def judge_groups(
     silent = explained or not adjustment.minimum.converged
     groups, messages = [], []
     for name, block in adjustment.minimum.blocks.items():
-        if name in ("gauge", "idle"):
+        if name in NOT_JUDGED:
             continue
         fit = group_fit(block, adjustment.minimum.factor, adjustment.covariance)
         groups.append(GroupFactor(name=name, observations=block.residual.size, **fit._asdict()))

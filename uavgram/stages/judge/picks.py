@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.estimation.reliability.redundancy import reliability
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import PickResults, PickStatus
@@ -44,6 +46,12 @@ def judge_picks(
     given = np.flatnonzero(survey_index >= 0)
     for i in given[refined.pick_removed[survey_index[given]]]:
         status[i] = "removed"
+    for left in refined.matches_left_out:
+        status[left] = "removed"
+    found, matches = _matches(refined.adjustment, picks)
+    residual[found], w[found], redundancy[found] = matches
+    for match in found.tolist():
+        status[match] = "used"
     results = PickResults(
         image=picks.image,
         label=picks.label,
@@ -55,6 +63,20 @@ def judge_picks(
         status=tuple(status),
     )
     return results, examined.effects("pixels", row)
+
+
+def _matches(adjustment: Adjustment, picks: Picks) -> tuple[Ints, tuple[Floats, Floats, Floats]]:
+    """Picks (n,) that are matches and take part; their residuals (n, 2) [px], w and redundancy."""
+    sightings = adjustment.survey.matches
+    at = np.flatnonzero(picks.of_source("match")[sightings.row])
+    if not len(at):
+        return at, (np.zeros((0, 2)), np.zeros(0), np.zeros(0))
+    block = adjustment.minimum.blocks["matches"]
+    numbers = reliability(block, adjustment.covariance)
+    residual = (block.residual * sightings.sigma_px[:, None])[at]
+    w = numbers.w[at]
+    larger = w[np.arange(len(at)), np.abs(w).argmax(axis=1)]
+    return sightings.row[at], (residual, larger, numbers.redundancy[at].mean(axis=1))
 
 
 def rows_of(survey_index: Ints, used_index: Ints, count: int) -> Ints:

@@ -10,14 +10,14 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.known_frames import odd_ones_out
-from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
+from uavgram.estimation.survey.adjustment import LeftOut, Refined
 from uavgram.estimation.survey.selection import select_picks
-from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.begin.starts import in_lens
 from uavgram.stages.refine.blunders.gross_control import (
     control_beyond_doubt,
     control_left_out,
@@ -41,8 +41,6 @@ from uavgram.stages.refine.remarks import (
     contradiction,
 )
 from uavgram.stages.refine.robust_adjustment import adjust_survey
-
-BEYOND_LENS = LeftOut(LeftOutCause.BEYOND_LENS, "the lens model cannot be inverted at that pixel")
 
 TAKEN = "The results take it into account."
 
@@ -85,7 +83,7 @@ def adjusted_as_stated(given: Survey, removed: Bools, options: SolveOptions) -> 
     options
         Whether the noise is to be learnt; where it is not, no prior knowledge is given up.
     """
-    keep, reason = _in_lens(given)
+    keep, reason = in_lens(given)
     keep &= ~removed
     survey, refined, left_out = _without_gross_control(given, keep, reason)
     off_ground = found_free(survey, refined)
@@ -228,9 +226,3 @@ def participants(survey: Survey, refined: Refined) -> Participants:
     used[refined.pick_index] = True
     reason, known = refined.pick_reason, refined.known_removed
     return Participants(survey, used, refined.line_removed, reason, known)
-
-
-def _in_lens(survey: Survey) -> tuple[Bools, dict[int, LeftOut]]:
-    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
-    keep: Bools = np.isfinite(ray.sum(axis=1))
-    return keep, dict.fromkeys(np.flatnonzero(~keep).tolist(), BEYOND_LENS)

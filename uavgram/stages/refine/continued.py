@@ -34,15 +34,20 @@ def carried(adjustment: Adjustment, problem: SurveyProblem) -> State:
     point = np.zeros((problem.layout.points, problem.layout.point_size))
     shared = min(point.shape[1], state.point.shape[1])
     point[:, :shared] = state.point[:, :shared]
+    tie = np.zeros((problem.layout.ties, problem.layout.point_size))
+    tie[:, :shared] = state.tie[:, :shared]
     relief = np.zeros(problem.layout.relief)
     for area, ground in enumerate(survey.grounds):
         old = before.survey.grounds[area].relief
         if ground.relief is not None and old is not None and old.kind == ground.relief.kind:
             relief[problem.ground.relief_rows(area)] = state.relief[before.ground.relief_rows(area)]
+    turning = np.zeros((problem.layout.frames, problem.layout.frame_size - 6))
+    if turning.shape == state.turning.shape:
+        turning = state.turning
     readout = state.readout
     if len(readout) != problem.layout.readout:
         readout = np.zeros(0) if survey.rolling is None else survey.rolling.first_value
-    return replace(state, point=point, relief=relief, readout=readout)
+    return replace(state, point=point, tie=tie, relief=relief, readout=readout, turning=turning)
 
 
 def lines_used(adjustment: Adjustment) -> Bools:

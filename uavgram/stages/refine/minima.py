@@ -13,12 +13,18 @@ from scipy.special import chdtri
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.first_poses.plane_network import align_in_plane
+from uavgram.estimation.first_poses.tie_points import with_first_ties
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.ground_planes import area_centroids, first_planes
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.selection import select_lines, select_picks, without_known
+from uavgram.estimation.survey.selection import (
+    select_lines,
+    select_picks,
+    without_known,
+    without_ties_of,
+)
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools
 from uavgram.model.survey.survey import Survey
@@ -163,6 +169,10 @@ def _minima_from(
         selection = select_picks(survey, taking.keep)
         line_used = ~taking.line_removed[selection.line_index]
         starts = begin(select_lines(selection.survey, line_used))
+        lost = _tied_to_nothing(selection.survey, starts)
+        if lost:
+            survey = without_ties_of(survey, lost)
+            continue
         skipped = [unusable(selection.survey, values) for values in starts]
         # Of several poses that explain the lengths, one that sees sky where points were picked
         # comes after those that see ground.
@@ -192,6 +202,13 @@ def _minima_from(
         undetermined=undetermined,
         known_removed=taking.known_removed,
     )
+
+
+def _tied_to_nothing(survey: Survey, starts: Sequence[FirstValues]) -> frozenset[str]:
+    """Frames in which nobody picked anything, and whose ties do not place them."""
+    nowhere = np.all([np.isnan(values.center[:, 0]) for values in starts], axis=0)
+    nowhere[survey.pick_frame] = False
+    return frozenset(survey.frame_id[f] for f in np.flatnonzero(nowhere))
 
 
 def _to_go_on_without(
@@ -240,6 +257,7 @@ def _minima(
 def _minimise(
     survey: Survey, values: FirstValues, line_used: Bools, most: int, slack: float = 0.0
 ) -> tuple[SurveyProblem, Minimum[State]]:
+    survey, tied = with_first_ties(survey, values)
     pivot = area_centroids(survey, values.point_m)
     problem = SurveyProblem(survey, pivot, line_used)
     layout = problem.layout
@@ -257,6 +275,8 @@ def _minimise(
         telemetry=problem.telemetry_mean if layout.telemetry else np.zeros(0),
         tape=np.zeros(layout.tape),
         readout=np.zeros(0) if survey.rolling is None else survey.rolling.first_value,
+        tie=tied[:, : layout.point_size],
+        turning=np.zeros((layout.frames, layout.frame_size - 6)),
     )
     try:
         minimum = iterate(problem, settled(survey, state, pivot, line_used), most, slack)

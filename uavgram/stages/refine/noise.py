@@ -44,6 +44,9 @@ LITTLE = 30.0
 SAME = 0.03
 """Relative change of a sigma that is not worth another adjustment."""
 
+BY_HAND, TARGETS = -1, -2
+"""Stand for picks that people made, and for targets, where else the index of an area does."""
+
 UNIT_M = 0.05
 """Roughness and relief that the search starts from [m]."""
 
@@ -79,7 +82,7 @@ class _Model(NamedTuple):
     problem
         The likelihood with the stated sigmas of picks, and units of roughness and relief.
     components, areas
-        The picks' first; area by index of each that is of the ground, -1 of the picks'.
+        The picks' first; area by index of each that is of the ground, else whose picks they are.
     """
 
     shape: SurfaceShape | None
@@ -115,13 +118,7 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
     if not stated.minimum.converged:
         return survey, refined
     few, fits = outstanding(stated)
-    redundancy = redundancy_of(stated, "pixels")
-    models = [_as_stated(stated, redundancy)]
-    if not fits and redundancy > LITTLE:
-        models += _grown(stated)
-    elif stated.survey.is_free.any() and redundancy > LITTLE:
-        # Heights rest on the ground below, and picks of free points fit on any: they hide misfits.
-        models.append(_each_its_own(stated))
+    models = [_as_stated(stated, redundancy_of(stated, "pixels")), *_grown(stated, fits=fits)]
     simple = len(models) == 1 and len(models[0].components) == 1 and not few
 
     def estimated(model: _Model, adjustment: Adjustment, first: Floats | None) -> _Fitted:
@@ -156,7 +153,18 @@ def _as_stated(stated: Adjustment, redundancy: float) -> _Model:
     return _components(None, stated.problem, stated.survey, 1.0 if redundancy < LITTLE else 0.0)
 
 
-def _grown(stated: Adjustment) -> list[_Model]:
+def _grown(stated: Adjustment, *, fits: bool) -> list[_Model]:
+    """Other shapes of the ground that are worth trying: none where all fits or little is known."""
+    shown = (name for name in ("pixels", "matches") if name in stated.minimum.blocks)
+    if sum(redundancy_of(stated, name) for name in shown) <= LITTLE:
+        return []
+    if not fits:
+        return _every_shape(stated)
+    # Heights rest on the ground below, and picks of free points fit on any: they hide misfits.
+    return [_each_its_own(stated)] if stated.survey.is_free.any() else []
+
+
+def _every_shape(stated: Adjustment) -> list[_Model]:
     """Every other shape of the ground: each point's own departure, and smooth ones."""
     survey, point = stated.survey, stated.state.point[:, :2]
     own = [point[survey.area == area] for area in range(len(survey.grounds))]
@@ -217,7 +225,13 @@ def _components(
     smallest
         Factor of the picks' sigmas that they never fall below.
     """
-    found, areas = [Component("pixels", None, STATED_WEIGHT, smallest)], [-1]
+    targets = stated.pick_is_target
+    found, areas = [], []
+    for target in (False, True):
+        if (targets == target).any():
+            rows = None if (targets == target).all() else np.flatnonzero(targets == target)
+            found.append(Component("pixels", rows, STATED_WEIGHT, smallest))
+            areas.append(TARGETS if target else BY_HAND)
     for area, ground in enumerate(problem.survey.grounds):
         rows = np.flatnonzero(stated.area[problem.third.rough] == area)
         if ground.roughness_sigma_m > 0 and len(rows):
@@ -302,12 +316,15 @@ def _learnt(fitted: _Fitted, survey: Survey) -> Survey:
             is_stated = survey.grounds[area].roughness_sigma_m > 0
             size = size if size > LEAST_M or is_stated else 0.0
             grounds[area] = replace(grounds[area], roughness_sigma_m=size)
-        relief = grounds[area].relief
-        if one.block == "relief" and relief is not None:
+        if one.block == "relief" and (relief := grounds[area].relief) is not None:
             size = scale * relief.sigma_m
             own = replace(relief, sigma_m=size) if size > LEAST_M else None
             grounds[area] = replace(grounds[area], relief=own)
-    return replace(survey, pick_sigma_px=factor[0] * survey.pick_sigma_px, grounds=tuple(grounds))
+    sigma = np.array(survey.pick_sigma_px)
+    for area, scale in zip(fitted.model.areas, factor.tolist(), strict=True):
+        if area < 0:
+            sigma[survey.pick_is_target == (area == TARGETS)] *= scale
+    return replace(survey, pick_sigma_px=sigma, grounds=tuple(grounds))
 
 
 def _chance(fitted: _Fitted, tried: Sequence[_Fitted]) -> float:
@@ -337,12 +354,18 @@ def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey, chance: floa
     components = zip(fitted.model.components, fitted.model.areas, sigma.tolist(), strict=True)
     rough = {area: own for one, area, own in components if one.block == "roughness"}
     units = fitted.model.problem.survey.grounds
-    hand = PickNoise(
-        source="hand",
-        stated_px=float(np.sqrt(np.mean(stated.pick_sigma_px**2))),
-        factor=float(factor[0]),
-        sigma=float(sigma[0]),
-    )
+    picks = []
+    for k, area in enumerate(fitted.model.areas):
+        if area < 0:
+            own = stated.pick_sigma_px[stated.pick_is_target == (area == TARGETS)]
+            picks.append(
+                PickNoise(
+                    source="target" if area == TARGETS else "hand",
+                    stated_px=float(np.sqrt(np.mean(own**2))),
+                    factor=float(factor[k]),
+                    sigma=float(sigma[k]),
+                )
+            )
     areas = [
         AreaNoise(
             area=ground.name,
@@ -355,4 +378,4 @@ def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey, chance: floa
         )
         for area, ground in enumerate(_learnt(fitted, stated).grounds)
     ]
-    return Noise(picks=(hand,), roughness=tuple(areas))
+    return Noise(picks=tuple(picks), roughness=tuple(areas))

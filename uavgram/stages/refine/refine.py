@@ -37,6 +37,7 @@ from uavgram.stages.refine.remarks import (
     too_many,
 )
 from uavgram.stages.refine.robust_adjustment import adjust_survey
+from uavgram.stages.refine.sound_ties import remarks_on_ties, with_sound_ties
 
 MOST_MENDS = 24
 """Mends after which a survey is in disorder, and no more are made."""
@@ -60,6 +61,9 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     GeometryError
         The observations do not determine the survey; the message names what is missing.
     """
+    sound = with_sound_ties(survey)
+    tied = tuple(remarks_on_ties(survey, sound))
+    survey = sound.survey if options.noise == "estimate" else sound.as_stated
     begun = adjusted_as_stated(survey, np.zeros(len(survey.pick_frame), dtype=np.bool_), options)
     mends: tuple[Removal, ...] = ()
     while options.outliers == "remove" and len(mends) < MOST_MENDS:
@@ -74,6 +78,9 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     survey, refined, readout = with_sound_readout(begun.survey, begun.refined)
     if options.noise == "estimate":
         survey, refined = with_noise_learnt(survey, refined)
+        if refined.noise is not None:
+            all_picks = (*refined.noise.picks, *sound.noise)
+            refined = replace(refined, noise=replace(refined.noise, picks=all_picks))
     if options.outliers == "remove":
         noise = refined.noise
         refined, search = _without_blunders(survey, refined, options.significance)
@@ -88,10 +95,11 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         off_ground=frozenset(begun.off_ground),
         causes=(*(one.cause for one in mends if one.cause), *begun.causes),
         removals=(*mends, *refined.removals),
+        matches_left_out=sound.matches_left_out,
         pick_removed=refined.pick_removed | taken_out,
     )
     told = (*(cause.message for cause in begun.causes), *begun.messages)
-    told = (*told, *off_ground_remarks(refined), *readout, *noise_remarks(refined.noise))
+    told = (*told, *tied, *off_ground_remarks(refined), *readout, *noise_remarks(refined.noise))
     told = (*told, *learnt_remarks(refined.adjustment))
     return refined, (*told, *remarks(survey, refined), *search)
 

@@ -32,9 +32,11 @@ def hanging_on(index: int, layout: Layout, survey: Survey) -> Bools:
     survey
         With P picks.
     """
-    if index < layout.first_frame:
+    if layout.first_tie <= index < layout.first_frame:
+        return np.zeros(len(survey.pick_label), dtype=np.bool_)
+    if index < layout.first_tie:
         return np.asarray(survey.pick_label == index // layout.point_size)
-    frame = (index - layout.first_frame) // 6
+    frame = (index - layout.first_frame) // layout.frame_size
     return np.asarray((survey.pick_frame == frame) & (index < layout.first_intrinsic))
 
 

@@ -37,6 +37,10 @@ SOFT_LENGTH = 0.5
 """Sigma of a length to a point whose height is free, as a share of it, until its rays have led to
 the side where it is."""
 
+SOFT_SIGHTINGS = (30.0, 5.0)
+"""Factors of the sigmas of matches and ties with which a survey is adjusted first: they are good to
+a tenth of a pixel, and where a log begins the photos they are tens of pixels off."""
+
 SLACK = 1e-9
 """Damping, as a share of the normal matrix's diagonal, by which what nothing determines may end."""
 
@@ -90,6 +94,13 @@ def _softer(survey: Survey) -> Iterator[Survey]:
                 pick_sigma_px=softer * survey.pick_sigma_px,
                 length_sigma_m=softer * survey.length_sigma_m,
                 known=tuple(replace(one, sigma=softer * one.sigma) for one in survey.known),
+            )
+    if survey.matches.points + survey.ties.points:
+        for softer in SOFT_SIGHTINGS:
+            yield replace(
+                survey,
+                matches=replace(survey.matches, sigma_px=softer * survey.matches.sigma_px),
+                ties=replace(survey.ties, sigma_px=softer * survey.ties.sigma_px),
             )
     to_free = survey.is_free[survey.line_start] | survey.is_free[survey.line_end]
     if to_free.any():

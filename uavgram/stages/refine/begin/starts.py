@@ -26,7 +26,7 @@ from uavgram.estimation.first_poses.prior_gate import (
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane_pose import pose_above_plane
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.begin.frame_planes import frame_planes, too_little
 
@@ -36,6 +36,7 @@ FAR_RAD, FAR_HEIGHT = 0.1, 0.15
 MOST_BASES = 4
 """Frames whose lengths begin in turn where those of the first led nowhere."""
 
+BEYOND_LENS = LeftOut(LeftOutCause.BEYOND_LENS, "the lens model cannot be inverted at that pixel")
 NO_GROUND = LeftOut(
     LeftOutCause.NO_GROUND, "its ray does not meet the ground in front of the camera"
 )
@@ -281,3 +282,10 @@ def unusable(survey: Survey, values: FirstValues) -> dict[int, LeftOut]:
     why = np.where(one_place, 2, placed)
     causes = (NOT_JOINED, NO_GROUND, ONE_PLACE)
     return {int(i): causes[why[i]] for i in np.flatnonzero(~usable)}
+
+
+def in_lens(survey: Survey) -> tuple[Bools, dict[int, LeftOut]]:
+    """(P,) picks whose rays the lens model tells, and why others take no part."""
+    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
+    keep: Bools = np.isfinite(ray.sum(axis=1))
+    return keep, dict.fromkeys(np.flatnonzero(~keep).tolist(), BEYOND_LENS)

@@ -1,0 +1,231 @@
+"""Points seen in photos: picks, matches and tie points, as whitened residuals with Jacobians."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.geometry.camera.projection import project_with_jacobian
+from uavgram.geometry.motion.rotation import exp_so3, hat
+from uavgram.geometry.motion.row_poses import row_share
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey.survey import Survey
+
+if TYPE_CHECKING:
+    from uavgram.estimation.survey.likelihood import SurveyProblem
+    from uavgram.estimation.survey.unknowns import Layout, State
+
+LINKED_M = 0.001
+"""How far the ground below a picked pixel may depart from that below what was meant [m]."""
+
+ANYWHERE = 1.0
+"""Prior sigma of a tie point's height about the ground's, as a share of the flight's height: what
+photos from nearly one place show still has a depth then."""
+
+
+class Seen(NamedTuple):
+    """n points as photos show them.
+
+    Attributes
+    ----------
+    frame
+        (n,) the photo.
+    pixel_px, sigma_px
+        (n, 2), (n,) where, and the sigma of each coordinate.
+    columns
+        (n, k) unknowns of each row, in the order of the Jacobian.
+    """
+
+    frame: Ints
+    pixel_px: Floats
+    sigma_px: Floats
+    columns: Ints
+
+
+def seen(
+    problem: SurveyProblem,
+    points: tuple[Ints, Ints],
+    frame: Ints,
+    pixel_px: Floats,
+    sigma_px: Floats,
+) -> Seen:
+    """Points as photos show them.
+
+    Parameters
+    ----------
+    problem
+        The likelihood.
+    points
+        (n, point_size), (n, w) the unknowns of each point, and those of the ground that place it.
+    frame, pixel_px, sigma_px
+        As of `Seen`.
+    """
+    layout = problem.layout
+    parts = [
+        points[0],
+        layout.frame_columns(frame),
+        layout.shared_columns(layout.first_intrinsic, layout.intrinsics, len(frame)),
+        points[1],
+        layout.shared_columns(layout.first_readout, layout.readout, len(frame)),
+        layout.turning_columns(frame),
+    ]
+    return Seen(frame, pixel_px, sigma_px, np.concatenate(parts, axis=1))
+
+
+def rows_of_sightings(
+    problem: SurveyProblem, state: State, rows: Seen, placed: tuple[Floats, Floats, Floats]
+) -> Block | None:
+    """Predicted pixels less those seen, over their sigmas; None where a point is not in front.
+
+    Parameters
+    ----------
+    problem, state
+        The likelihood, and values of its unknowns.
+    rows
+        What was seen.
+    placed
+        (n, 3), (n, 3, point_size), (n, 3, w) the points, and their derivatives by their own
+        unknowns and by those of the ground.
+    """
+    survey, frame = problem.survey, rows.frame
+    world, d_point, d_plane = placed
+    camera_from_world = np.swapaxes(state.rotation, 1, 2)[frame]
+    from_center = world - state.center[frame]
+    unturned = None
+    if survey.rolling is not None:
+        # The row's own pose: centre + a v, R exp(a w), with a the time since the middle row.
+        motion = motion_of(survey, state)[frame]
+        share = row_share(rows.pixel_px[:, 1], survey.calibration.height_px)[:, None]
+        moved = share * state.readout * motion
+        from_center = from_center - moved[:, :3]
+        unturned = exp_so3(-moved[:, 3:])
+        in_middle = np.einsum("nij,nj->ni", camera_from_world, from_center)
+        camera_from_world = unturned @ camera_from_world
+    camera = np.einsum("nij,nj->ni", camera_from_world, from_center)
+    pixel, d_camera, d_intrinsics = project_with_jacobian(
+        survey.calibration.model, problem.intrinsics(state), camera, beyond_fold="extend"
+    )
+    if not np.isfinite(pixel).all():
+        return None
+    weight = 1.0 / rows.sigma_px
+    d_world = d_camera @ camera_from_world
+    by_turn = hat(camera) if unturned is None else unturned @ hat(in_middle)
+    parts = [
+        d_world @ d_point,
+        -d_world,
+        d_camera @ by_turn,
+        d_intrinsics @ problem.intrinsic_basis,
+        d_world @ d_plane,
+    ]
+    if unturned is not None:
+        # d/da of exp(-a w) R^T (X - centre - a v): camera x w - R_row^T v
+        by_time = np.cross(camera, motion[:, 3:])
+        by_time -= np.einsum("nij,nj->ni", camera_from_world, motion[:, :3])
+        parts.append(d_camera @ (share * by_time)[..., None])
+        if problem.layout.turning:
+            # d/dw of exp(-a w) x = hat(exp(-a w) x) a to first order in a w, some hundredths
+            parts.append(d_camera @ (hat(camera) * (share * state.readout)[..., None]))
+    jacobian = np.concatenate(parts, axis=2)
+    residual = (pixel - rows.pixel_px) * weight[:, None]
+    return Block(residual, rows.columns, jacobian * weight[:, None, None])
+
+
+def motion_of(survey: Survey, state: State) -> Floats:
+    """(F, 6) of each frame while its rows are read: the log's, and what it does not say."""
+    assert survey.rolling is not None  # noqa: S101  (the caller asked)
+    motion = np.array(survey.rolling.motion)
+    if state.turning.size:
+        motion[:, 3:] += state.turning
+    return motion
+
+
+class TiedPoints:
+    """Chains of matches, and tie points, in the likelihood of a survey.
+
+    Parameters
+    ----------
+    problem
+        The likelihood: its ground, third coordinates and layout are there already.
+
+    Notes
+    -----
+    A match repeats the error of the pick that it was found from. So a chain (the picked pixel, and
+    where it was found again) has a point of its own, what lies under the picked pixel; the label's
+    point is observed by the pick alone. Where the departure from the ground is an unknown, both
+    have the same.
+    """
+
+    def __init__(self, problem: SurveyProblem) -> None:
+        survey, layout = problem.survey, problem.layout
+        self._problem = problem
+        matches, ties = survey.matches, survey.ties
+        self.label = survey.pick_label[matches.pick]
+        chain, tie = matches.point, matches.points + ties.point
+        self._matches = seen(
+            problem,
+            (layout.tie_columns(chain), problem.plane_columns(self.label[chain])),
+            matches.frame,
+            matches.pixel_px,
+            matches.sigma_px,
+        )
+        alone = np.zeros((len(tie), 0), dtype=np.int64)
+        own = layout.tie_columns(tie), alone
+        self._ties = seen(problem, own, ties.frame, ties.pixel_px, ties.sigma_px)
+        self._above_m = 0.0
+        self._departs = problem.third.departs[self.label] if layout.point_size == 3 else _none()
+
+    def blocks(self, state: State) -> dict[str, Block] | None:
+        """Rows of all sightings by group; None where a point is not in front of its camera."""
+        survey, blocks = self._problem.survey, dict[str, Block]()
+        if survey.matches.points:
+            point = survey.matches.point
+            placed = self._problem.placed(state, state.tie[point], self.label[point])
+            matches = rows_of_sightings(self._problem, state, self._matches, placed)
+            if matches is None:
+                return None
+            blocks["matches"] = matches
+        if survey.ties.points:
+            world = state.tie[survey.matches.points + survey.ties.point]
+            n = len(world)
+            placed = world, np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3, 0))
+            ties = rows_of_sightings(self._problem, state, self._ties, placed)
+            if ties is None:
+                return None
+            blocks["ties"] = ties
+        return blocks | self._heights(state)
+
+    def _heights(self, state: State) -> dict[str, Block]:
+        """What is known of the third coordinates."""
+        layout, survey, blocks = self._problem.layout, self._problem.survey, dict[str, Block]()
+        if layout.point_size < 3:
+            return blocks
+        chains = survey.matches.points
+        linked, idle = np.flatnonzero(self._departs), np.flatnonzero(~self._departs)
+        if len(linked):
+            label = self.label[linked]
+            apart = state.tie[linked, 2] - state.point[label, 2]
+            columns = np.stack([layout.tie_columns(linked), layout.point_columns(label)], axis=1)
+            jacobian = np.broadcast_to([1.0 / LINKED_M, -1.0 / LINKED_M], (len(linked), 1, 2))
+            blocks["linked"] = Block(apart[:, None] / LINKED_M, columns[:, :, 2], jacobian)
+        if len(idle):
+            blocks["idle chains"] = _third(layout, idle, state.tie[idle, 2], 1.0)
+        if survey.ties.points:
+            ground = 0.0 if layout.free_gauge else survey.ground.height_m
+            if not self._above_m:  # the same in all iterations
+                height = float(np.median(np.abs(state.center[:, 2] - ground)))
+                self._above_m = ANYWHERE * max(height, 1.0)
+            tie = chains + np.arange(survey.ties.points)
+            blocks["tie heights"] = _third(layout, tie, state.tie[tie, 2] - ground, self._above_m)
+        return blocks
+
+
+def _third(layout: Layout, tie: Ints, departure_m: Floats, sigma_m: float) -> Block:
+    columns = layout.tie_columns(tie)[:, 2:]
+    weight = np.full((len(tie), 1, 1), 1.0 / sigma_m)
+    return Block((departure_m / sigma_m)[:, None], columns, weight)
+
+
+def _none() -> Bools:
+    return np.zeros(0, dtype=np.bool_)

@@ -1,0 +1,261 @@
+"""Which matches and ties are wrong, and how exact the others are, before anything rests on them.
+
+The program found them, so no person is asked: what does not fit is left out. They are tested
+against each other and the flight log, with what people picked and measured nearly without a say:
+a label in the wrong place must not cost the matches that would show it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.errors import GeometryError
+from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.reliability.variance_components import Component, of_one_group
+from uavgram.estimation.solver.normal_equations import SingularError
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Bools
+from uavgram.model.message import Message, Several
+from uavgram.model.result.noise import PickNoise
+from uavgram.model.survey.survey import Survey
+from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
+from uavgram.stages.refine.begin.softened import iterate, iterations_for
+from uavgram.stages.refine.begin.starts import in_lens
+from uavgram.stages.refine.continued import lines_used
+from uavgram.stages.refine.minima import Participants, best_minima
+
+SOFTER = 10.0
+"""Factor of the sigmas of picks and lengths while matches and ties are tested."""
+
+WRONG = 20.0
+"""Fall of the sum of squares from which a sighting is wrong: chi-square of two degrees of freedom
+is beyond it in one of 20,000."""
+
+MEDIAN = 2.0 * float(np.log(2.0))
+"""Of the chi-square distribution of two degrees of freedom."""
+
+ROUNDS = 12
+"""In each, the worst sighting of every point that has a wrong one is left out."""
+
+BENT = 0.2
+"""Share of the largest fall below which a sighting may only look wrong, as worse ones bend all."""
+
+STATED_WEIGHT = 20.0
+"""Of their stated sigmas, as so many residuals."""
+
+SMALLEST = 0.5
+"""Factor of them that the sigmas never fall below."""
+
+
+@dataclass(frozen=True, eq=False)
+class SoundTies:
+    """A survey whose matches and ties fit each other.
+
+    Attributes
+    ----------
+    survey, as_stated
+        Without wrong ones, and with sigmas of the others as they show them, and as stated.
+    noise
+        Of matches and of ties, where there are any.
+    matches_left_out, ties_left_out
+        Rows of the picks, and of the ties, that are wrong.
+    """
+
+    survey: Survey
+    as_stated: Survey
+    noise: tuple[PickNoise, ...] = ()
+    matches_left_out: frozenset[int] = frozenset()
+    ties_left_out: frozenset[int] = frozenset()
+
+
+def with_sound_ties(survey: Survey) -> SoundTies:
+    """The survey without matches and ties that do not fit the others.
+
+    Matches are tested as ties are, each chain a point of its own anywhere in space: whether it lies
+    where the ground is, is a question to the ground.
+    """
+    if not survey.matches.points + survey.ties.points:
+        return SoundTies(survey, survey)
+    try:
+        every = np.zeros(len(survey.line_start), dtype=np.bool_)
+        keep, _ = in_lens(survey)
+        begun = Participants(_softened(survey), keep, every, {})
+        adjustment = best_minima(begun).adjustment
+    except GeometryError:  # what is missing is told of the survey as it is
+        return SoundTies(survey, survey)
+    wrong: list[tuple[bool, int]] = []
+    for _ in range(ROUNDS):
+        out = _wrong(adjustment)
+        if not out.any():
+            break
+        ties = adjustment.survey.ties
+        wrong += zip(_is_match(ties)[out].tolist(), ties.row[out].tolist(), strict=True)
+        try:
+            adjustment = _without(adjustment, out)
+        except SingularError:
+            break
+    matches = frozenset(row for is_match, row in wrong if is_match)
+    ties_ = frozenset(row for is_match, row in wrong if not is_match)
+    rest = replace(
+        survey,
+        matches=_without_rows(survey.matches, matches),
+        ties=_without_rows(survey.ties, ties_),
+    )
+    noise = tuple(_noise(adjustment))
+    factor = {one.source: one.factor for one in noise}
+    sound = replace(
+        rest,
+        matches=_scaled(rest.matches, factor.get("match", 1.0)),
+        ties=_scaled(rest.ties, factor.get("tie", 1.0)),
+    )
+    return SoundTies(sound, rest, noise, matches, ties_)
+
+
+def _softened(survey: Survey) -> Survey:
+    """The survey with little weight for what people observed, and chains as ties."""
+    matches, ties = survey.matches, survey.ties
+    joined = Sightings(
+        frame=np.concatenate([matches.frame, ties.frame]),
+        point=np.concatenate([matches.point, matches.points + ties.point]),
+        pixel_px=np.concatenate([matches.pixel_px, ties.pixel_px]),
+        sigma_px=np.concatenate([matches.sigma_px, ties.sigma_px]),
+        row=np.concatenate([matches.row, ties.row]),
+        pick=np.concatenate([matches.pick, ties.pick]),
+    )
+    return replace(
+        survey,
+        matches=NO_SIGHTINGS,
+        ties=joined,
+        pick_sigma_px=SOFTER * survey.pick_sigma_px,
+        length_sigma_m=SOFTER * survey.length_sigma_m,
+        known=tuple(replace(one, sigma=SOFTER * one.sigma) for one in survey.known),
+    )
+
+
+def _is_match(ties: Sightings) -> Bools:
+    """(N,) which sightings are of chains of matches."""
+    return np.asarray(ties.pick[ties.point] >= 0)
+
+
+def _is_picked(survey: Survey) -> Bools:
+    """(N,) which sightings are the picked pixels of chains."""
+    ties = survey.ties
+    pick = ties.pick[ties.point]
+    same = (pick >= 0) & (survey.pick_frame[pick] == ties.frame)
+    return np.asarray(same & (survey.pixel_px[pick] == ties.pixel_px).all(axis=1))
+
+
+def _wrong(adjustment: Adjustment) -> Bools:
+    """(N,) the worst sighting of each point that has one that is wrong.
+
+    Sightings are wrong beside the scatter of the others: their sigmas may be too small for all. The
+    picked pixel of a chain is never wrong, as it says by itself what the chain is of.
+    """
+    ties = adjustment.survey.ties
+    if not ties.points:
+        return np.zeros(0, dtype=np.bool_)
+    fall = falls_without(adjustment.minimum.blocks["ties"], adjustment.covariance)
+    fall = np.where(_is_picked(adjustment.survey), 0.0, fall)
+    order = np.lexsort((-fall, ties.point))
+    worst = order[np.unique(ties.point[order], return_index=True)[1]]
+    limit = np.zeros(len(fall))
+    for own in (_is_match(ties), ~_is_match(ties)):
+        scatter = np.median(fall[own & (fall > 0)]) / MEDIAN if (own & (fall > 0)).any() else 1.0
+        limit[own] = WRONG * max(1.0, float(scatter))
+    limit = np.maximum(limit, BENT * float(fall.max()))
+    wrong = np.zeros(len(fall), dtype=np.bool_)
+    wrong[worst] = fall[worst] > limit[worst]
+    return wrong
+
+
+def _without(adjustment: Adjustment, out: Bools) -> Adjustment:
+    """Adjusted without some sightings, from where it stands."""
+    survey = adjustment.survey
+    ties, points = survey.ties.without(out)
+    less = replace(survey, ties=ties)
+    problem = SurveyProblem(less, adjustment.problem.pivot_m, lines_used(adjustment))
+    size, rates = problem.layout.point_size, problem.layout.frame_size - 6
+    state: State = adjustment.state
+    start = replace(
+        state,
+        point=state.point[:, :size],
+        tie=state.tie[points, :size],
+        turning=state.turning[:, :rates],
+    )
+    minimum = iterate(problem, start, iterations_for(survey.calibration))
+    return Adjustment(problem, minimum, minimum.factor.covariance())
+
+
+def _noise(adjustment: Adjustment) -> Iterator[PickNoise]:
+    """How exact matches and ties are, as their residuals show it."""
+    ties, block = adjustment.survey.ties, adjustment.minimum.blocks.get("ties")
+    if block is None:
+        return
+    leverage = adjustment.covariance.leverage(block)
+    for source, own in (("match", _is_match(ties)), ("tie", ~_is_match(ties))):
+        if own.any():
+            squares = float(np.sum(block.residual[own] ** 2))
+            redundancy = float(np.sum(1.0 - leverage[own]))
+            prior = Component("ties", None, STATED_WEIGHT, SMALLEST)
+            found = of_one_group(squares, redundancy, prior)
+            factor = float(found.factor[0])
+            yield PickNoise(
+                source=source,
+                stated_px=float(np.sqrt(np.mean(ties.sigma_px[own] ** 2))),
+                factor=factor,
+                sigma=factor * float(found.sigma[0]),
+            )
+
+
+def _without_rows(sightings: Sightings, rows: frozenset[int]) -> Sightings:
+    some, _ = sightings.without(np.isin(sightings.row, list(rows)))
+    return some
+
+
+def _scaled(sightings: Sightings, factor: float) -> Sightings:
+    return replace(sightings, sigma_px=factor * sightings.sigma_px)
+
+
+def remarks_on_ties(survey: Survey, sound: SoundTies) -> Iterator[Message]:
+    """What was left out, by name where it was found from a pick.
+
+    Parameters
+    ----------
+    survey
+        As it was handed over.
+    sound
+        What is left of it.
+    """
+    matches = survey.matches
+    for row in sorted(sound.matches_left_out):
+        at = int(np.flatnonzero(matches.row == row)[-1])
+        label = survey.label[survey.pick_label[matches.pick[matches.point[at]]]]
+        image = survey.frame_id[matches.frame[at]]
+        yield Message(
+            "warning",
+            "match-left-out",
+            f"{label} in {image} is left out: what the program found there does not fit what it "
+            "found in the other photos (it may have moved, or look like something else). Look at "
+            "it, and pick it by hand or delete the row.",
+            frames=(image,),
+            labels=(label,),
+            several=Several(
+                "{count} matches are left out: what the program found there does not fit what it "
+                "found in other photos",
+                f"{label} in {image}",
+                ending="Look at them, and pick them by hand or delete these rows.",
+            ),
+        )
+    wrong, all_ties = len(sound.ties_left_out), len(survey.ties.frame)
+    if wrong:
+        yield Message(
+            "info",
+            "ties-left-out",
+            f"{wrong} of {all_ties} sightings of tie points are left out: they do not fit the "
+            "others. There is nothing to do: the others are enough.",
+        )
