@@ -34,7 +34,9 @@ def test_four_corners_are_four_sides_and_two_diagonals() -> None:
     assert lengths[frozenset({"T7-1", "T7-4"})] == pytest.approx(0.6)
     assert lengths[frozenset({"T7-2", "T7-4"})] == pytest.approx(0.6 * 2**0.5)
     assert set(lines.tape) == {TAPE}
-    assert own_scale(0.6 * SQUARE, 0.0012)[0] == (TAPE, pytest.approx(0.002))
+    ((tape, sigma),) = own_scale(0.6 * SQUARE, 0.0012)
+    assert tape == TAPE
+    assert sigma == pytest.approx(0.002)
 
 
 def test_what_a_person_measured_stands_and_what_a_person_picked_is_no_plate() -> None:

@@ -55,7 +55,7 @@ def plate_samples(
     n = len(cells)
     square = n * np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
     matrix = _exact_homography(square.astype(np.float64), corner_px)
-    x, y = _places(np.linalg.inv(matrix), shape)
+    x, y = _places(np.asarray(np.linalg.inv(matrix), np.float64), shape)
     picture = np.full(x.shape, GROUND)
     on = (np.abs(x - n / 2) < n / 2 + margin) & (np.abs(y - n / 2) < n / 2 + margin)
     picture[on] = WHITE
@@ -90,7 +90,7 @@ def photo_of(
     h, w = (n // FINER for n in samples.shape)
     mean = np.asarray(soft).reshape(h, FINER, w, FINER).mean(axis=(1, 3))
     noisy = mean + noise * rng.standard_normal(mean.shape)
-    photo = np.clip(np.round(noisy), 0, 255).astype(np.uint8)
+    photo: NDArray[np.uint8] = np.clip(np.round(noisy), 0, 255).astype(np.uint8)
     if quality is None:
         return photo
     jpeg = cv2.imencode(".jpg", photo, [cv2.IMWRITE_JPEG_QUALITY, quality])[1]
@@ -127,4 +127,5 @@ def _exact_homography(source: Floats, target: Floats) -> Floats:
     rows = []
     for (x, y), (u, v) in zip(source, target, strict=True):
         rows += [[x, y, 1, 0, 0, 0, -u * x, -u * y, -u], [0, 0, 0, x, y, 1, -v * x, -v * y, -v]]
-    return np.linalg.svd(np.array(rows, np.float64))[2][-1].reshape(3, 3)
+    last = np.linalg.svd(np.array(rows, np.float64))[2][-1]
+    return np.asarray(last.reshape(3, 3), np.float64)

@@ -79,7 +79,7 @@ def find_targets(
     path = Path(inputs.project.picks)
     content = _content(path)
     seen = dict(_seen(inputs, _sight(_targets(inputs)), progress))
-    numbers = {plate.plate for plates in seen.values() for plate in plates}
+    numbers = {p.plate for plates in seen.values() for p in plates if p.left_out is LeftOut.NO}
     named, known = _names(inputs)
     centers = asked_centers(numbers, named, known, inputs.picks)
     rows = with_targets(inputs.picks, seen, centers)

@@ -164,8 +164,15 @@ def _together(kept: Picks, rows: Sequence[_Row]) -> Picks:
 
 
 def _left_out(seen: Mapping[str, Sequence[SeenPlate]]) -> Iterator[Message]:
+    used = {p.plate for plates in seen.values() for p in plates if p.left_out is LeftOut.NO}
     for image, plates in seen.items():
-        for number in dict.fromkeys(p.plate for p in plates if p.left_out is not LeftOut.NO):
+        told = (
+            p.plate
+            for p in plates
+            if p.left_out not in (LeftOut.NO, LeftOut.DOUBTFUL)
+            or (p.left_out is LeftOut.DOUBTFUL and p.plate in used)
+        )
+        for number in dict.fromkeys(told):
             why = next(p.left_out for p in plates if p.plate == number and p.left_out.value)
             name = plate_label(number)
             several = Several(

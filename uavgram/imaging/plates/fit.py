@@ -89,7 +89,7 @@ class PlateModel:
             base += [one, one * share]
         return base
 
-    def __call__(self, value: Floats) -> tuple[Floats, Floats]:
+    def _both(self, value: Floats) -> tuple[Floats, Floats]:
         key = value.tobytes()
         if self._last is not None and self._last[0] == key:
             return self._last[1:]
@@ -99,11 +99,11 @@ class PlateModel:
 
     def residual(self, value: Floats) -> Floats:
         """What the grey values miss, weighted."""
-        return self(value)[0]
+        return self._both(value)[0]
 
     def jacobian(self, value: Floats) -> Floats:
         """Its derivatives."""
-        return self(value)[1]
+        return self._both(value)[1]
 
     def _evaluated(self, value: Floats) -> tuple[Floats, Floats]:
         picture = render(self.cells, value[:8].reshape(4, 2), float(value[8]), self.window)
@@ -191,7 +191,7 @@ def fit_plate(
         side = np.linalg.norm(np.roll(corner_px, -1, axis=0) - corner_px, axis=1).min()
         if np.abs(corner - corner_px).max() > max(2.0, 0.15 * side):
             return None
-        residual, jacobian = model(value)
+        residual, jacobian = model.residual(value), model.jacobian(value)
         fitted = _described(model, value, weight, residual, jacobian, edges)
         raw = _raw(residual, weight)
         scale = 1.4826 * np.median(np.abs(raw[weight > 0])) + 0.3

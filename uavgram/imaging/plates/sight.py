@@ -14,7 +14,7 @@ from uavgram.imaging.plates.fit import PlateFit
 from uavgram.imaging.plates.picture import UNIT_SQUARE, Window, homography, mapped
 from uavgram.imaging.plates.shadowed_fit import fit_with_shadows
 from uavgram.imaging.raster import Image
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Floats
 from uavgram.model.survey.plates import LeftOut, SeenPlate
 
 LEAST_SIDE_PX = 8.0
@@ -48,7 +48,8 @@ def sight_plates(image: Image, family: str) -> tuple[SeenPlate, ...]:
     """
     seen = [_sighted(image, family, one) for one in candidates(image, family)]
     plates = [one for one in seen if one is not None]
-    count = np.bincount([one.plate for one in plates], minlength=1)
+    certain = [one.plate for one in plates if one.left_out is not LeftOut.DOUBTFUL]
+    count = np.bincount(certain, minlength=1 + max((one.plate for one in plates), default=0))
     marked = [
         replace(one, left_out=LeftOut.TWICE) if count[one.plate] > 1 else one for one in plates
     ]
@@ -69,12 +70,30 @@ def _sighted(image: Image, family: str, candidate: Candidate) -> SeenPlate | Non
     if factor > 1:
         grey, window = _reduced(grey, window, factor)
         corner = (corner + 0.5) / factor - 0.5
-    if agreement_at(grey, window, cells, corner) < _PROMISING:
+    agreement = agreement_at(grey, window, cells, corner)
+    if agreement < _PROMISING:
         return None
     fitted = fit_with_shadows(grey.astype(np.float64), window, cells, corner)
-    if fitted is None or not _is_plate(fitted, cells, window):
+    if fitted is None:
+        return _doubtful(candidate, agreement)
+    if wrong_cells(fitted, cells, window):
         return None
+    if not _is_plate(fitted):
+        return _doubtful(candidate, fitted.agreement)
     return _seen(candidate.plate, fitted, factor)
+
+
+def _doubtful(candidate: Candidate, agreement: float) -> SeenPlate:
+    """What may be a plate, and is told only where other photos show that there is such a one."""
+    return SeenPlate(
+        plate=candidate.plate,
+        corner_px=candidate.corner_px,
+        sigma_px=np.full(4, np.nan),
+        center_px=candidate.corner_px.mean(axis=0),
+        center_sigma_px=float("nan"),
+        score=max(agreement, 0.0),
+        left_out=LeftOut.DOUBTFUL,
+    )
 
 
 def _reduced(grey: Image, window: Window, factor: int) -> tuple[Image, Window]:
@@ -87,9 +106,7 @@ def _reduced(grey: Image, window: Window, factor: int) -> tuple[Image, Window]:
     return np.asarray(np.round(mean), np.uint8), Window(left, top, width, height)
 
 
-def _is_plate(fitted: PlateFit, cells: Bools, window: Window) -> bool:
-    if wrong_cells(fitted, cells, window):
-        return False
+def _is_plate(fitted: PlateFit) -> bool:
     strong = fitted.contrast > _LEAST_CONTRAST * fitted.rms
     large = shortest_side(fitted.corner_px) >= LEAST_SIDE_PX
     return strong and large and fitted.agreement >= _LEAST_AGREEMENT

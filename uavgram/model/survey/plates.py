@@ -16,6 +16,7 @@ class LeftOut(Enum):
 
     NO = ""
     COVERED = "something lies across it, such as the edge of a shadow, dirt, or a wheel"
+    DOUBTFUL = "what was seen there does not look enough like it: too small, or half hidden"
     TWICE = "its number is there twice in this photo, so nothing says which one is meant"
     FAINT = "it is too small or too faint there to be measured"
 

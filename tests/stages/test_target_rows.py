@@ -1,0 +1,40 @@
+"""What is said of plates that were seen and not used."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.model.survey.observations import Picks
+from uavgram.model.survey.plates import LeftOut, SeenPlate
+from uavgram.stages.target_rows import with_targets
+
+NO_PICKS = Picks(
+    image=(), label=(), pixel_px=np.empty((0, 2)), sigma_px=np.empty(0), height_m=np.empty(0)
+)
+
+
+def _seen(plate: int, left_out: LeftOut = LeftOut.NO) -> SeenPlate:
+    return SeenPlate(
+        plate=plate,
+        corner_px=np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0]]),
+        sigma_px=np.full(4, 0.04),
+        center_px=np.array([10.0, 10.0]),
+        center_sigma_px=0.02,
+        score=0.99,
+        left_out=left_out,
+    )
+
+
+def test_a_doubtful_plate_is_told_only_where_another_photo_shows_it() -> None:
+    seen = {
+        "a.jpg": (_seen(1), _seen(2, LeftOut.COVERED)),
+        "b.jpg": (_seen(1, LeftOut.DOUBTFUL), _seen(9, LeftOut.DOUBTFUL)),
+    }
+    rows = with_targets(NO_PICKS, seen, {})
+    assert set(rows.picks.image) == {"a.jpg"}
+    assert rows.picks.label == ("T1-1", "T1-2", "T1-3", "T1-4")
+    assert rows.plates == 1
+    told = [message.text for message in rows.messages]
+    assert len(told) == 2
+    assert "a.jpg: plate T2" in told[0]
+    assert "b.jpg: plate T1" in told[1]
