@@ -13,7 +13,7 @@ REAL = 1e-6
 
 _CUBIC = [m for m in combinations_with_replacement(range(4), 3) if 3 not in m]
 _LOWER = [m for m in combinations_with_replacement(range(4), 3) if 3 in m]
-_PLACE = {monomial: k for k, monomial in enumerate(_CUBIC + _LOWER)}
+_PLACE: dict[tuple[int, ...], int] = {monomial: k for k, monomial in enumerate(_CUBIC + _LOWER)}
 """Monomials of degree three in (x, y, z, 1), those without the 1 first: places in a row."""
 
 _LINEAR = [_PLACE[(k, 3, 3)] - 10 for k in range(4)]

@@ -12,7 +12,7 @@ from uavgram.estimation.first_poses.tied.three_points import resected
 from uavgram.estimation.first_poses.tied.tied_rays import TiedRays
 from uavgram.model.arrays import Bools, Floats
 
-FEWEST = 10
+FEWEST = 7
 """Points with a place that a frame must see to join, and that must fit it."""
 
 NEARLY = 0.75
@@ -139,7 +139,7 @@ def settled(scene: Scene, sightings: TiedRays) -> tuple[Scene, Bools]:
 
 
 def with_points(scene: Scene, sightings: TiedRays, limit: float = OUT) -> tuple[Scene, Bools]:
-    """The scene with every point where most rays meet, and the rays (N,) that do, in `limit` spreads."""
+    """The scene with points where most rays meet, and the rays (N,) that do, by `limit` spreads."""
     placed = np.isfinite(scene.center[sightings.frame, 0])
     direction = np.einsum("nij,nj->ni", scene.rotation[sightings.frame], sightings.ray)
     used = placed.copy()
@@ -186,7 +186,7 @@ def spread_of(scene: Scene, sightings: TiedRays, rows: Bools) -> float:
         return np.inf
     points = len(np.unique(sightings.point[rows]))
     free = 2 * len(angle) - 3 * points - 6 * int(np.isfinite(scene.center[:, 0]).sum())
-    shrunk = np.sqrt(max(free, 0.2 * len(angle)) / (2 * len(angle)))
+    shrunk = float(np.sqrt(max(free, 0.2 * len(angle)) / (2 * len(angle))))
     seen = float(np.median(angle)) / MEDIAN / shrunk
     return max(seen, float(np.median(sightings.sigma_rad)))
 
