@@ -82,3 +82,14 @@ def test_no_false_pose_without_a_log(seed: int, tmp_path: Path) -> None:
     result, z = ran("no_log_few", seed, tmp_path)
     assert result.solution.variance_factor < 1.5
     assert np.nanmax(np.abs(z)) < 4.0
+
+
+def test_matches_of_a_clumsy_click_do_not_make_it_certain(tmp_path: Path) -> None:
+    """Each label picked once, with the noise of a pick, and found nearly exactly in other photos.
+
+    On rough ground, one in a hundred matches wrong. (With matches taken for picks of their own, the
+    mean square is 16.)
+    """
+    square = squares("matched_wrong", 12, tmp_path)
+    most = margin(square, 0.001)
+    assert np.mean(square) - 1.0 < most < 1.0

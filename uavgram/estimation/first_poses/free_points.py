@@ -114,14 +114,34 @@ def _sums(rows: Floats, owner: Ints, count: int) -> Floats:
 
 
 def in_front(met: Floats, center: Floats, direction: Floats, owner: Ints) -> Bools:
-    """(K,) which points lie ahead on all of their rays."""
+    """(K,) which points lie ahead on all of their rays.
+
+    Parameters
+    ----------
+    met
+        (K, 3) points; NaN of those without.
+    center, direction
+        (n, 3) where rays begin, and unit vectors along them.
+    owner
+        (n,) point of each ray.
+    """
     ahead = np.einsum("ni,ni->n", met[owner] - center, direction) > 0
     behind = np.bincount(owner[~ahead], minlength=len(met)) > 0
     return np.asarray(np.isfinite(met[:, 0]) & ~behind)
 
 
 def means_of(place: Floats, owner: Ints, count: int) -> Floats:
-    """(count, 3) mean of the finite rows of each owner; NaN where there is none."""
+    """(count, 3) mean of the finite rows of each owner; NaN where there is none.
+
+    Parameters
+    ----------
+    place
+        (n, 3) places.
+    owner
+        (n,) point of each.
+    count
+        Number of points.
+    """
     finite = np.isfinite(place).all(axis=1)
     total = np.zeros((count, 3))
     np.add.at(total, owner[finite], place[finite])

@@ -9,9 +9,19 @@ import numpy as np
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 
-CORE = ("pixels", "lengths", "known", "control", "calibration", "roughness", "heights", "relief")
+CORE = (
+    "pixels",
+    "matches",
+    "lengths",
+    "known",
+    "control",
+    "calibration",
+    "roughness",
+    "heights",
+    "relief",
+)
 """Groups that say whether the model of picks and ground holds: priors of the telemetry are meant to
-be generous."""
+be generous, and ties say nothing of the ground."""
 
 
 def redundancy_of(adjustment: Adjustment, name: str) -> float:

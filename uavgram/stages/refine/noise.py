@@ -118,13 +118,7 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
     if not stated.minimum.converged:
         return survey, refined
     few, fits = outstanding(stated)
-    redundancy = redundancy_of(stated, "pixels")
-    models = [_as_stated(stated, redundancy)]
-    if not fits and redundancy > LITTLE:
-        models += _grown(stated)
-    elif stated.survey.is_free.any() and redundancy > LITTLE:
-        # Heights rest on the ground below, and picks of free points fit on any: they hide misfits.
-        models.append(_each_its_own(stated))
+    models = [_as_stated(stated, redundancy_of(stated, "pixels")), *_grown(stated, fits=fits)]
     simple = len(models) == 1 and len(models[0].components) == 1 and not few
 
     def estimated(model: _Model, adjustment: Adjustment, first: Floats | None) -> _Fitted:
@@ -159,7 +153,18 @@ def _as_stated(stated: Adjustment, redundancy: float) -> _Model:
     return _components(None, stated.problem, stated.survey, 1.0 if redundancy < LITTLE else 0.0)
 
 
-def _grown(stated: Adjustment) -> list[_Model]:
+def _grown(stated: Adjustment, *, fits: bool) -> list[_Model]:
+    """Other shapes of the ground that are worth trying: none where all fits or little is known."""
+    shown = (name for name in ("pixels", "matches") if name in stated.minimum.blocks)
+    if sum(redundancy_of(stated, name) for name in shown) <= LITTLE:
+        return []
+    if not fits:
+        return _every_shape(stated)
+    # Heights rest on the ground below, and picks of free points fit on any: they hide misfits.
+    return [_each_its_own(stated)] if stated.survey.is_free.any() else []
+
+
+def _every_shape(stated: Adjustment) -> list[_Model]:
     """Every other shape of the ground: each point's own departure, and smooth ones."""
     survey, point = stated.survey, stated.state.point[:, :2]
     own = [point[survey.area == area] for area in range(len(survey.grounds))]

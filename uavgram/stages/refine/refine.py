@@ -95,7 +95,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         off_ground=frozenset(begun.off_ground),
         causes=(*(one.cause for one in mends if one.cause), *begun.causes),
         removals=(*mends, *refined.removals),
-        matches_left_out=frozenset(sound.left_out["matches"].tolist()),
+        matches_left_out=sound.matches_left_out,
         pick_removed=refined.pick_removed | taken_out,
     )
     told = (*(cause.message for cause in begun.causes), *begun.messages)

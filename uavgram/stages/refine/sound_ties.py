@@ -9,32 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.reliability.core import redundancy_of
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.reliability.variance_components import Component, of_one_group
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
-from uavgram.model.arrays import Bools, Ints
+from uavgram.model.arrays import Bools
 from uavgram.model.message import Message, Several
 from uavgram.model.result.noise import PickNoise
 from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import Sightings
+from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
 from uavgram.stages.refine.begin.softened import iterate, iterations_for
 from uavgram.stages.refine.begin.starts import in_lens
 from uavgram.stages.refine.continued import lines_used
 from uavgram.stages.refine.minima import Participants, best_minima
-
-Group = Literal["matches", "ties"]
-GROUPS: tuple[Group, Group] = ("matches", "ties")
-
-SOURCE: dict[Group, str] = {"matches": "match", "ties": "tie"}
 
 SOFTER = 10.0
 """Factor of the sigmas of picks and lengths while matches and ties are tested."""
@@ -46,8 +39,11 @@ is beyond it in one of 20,000."""
 MEDIAN = 2.0 * float(np.log(2.0))
 """Of the chi-square distribution of two degrees of freedom."""
 
-ROUNDS = 8
+ROUNDS = 12
 """In each, the worst sighting of every point that has a wrong one is left out."""
+
+BENT = 0.2
+"""Share of the largest fall below which a sighting may only look wrong, as worse ones bend all."""
 
 STATED_WEIGHT = 20.0
 """Of their stated sigmas, as so many residuals."""
@@ -65,140 +61,164 @@ class SoundTies:
     survey, as_stated
         Without wrong ones, and with sigmas of the others as they show them, and as stated.
     noise
-        Of each group that there is.
-    left_out
-        (n,) rows of the picks, and (m,) of the ties, that are wrong.
+        Of matches and of ties, where there are any.
+    matches_left_out, ties_left_out
+        Rows of the picks, and of the ties, that are wrong.
     """
 
     survey: Survey
     as_stated: Survey
-    noise: tuple[PickNoise, ...]
-    left_out: dict[Group, Ints]
+    noise: tuple[PickNoise, ...] = ()
+    matches_left_out: frozenset[int] = frozenset()
+    ties_left_out: frozenset[int] = frozenset()
 
 
 def with_sound_ties(survey: Survey) -> SoundTies:
-    """The survey without matches and ties that do not fit the others."""
-    none = np.zeros(0, dtype=np.int64)
-    left_out: dict[Group, Ints] = dict.fromkeys(GROUPS, none)
+    """The survey without matches and ties that do not fit the others.
+
+    Matches are tested as ties are, each chain a point of its own anywhere in space: whether it lies
+    where the ground is, is a question to the ground.
+    """
     if not survey.matches.points + survey.ties.points:
-        return SoundTies(survey, survey, (), left_out)
+        return SoundTies(survey, survey)
     try:
         every = np.zeros(len(survey.line_start), dtype=np.bool_)
         keep, _ = in_lens(survey)
-        adjustment = best_minima(Participants(_softened(survey), keep, every, {})).adjustment
+        begun = Participants(_softened(survey), keep, every, {})
+        adjustment = best_minima(begun).adjustment
     except GeometryError:  # what is missing is told of the survey as it is
-        return SoundTies(survey, survey, (), left_out)
+        return SoundTies(survey, survey)
+    wrong: list[tuple[bool, int]] = []
     for _ in range(ROUNDS):
-        out = {group: _wrong(adjustment, group) for group in GROUPS}
-        if not any(wrong.any() for wrong in out.values()):
+        out = _wrong(adjustment)
+        if not out.any():
             break
-        for group in GROUPS:
-            wrong = sightings_of(adjustment.survey, group).row[out[group]]
-            left_out[group] = np.concatenate([left_out[group], wrong])
+        ties = adjustment.survey.ties
+        wrong += zip(_is_match(ties)[out].tolist(), ties.row[out].tolist(), strict=True)
         try:
             adjustment = _without(adjustment, out)
         except SingularError:
             break
-    noise = tuple(
-        _noise(adjustment, g) for g in GROUPS if sightings_of(adjustment.survey, g).points
+    matches = frozenset(row for is_match, row in wrong if is_match)
+    ties_ = frozenset(row for is_match, row in wrong if not is_match)
+    rest = replace(
+        survey,
+        matches=_without_rows(survey.matches, matches),
+        ties=_without_rows(survey.ties, ties_),
     )
-    as_stated = _sound(survey, left_out, ())
-    return SoundTies(_sound(survey, left_out, noise), as_stated, noise, left_out)
-
-
-def sightings_of(survey: Survey, group: Group) -> Sightings:
-    """The matches or the ties of a survey."""
-    return survey.matches if group == "matches" else survey.ties
+    noise = tuple(_noise(adjustment))
+    factor = {one.source: one.factor for one in noise}
+    sound = replace(
+        rest,
+        matches=_scaled(rest.matches, factor.get("match", 1.0)),
+        ties=_scaled(rest.ties, factor.get("tie", 1.0)),
+    )
+    return SoundTies(sound, rest, noise, matches, ties_)
 
 
 def _softened(survey: Survey) -> Survey:
+    """The survey with little weight for what people observed, and chains as ties."""
+    matches, ties = survey.matches, survey.ties
+    joined = Sightings(
+        frame=np.concatenate([matches.frame, ties.frame]),
+        point=np.concatenate([matches.point, matches.points + ties.point]),
+        pixel_px=np.concatenate([matches.pixel_px, ties.pixel_px]),
+        sigma_px=np.concatenate([matches.sigma_px, ties.sigma_px]),
+        row=np.concatenate([matches.row, ties.row]),
+        pick=np.concatenate([matches.pick, ties.pick]),
+    )
     return replace(
         survey,
+        matches=NO_SIGHTINGS,
+        ties=joined,
         pick_sigma_px=SOFTER * survey.pick_sigma_px,
         length_sigma_m=SOFTER * survey.length_sigma_m,
         known=tuple(replace(one, sigma=SOFTER * one.sigma) for one in survey.known),
     )
 
 
-def _wrong(adjustment: Adjustment, group: Group) -> Bools:
+def _is_match(ties: Sightings) -> Bools:
+    """(N,) which sightings are of chains of matches."""
+    return np.asarray(ties.pick[ties.point] >= 0)
+
+
+def _is_picked(survey: Survey) -> Bools:
+    """(N,) which sightings are the picked pixels of chains."""
+    ties = survey.ties
+    pick = ties.pick[ties.point]
+    same = (pick >= 0) & (survey.pick_frame[pick] == ties.frame)
+    return np.asarray(same & (survey.pixel_px[pick] == ties.pixel_px).all(axis=1))
+
+
+def _wrong(adjustment: Adjustment) -> Bools:
     """(N,) the worst sighting of each point that has one that is wrong.
 
     Sightings are wrong beside the scatter of the others: their sigmas may be too small for all. The
     picked pixel of a chain is never wrong, as it says by itself what the chain is of.
     """
-    sightings = sightings_of(adjustment.survey, group)
-    if not sightings.points:
+    ties = adjustment.survey.ties
+    if not ties.points:
         return np.zeros(0, dtype=np.bool_)
-    fall = falls_without(adjustment.minimum.blocks[group], adjustment.covariance)
-    fall = np.where(_is_picked(adjustment.survey, group), 0.0, fall)
-    order = np.lexsort((-fall, sightings.point))
-    worst = order[np.unique(sightings.point[order], return_index=True)[1]]
-    scatter = max(1.0, float(np.median(fall[fall > 0])) / MEDIAN) if (fall > 0).any() else 1.0
+    fall = falls_without(adjustment.minimum.blocks["ties"], adjustment.covariance)
+    fall = np.where(_is_picked(adjustment.survey), 0.0, fall)
+    order = np.lexsort((-fall, ties.point))
+    worst = order[np.unique(ties.point[order], return_index=True)[1]]
+    limit = np.zeros(len(fall))
+    for own in (_is_match(ties), ~_is_match(ties)):
+        scatter = np.median(fall[own & (fall > 0)]) / MEDIAN if (own & (fall > 0)).any() else 1.0
+        limit[own] = WRONG * max(1.0, float(scatter))
+    limit = np.maximum(limit, BENT * float(fall.max()))
     wrong = np.zeros(len(fall), dtype=np.bool_)
-    wrong[worst] = fall[worst] > WRONG * scatter
+    wrong[worst] = fall[worst] > limit[worst]
     return wrong
 
 
-def _is_picked(survey: Survey, group: Group) -> Bools:
-    """(N,) which sightings are the picked pixels of chains."""
-    sightings = sightings_of(survey, group)
-    if group == "ties":
-        return np.zeros(len(sightings.frame), dtype=np.bool_)
-    pick = sightings.pick[sightings.point]
-    same = survey.pick_frame[pick] == sightings.frame
-    return np.asarray(same & (survey.pixel_px[pick] == sightings.pixel_px).all(axis=1))
-
-
-def _without(adjustment: Adjustment, out: dict[Group, Bools]) -> Adjustment:
+def _without(adjustment: Adjustment, out: Bools) -> Adjustment:
     """Adjusted without some sightings, from where it stands."""
     survey = adjustment.survey
-    matches, chains = survey.matches.without(out["matches"])
-    ties, points = survey.ties.without(out["ties"])
-    kept = np.concatenate([chains, survey.matches.points + points])
-    less = replace(survey, matches=matches, ties=ties)
+    ties, points = survey.ties.without(out)
+    less = replace(survey, ties=ties)
     problem = SurveyProblem(less, adjustment.problem.pivot_m, lines_used(adjustment))
-    size = problem.layout.point_size
+    size, rates = problem.layout.point_size, problem.layout.frame_size - 6
     state: State = adjustment.state
-    rates = state.turning[:, : problem.layout.frame_size - 6]
-    start = replace(state, point=state.point[:, :size], tie=state.tie[kept, :size], turning=rates)
+    start = replace(
+        state,
+        point=state.point[:, :size],
+        tie=state.tie[points, :size],
+        turning=state.turning[:, :rates],
+    )
     minimum = iterate(problem, start, iterations_for(survey.calibration))
     return Adjustment(problem, minimum, minimum.factor.covariance())
 
 
-def _noise(adjustment: Adjustment, group: Group) -> PickNoise:
-    """How exact sightings are, as their residuals show it."""
-    sightings, block = sightings_of(adjustment.survey, group), adjustment.minimum.blocks[group]
-    component = Component(group, None, STATED_WEIGHT, SMALLEST)
-    squares = float(np.sum(block.residual**2))
-    found = of_one_group(squares, redundancy_of(adjustment, group), component)
-    factor = float(found.factor[0])
-    return PickNoise(
-        source=SOURCE[group],
-        stated_px=float(np.sqrt(np.mean(sightings.sigma_px**2))),
-        factor=factor,
-        sigma=factor * float(found.sigma[0]),
-    )
+def _noise(adjustment: Adjustment) -> Iterator[PickNoise]:
+    """How exact matches and ties are, as their residuals show it."""
+    ties, block = adjustment.survey.ties, adjustment.minimum.blocks.get("ties")
+    if block is None:
+        return
+    leverage = adjustment.covariance.leverage(block)
+    for source, own in (("match", _is_match(ties)), ("tie", ~_is_match(ties))):
+        if own.any():
+            squares = float(np.sum(block.residual[own] ** 2))
+            redundancy = float(np.sum(1.0 - leverage[own]))
+            prior = Component("ties", None, STATED_WEIGHT, SMALLEST)
+            found = of_one_group(squares, redundancy, prior)
+            factor = float(found.factor[0])
+            yield PickNoise(
+                source=source,
+                stated_px=float(np.sqrt(np.mean(ties.sigma_px[own] ** 2))),
+                factor=factor,
+                sigma=factor * float(found.sigma[0]),
+            )
 
 
-def _sound(survey: Survey, left_out: dict[Group, Ints], noise: tuple[PickNoise, ...]) -> Survey:
-    """The survey without what is wrong, and with the sigmas that were found.
+def _without_rows(sightings: Sightings, rows: frozenset[int]) -> Sightings:
+    some, _ = sightings.without(np.isin(sightings.row, list(rows)))
+    return some
 
-    Parameters
-    ----------
-    survey
-        All observations.
-    left_out
-        Rows of the tables that are wrong.
-    noise
-        Of the rest.
-    """
-    factor = {one.source: one.factor for one in noise}
-    found = {}
-    for group in GROUPS:
-        sightings = sightings_of(survey, group)
-        some, _ = sightings.without(np.isin(sightings.row, left_out[group]))
-        found[group] = replace(some, sigma_px=factor.get(SOURCE[group], 1.0) * some.sigma_px)
-    return replace(survey, matches=found["matches"], ties=found["ties"])
+
+def _scaled(sightings: Sightings, factor: float) -> Sightings:
+    return replace(sightings, sigma_px=factor * sightings.sigma_px)
 
 
 def remarks_on_ties(survey: Survey, sound: SoundTies) -> Iterator[Message]:
@@ -212,7 +232,7 @@ def remarks_on_ties(survey: Survey, sound: SoundTies) -> Iterator[Message]:
         What is left of it.
     """
     matches = survey.matches
-    for row in sound.left_out["matches"].tolist():
+    for row in sorted(sound.matches_left_out):
         at = int(np.flatnonzero(matches.row == row)[-1])
         label = survey.label[survey.pick_label[matches.pick[matches.point[at]]]]
         image = survey.frame_id[matches.frame[at]]
@@ -231,7 +251,7 @@ def remarks_on_ties(survey: Survey, sound: SoundTies) -> Iterator[Message]:
                 ending="Look at them, and pick them by hand or delete these rows.",
             ),
         )
-    wrong, all_ties = len(sound.left_out["ties"]), len(survey.ties.frame)
+    wrong, all_ties = len(sound.ties_left_out), len(survey.ties.frame)
     if wrong:
         yield Message(
             "info",

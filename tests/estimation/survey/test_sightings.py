@@ -1,0 +1,184 @@
+"""Matches and ties in the likelihood: against central differences, and correlated errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rolling_scenes import read_in_rows
+from scenes import Scene, make_scene
+
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import State, between, move
+from uavgram.model.arrays import Floats
+from uavgram.model.survey.survey import Survey
+from uavgram.model.survey.ties import Sightings
+
+PATCH_PX, MATCH_PX = 0.03, 0.06
+
+
+def dense(block: Block, size: int) -> Floats:
+    """(n r, size) Jacobian of a block by all unknowns."""
+    n, r, _ = block.jacobian.shape
+    whole = np.zeros((n, r, size))
+    rows = np.arange(n)[:, None, None]
+    np.add.at(whole, (rows, np.arange(r)[:, None], block.columns[:, None, :]), block.jacobian)
+    return whole.reshape(n * r, size)
+
+
+def with_found(survey: Survey, *, chains: int, ties: int) -> Survey:
+    """The survey with its first picks found again in other frames, and some tie points.
+
+    The places are arbitrary: those of other picks of the same labels, and of picks of others.
+    """
+    frame, label = survey.pick_frame, survey.pick_label
+    point, where, pixel, sigma, pick = [], [], [], [], []
+    for chain in range(chains):
+        first = int(np.flatnonzero(label == chain)[0])
+        for row in np.flatnonzero(label == chain):
+            point.append(chain)
+            where.append(int(frame[row]))
+            pixel.append(survey.pixel_px[row])
+            sigma.append(PATCH_PX if row == first else MATCH_PX)
+        pick.append(first)
+    matches = Sightings(
+        frame=np.array(where, dtype=np.int64),
+        point=np.array(point, dtype=np.int64),
+        pixel_px=np.array(pixel).reshape(-1, 2),
+        sigma_px=np.array(sigma),
+        row=np.arange(len(where)),
+        pick=np.array(pick, dtype=np.int64),
+    )
+    rows = np.flatnonzero(label < ties)
+    tied = Sightings(
+        frame=frame[rows],
+        point=label[rows],
+        pixel_px=survey.pixel_px[rows],
+        sigma_px=np.full(len(rows), 0.1),
+        row=rows,
+        pick=np.full(ties, -1),
+    )
+    return replace(survey, matches=matches, ties=tied)
+
+
+def problem_of(scene: Scene) -> SurveyProblem:
+    return SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
+
+
+def beginning(problem: SurveyProblem, truth: State) -> State:
+    """The truth, with chains and ties where the labels are that they were made of."""
+    survey, layout = problem.survey, problem.layout
+    chain = survey.pick_label[survey.matches.pick]
+    tie = np.arange(survey.ties.points)
+    point = np.zeros((layout.points, layout.point_size))
+    point[:, : truth.point.shape[1]] = truth.point
+    padded = replace(truth, point=point)
+    world, _, _ = problem.world_points(padded, np.arange(layout.points))
+    own = [point[chain], world[tie][:, : layout.point_size]]
+    turning = np.zeros((layout.frames, layout.frame_size - 6))
+    return replace(padded, tie=np.concatenate(own), turning=turning)
+
+
+@pytest.mark.parametrize(
+    ("roughness", "rolling"), [(0.0, False), (0.05, True)], ids=["plane", "rough, rolling"]
+)
+def test_every_jacobian_equals_central_differences(roughness: float, *, rolling: bool) -> None:
+    scene = make_scene(3, roughness=roughness)
+    if rolling:
+        scene = read_in_rows(scene, 0.04)
+    found = with_found(scene.survey, chains=2, ties=3)
+    problem = SurveyProblem(found, scene.pivot, np.ones(6, dtype=bool))
+    layout = problem.layout
+    size = 0.003 * np.random.default_rng(1).normal(size=layout.size)
+    state = move(layout, beginning(problem, scene.truth), size)
+    blocks = problem.evaluate(state)
+
+    assert blocks is not None
+    assert layout.turning == rolling
+    names = {"pixels", "matches", "ties", "tie heights"}
+    names |= {"linked", "turning"} if rolling else {"idle chains"}
+    assert names <= set(blocks)
+    for name in names:
+        analytic = dense(blocks[name], layout.size)
+        numeric = np.zeros_like(analytic)
+        for column in range(layout.size):
+            step = np.zeros(layout.size)
+            step[column] = 1e-5
+            ahead, behind = (problem.evaluate(move(layout, state, s * step)) for s in (1, -1))
+            assert ahead is not None
+            assert behind is not None
+            apart = ahead[name].residual - behind[name].residual
+            numeric[:, column] = apart.ravel() / 2e-5
+        scale = np.abs(analytic).max(axis=0)
+        error = np.abs(analytic - numeric).max(axis=0)
+        # by the turning the derivative is that of a small turn: some hundredths of it
+        allowed = np.full(layout.size, 1e-5)
+        allowed[layout.turning_columns(np.arange(layout.frames)).ravel()] = 0.05
+        assert (error <= allowed * np.maximum(scale, scale.max() * 1e-6)).all(), name
+
+
+def test_between_undoes_a_move_of_tied_points_and_turning() -> None:
+    scene = read_in_rows(make_scene(3), 0.04)
+    problem = SurveyProblem(
+        with_found(scene.survey, chains=2, ties=3), scene.pivot, np.ones(6, dtype=bool)
+    )
+    start = beginning(problem, scene.truth)
+    step = 0.01 * np.random.default_rng(2).normal(size=problem.layout.size)
+
+    assert between(problem.layout, start, move(problem.layout, start, step)) == pytest.approx(step)
+
+
+def test_a_match_repeats_the_error_of_the_pick_that_it_was_found_from() -> None:
+    """Against correlated errors: match = J_t x + A e + m, pick = J_s x + e.
+
+    A is the map from the source photo to the other one through the ground.
+    """
+    scene = make_scene(3)
+    survey = with_found(scene.survey, chains=1, ties=0)
+    picks = np.flatnonzero((survey.pick_label != 0) | (np.arange(len(survey.pick_label)) == 0))
+    assert survey.matches.pick[0] == 0
+    once = replace(
+        survey,
+        pick_frame=survey.pick_frame[picks],
+        pick_label=survey.pick_label[picks],
+        pixel_px=survey.pixel_px[picks],
+        pick_sigma_px=survey.pick_sigma_px[picks],
+    )
+    problem = SurveyProblem(once, scene.pivot, np.ones(6, dtype=bool))
+    layout, state = problem.layout, beginning(problem, scene.truth)
+    blocks = problem.evaluate(state)
+    assert blocks is not None
+    rows = {name: dense(block, layout.size) for name, block in blocks.items()}
+    information = sum(jacobian.T @ jacobian for jacobian in rows.values())
+    others = np.setdiff1d(np.arange(layout.size), layout.tie_columns(np.zeros(1, int)).ravel())
+    ours = np.linalg.inv(information)[np.ix_(others, others)]
+
+    # The same pixels, as picks of the label itself with correlated errors.
+    matches = once.matches
+    count = len(matches.frame) - 1
+    sigma_px = np.repeat(matches.sigma_px, 2)[:, None]
+    seen = rows["matches"] * sigma_px
+    chain, label = (
+        layout.tie_columns(np.zeros(1, int))[0],
+        layout.point_columns(np.zeros(1, int))[0],
+    )
+    as_picks = seen.copy()
+    as_picks[:, label] += seen[:, chain]
+    as_picks[:, chain] = 0.0
+    by_ground = [seen[2 * k : 2 * k + 2][:, chain] for k in range(count + 1)]
+    to_other = np.concatenate([own @ np.linalg.inv(by_ground[0]) for own in by_ground[1:]])
+    pick_sigma = once.pick_sigma_px[0]
+    mapped = np.concatenate([np.eye(2), to_other])
+    covariance = pick_sigma**2 * mapped @ mapped.T
+    covariance[2:, 2:] += MATCH_PX**2 * np.eye(2 * count) + PATCH_PX**2 * to_other @ to_other.T
+    rest = {n: r for n, r in rows.items() if n not in ("matches", "pixels", "idle chains")}
+    other_picks = rows["pixels"][2:]
+    information = sum(jacobian.T @ jacobian for jacobian in rest.values())
+    information = information + other_picks.T @ other_picks
+    information += as_picks.T @ np.linalg.solve(covariance, as_picks)
+    theirs = np.linalg.inv(information[np.ix_(others, others)])
+
+    scale = np.sqrt(np.outer(np.diag(theirs), np.diag(theirs)))
+    assert np.abs((ours - theirs) / scale).max() < 1e-6
