@@ -92,7 +92,15 @@ def _triads(three: Floats) -> Floats:
 
 
 def ray_angles(center: Floats, rotation: Floats, world: Floats, ray: Floats) -> Floats:
-    """(M, n) angles between rays (n, 3) and points (n, 3) under M poses [rad]; large behind."""
+    """(M, n) angles between rays and points under M poses [rad]; large behind the camera.
+
+    Parameters
+    ----------
+    center, rotation
+        (M, 3), (M, 3, 3) world from camera.
+    world, ray
+        (n, 3) points, and unit rays in the camera.
+    """
     seen = (world[None] - center[:, None]) @ rotation
     seen /= np.maximum(np.linalg.norm(seen, axis=2, keepdims=True), 1e-300)
     chord = np.linalg.norm(seen - ray[None], axis=2)

@@ -6,6 +6,7 @@ import numpy as np
 
 from uavgram.estimation.first_poses.tied.bundle import Scene
 from uavgram.estimation.first_poses.tied.growth import (
+    LIMITS,
     agreeing,
     grown,
     spread_of,
@@ -62,7 +63,7 @@ def tied_poses(sightings: TiedRays, seed: int = 0) -> TiedPoses | None:
     scene, agrees = grown(best[1], sightings, rng)
     spread = spread_of(scene, sightings, agrees)
     scene, agrees = with_points(scene, everything)
-    agrees = agreeing(scene, everything, agrees)
+    agrees = agreeing(scene, everything, agrees, LIMITS[0])
     return TiedPoses(
         center=scene.center,
         rotation=scene.rotation,
