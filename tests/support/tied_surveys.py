@@ -45,7 +45,10 @@ def calibration() -> Calibration:
 def tied_survey(flight: TiedFlight, labels: int = 8, lengths: int = 3, seed: int = 0) -> TiedSurvey:
     """Labels on the ground (with its roughness), each in two photos; lengths between neighbours."""
     rng = np.random.default_rng((77, seed))
-    image, label, pixel, world = [], [], [], []
+    image: list[str] = []
+    label: list[str] = []
+    pixel: list[Floats] = []
+    world: list[Floats] = []
     while len(world) < labels:
         place = flight.center[rng.integers(len(flight.center))] * [1, 1, 0]
         place = place + np.append(rng.uniform(-0.5, 0.5, 2) * flight.height_m, rng.normal(0, 0.02))
