@@ -22,7 +22,7 @@ def attitudes_by_ties(survey: Survey) -> Floats | None:
     seeds = survey.seeds
     if seeds is None or not survey.ties.points + survey.matches.points:
         return None
-    found = tied_poses(tied_rays(survey))
+    found = tied_poses(tied_rays(survey)[0])
     if found is None:
         return None
     placed = onto_positions(found, seeds.center_world_m, found.placed)

@@ -51,7 +51,7 @@ def test_all_roots_that_opencv_finds_are_found(seed: int) -> None:
     stacked, _ = cv2.findEssentialMat(
         first[:, :2] / first[:, 2:], second[:, :2] / second[:, 2:], np.eye(3)
     )
-    theirs = np.asarray(stacked).reshape(-1, 9)
+    theirs = np.asarray(stacked, dtype=np.float64).reshape(-1, 9)
     ours = essential_matrices(first[None], second[None]).reshape(-1, 9)
     theirs, ours = unit(theirs), unit(ours)
     assert np.abs(theirs @ ours.T).max(axis=1).min() > 1 - 1e-8

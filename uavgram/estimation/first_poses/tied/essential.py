@@ -13,7 +13,7 @@ REAL = 1e-6
 
 _CUBIC = [m for m in combinations_with_replacement(range(4), 3) if 3 not in m]
 _LOWER = [m for m in combinations_with_replacement(range(4), 3) if 3 in m]
-_PLACE = {monomial: k for k, monomial in enumerate(_CUBIC + _LOWER)}
+_PLACE: dict[tuple[int, ...], int] = {monomial: k for k, monomial in enumerate(_CUBIC + _LOWER)}
 """Monomials of degree three in (x, y, z, 1), those without the 1 first: places in a row."""
 
 _LINEAR = [_PLACE[(k, 3, 3)] - 10 for k in range(4)]
@@ -111,13 +111,28 @@ def epipolar_angles(essential: Floats, first: Floats, second: Floats) -> Floats:
     """(M, n) by how much rays (n, 3) miss each other under M matrices [rad], to first order.
 
     Sampson's distance (Hartley and Zisserman 2004, sec. 11.4.3) on the sphere instead of the image.
+
+    Parameters
+    ----------
+    essential
+        (M, 3, 3).
+    first, second
+        (n, 3) unit rays to the same points from the two cameras.
     """
     miss, slope = epipolar_misses(essential, first, second)
     return np.asarray(miss / slope)
 
 
 def epipolar_misses(essential: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
-    """(M, n) second . E first, and by how much that changes with the rays, by rad."""
+    """(M, n) second . E first, and by how much that changes with the rays, by rad.
+
+    Parameters
+    ----------
+    essential
+        (M, 3, 3).
+    first, second
+        (n, 3) unit rays to the same points from the two cameras.
+    """
     towards = first @ essential.transpose(0, 2, 1)
     back = second @ essential
     miss = np.einsum("mni,ni->mn", towards, second)

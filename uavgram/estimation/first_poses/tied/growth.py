@@ -12,7 +12,7 @@ from uavgram.estimation.first_poses.tied.three_points import resected
 from uavgram.estimation.first_poses.tied.tied_rays import TiedRays
 from uavgram.model.arrays import Bools, Floats
 
-FEWEST = 10
+FEWEST = 7
 """Points with a place that a frame must see to join, and that must fit it."""
 
 NEARLY = 0.75
@@ -67,7 +67,7 @@ def grown(
             break
         before = np.isfinite(scene.center[:, 0])
         scene, agrees = settled(joined, sightings)
-        scene = _fitting(scene, sightings, agrees)
+        scene = _fitting(scene, sightings, agreeing(scene, sightings, agrees, LIMITS[0]))
         refused += ~before & np.isfinite(joined.center[:, 0]) & np.isnan(scene.center[:, 0])
         refused += before & np.isnan(scene.center[:, 0])
     return scene, agrees & scene.placed_rows(sightings)
@@ -139,7 +139,17 @@ def settled(scene: Scene, sightings: TiedRays) -> tuple[Scene, Bools]:
 
 
 def with_points(scene: Scene, sightings: TiedRays, limit: float = OUT) -> tuple[Scene, Bools]:
-    """The scene with every point where most rays meet, and the rays (N,) that do, in `limit` spreads."""
+    """The scene with points where most rays meet, and the rays (N,) that do.
+
+    Parameters
+    ----------
+    scene
+        Poses.
+    sightings
+        All.
+    limit
+        Spreads beyond which a ray does not meet the others.
+    """
     placed = np.isfinite(scene.center[sightings.frame, 0])
     direction = np.einsum("nij,nj->ni", scene.rotation[sightings.frame], sightings.ray)
     used = placed.copy()
@@ -179,19 +189,41 @@ def _with_pairs(scene: Scene, sightings: TiedRays, agrees: Bools) -> tuple[Scene
 
 
 def spread_of(scene: Scene, sightings: TiedRays, rows: Bools) -> float:
-    """Sigma of the rays, per axis, that they themselves show; robust, never below the stated."""
+    """Sigma of the rays, per axis, that they themselves show; robust, never below the stated.
+
+    Parameters
+    ----------
+    scene
+        Poses and points.
+    sightings
+        All.
+    rows
+        (N,) those that tell it.
+    """
     angle = scene.angles(sightings)[rows]
     angle = angle[np.isfinite(angle)]
     if not len(angle):
         return np.inf
     points = len(np.unique(sightings.point[rows]))
     free = 2 * len(angle) - 3 * points - 6 * int(np.isfinite(scene.center[:, 0]).sum())
-    shrunk = np.sqrt(max(free, 0.2 * len(angle)) / (2 * len(angle)))
+    shrunk = float(np.sqrt(max(free, 0.2 * len(angle)) / (2 * len(angle))))
     seen = float(np.median(angle)) / MEDIAN / shrunk
     return max(seen, float(np.median(sightings.sigma_rad)))
 
 
-def agreeing(scene: Scene, sightings: TiedRays, rows: Bools) -> Bools:
-    """(N,) all sightings that pass their point no further off than `rows` lead to expect."""
+def agreeing(scene: Scene, sightings: TiedRays, rows: Bools, limit: float = OUT) -> Bools:
+    """(N,) all sightings that pass their point no further off than `rows` lead to expect.
+
+    Parameters
+    ----------
+    scene
+        Poses and points.
+    sightings
+        All.
+    rows
+        (N,) those that tell the spread.
+    limit
+        So many spreads.
+    """
     angle = np.nan_to_num(scene.angles(sightings), nan=np.inf)
-    return np.asarray(angle <= OUT * spread_of(scene, sightings, rows))
+    return np.asarray(angle <= limit * spread_of(scene, sightings, rows))

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
 from uavgram.geometry.motion.rotation import exp_so3
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 
 SAMPLES = 200
 """Samples of three points of which one should lie on the ground whole."""
@@ -121,7 +121,7 @@ def onto_positions(poses: TiedPoses, position_m: Floats, usable: Bools) -> TiedP
 
 
 def _similar(
-    poses: TiedPoses, position_m: Floats, rows: np.ndarray, upright: bool = False
+    poses: TiedPoses, position_m: Floats, rows: Ints, *, upright: bool = False
 ) -> TiedPoses:
     """Least squares in closed form (Umeyama 1991); `upright`: turned about up alone.
 

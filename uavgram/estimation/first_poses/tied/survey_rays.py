@@ -6,11 +6,20 @@ import numpy as np
 
 from uavgram.estimation.first_poses.tied.tied_rays import TiedRays
 from uavgram.geometry.camera.back_projection import back_project
+from uavgram.model.arrays import Ints
 from uavgram.model.survey.survey import Survey
 
 
-def tied_rays(survey: Survey) -> TiedRays:
-    """Rays to tie points and along chains of matches, each sighting once by frame and point."""
+def tied_rays(survey: Survey) -> tuple[TiedRays, Ints]:
+    """Rays to tie points and along chains of matches, each once by frame and point.
+
+    Returns
+    -------
+    rays
+        The points of the chains behind the tie points.
+    row : (N,)
+        Which sighting each is: first those of the ties, then those of the matches.
+    """
     ties, matches, camera = survey.ties, survey.matches, survey.calibration
     clicked = matches.pick
     frame = np.concatenate([ties.frame, matches.frame])
@@ -22,7 +31,7 @@ def tied_rays(survey: Survey) -> TiedRays:
     _, first = np.unique(np.column_stack([frame, point]), axis=0, return_index=True)
     rows = np.sort(first)
     rows = rows[np.isfinite(size[rows])]
-    return TiedRays(
+    found = TiedRays(
         frame=frame[rows],
         point=point[rows],
         ray=ray[rows] / size[rows, None],
@@ -30,3 +39,4 @@ def tied_rays(survey: Survey) -> TiedRays:
         frames=len(survey.frame_id),
         points=ties.points + len(clicked),
     )
+    return found, rows

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.geometry.motion.rotation import exp_so3, hat
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 
 SAMPLES = 60
 """Samples of three points; with a fifth of them wrong, 31 are still expected to be right."""
@@ -71,7 +71,7 @@ def poses_from_three(world: Floats, ray: Floats) -> tuple[Floats, Floats]:
     return world[sample, 0] - np.einsum("mij,mj->mi", rotation, local[:, 0]), rotation
 
 
-def _real_roots(quartic: Floats, rows: np.ndarray) -> tuple[np.ndarray, Floats]:
+def _real_roots(quartic: Floats, rows: Ints) -> tuple[Ints, Floats]:
     """Which polynomial (m,) and the root (m,), of the real roots of some."""
     companion = np.zeros((len(rows), 4, 4))
     companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
@@ -79,7 +79,7 @@ def _real_roots(quartic: Floats, rows: np.ndarray) -> tuple[np.ndarray, Floats]:
     roots = np.linalg.eigvals(companion)
     real = np.abs(roots.imag) <= 1e-4 * np.abs(roots)
     which, root = np.nonzero(real)
-    return rows[which], roots[which, root].real
+    return rows[which], np.asarray(roots[which, root].real, dtype=np.float64)
 
 
 def _triads(three: Floats) -> Floats:
@@ -92,7 +92,15 @@ def _triads(three: Floats) -> Floats:
 
 
 def ray_angles(center: Floats, rotation: Floats, world: Floats, ray: Floats) -> Floats:
-    """(M, n) angles between rays (n, 3) and points (n, 3) under M poses [rad]; pi/2 at least behind."""
+    """(M, n) angles between rays and points under M poses [rad]; large behind the camera.
+
+    Parameters
+    ----------
+    center, rotation
+        (M, 3), (M, 3, 3) world from camera.
+    world, ray
+        (n, 3) points, and unit rays in the camera.
+    """
     seen = (world[None] - center[:, None]) @ rotation
     seen /= np.maximum(np.linalg.norm(seen, axis=2, keepdims=True), 1e-300)
     chord = np.linalg.norm(seen - ray[None], axis=2)

@@ -6,6 +6,7 @@ import numpy as np
 
 from uavgram.estimation.first_poses.tied.bundle import Scene
 from uavgram.estimation.first_poses.tied.growth import (
+    LIMITS,
     agreeing,
     grown,
     spread_of,
@@ -17,6 +18,9 @@ from uavgram.model.arrays import Floats, Ints
 
 FEWEST_SHARED = 20
 """Points that a pair must have in common to begin with."""
+
+LIMIT = 10.0
+"""Sigmas beyond which a ray supports nothing."""
 
 ENOUGH = 200
 """Points of a frame that are enough to place it."""
@@ -51,15 +55,15 @@ def tied_poses(sightings: TiedRays, seed: int = 0) -> TiedPoses | None:
     for first, second in _pairs(sightings):
         for begun in _begun(sightings, first, second, rng):
             scene, agrees = grown(begun, sightings, rng, few)
-            misfit = _misfit(scene, sightings)
-            if best is None or misfit < best[0]:
-                best = misfit, scene
+            support = _support(scene, sightings)
+            if best is None or support > best[0]:
+                best = support, scene
     if best is None:
         return None
     scene, agrees = grown(best[1], sightings, rng)
     spread = spread_of(scene, sightings, agrees)
     scene, agrees = with_points(scene, everything)
-    agrees = agreeing(scene, everything, agrees)
+    agrees = agreeing(scene, everything, agrees, LIMITS[0])
     return TiedPoses(
         center=scene.center,
         rotation=scene.rotation,
@@ -92,7 +96,7 @@ def _pairs(sightings: TiedRays) -> list[tuple[int, int]]:
     worth = np.array(
         [
             np.sqrt(shared[a, b]) * min(_parallax(sightings, a, b), ENOUGH_RAD)
-            for a, b in zip(first, second, strict=True)
+            for a, b in zip(first.tolist(), second.tolist(), strict=True)
         ]
     )
     chosen: list[tuple[int, int]] = []
@@ -130,14 +134,7 @@ def _nowhere(frames: int) -> tuple[Floats, Floats]:
     return np.full((frames, 3), np.nan), np.full((frames, 3, 3), np.nan)
 
 
-def _misfit(scene: Scene, sightings: TiedRays) -> float:
-    """Mean of the squared misses, none beyond `LIMIT`, of all rays of the frames placed.
-
-    A ray whose point has no place counts as one that misses.
-    """
-    placed = np.isfinite(scene.center[sightings.frame, 0])
-    number = np.bincount(sightings.point[placed], minlength=sightings.points)
-    rows = placed & (number[sightings.point] >= 2)
-    angle = np.nan_to_num(scene.angles(sightings)[rows], nan=np.inf)
-    limit = 10.0 * sightings.sigma_rad[rows]
-    return float(np.mean(np.minimum(angle / limit, 1.0) ** 2))
+def _support(scene: Scene, sightings: TiedRays) -> float:
+    """How many rays of the frames placed pass their points, those that do so exactly in full."""
+    angle = np.nan_to_num(scene.angles(sightings), nan=np.inf)
+    return float(np.sum(1.0 - np.minimum(angle / (LIMIT * sightings.sigma_rad), 1.0) ** 2))

@@ -71,7 +71,7 @@ class TiedPoses:
     point
         (T, 3); NaN where no two rays of such frames tell.
     agrees
-        (N,) sightings that fit; the others are of frames without a pose, or wrong.
+        (N,) sightings that fit by and large; the others are of frames without a pose, or wrong.
     spread_rad
         How far rays pass the points, per axis (root mean square of those that agree).
     """

@@ -44,6 +44,13 @@ def relative_poses(first: Floats, second: Floats, rng: np.random.Generator) -> l
 
     Those that no other one beats by far: where all points lie about in a plane, two may explain
     them alike. Half of the points may be wrong (least median of squares, Rousseeuw 1984).
+
+    Parameters
+    ----------
+    first, second
+        (n, 3) unit rays from the two cameras.
+    rng
+        For the samples.
     """
     count = len(first)
     sample = np.argsort(rng.random((SAMPLES, count)), axis=1)[:, :5]
