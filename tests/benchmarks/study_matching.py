@@ -37,10 +37,10 @@ import numpy as np
 from streets.flight import Kind
 from streets.street import Street, Wish, draw_street
 from streets.writing import Tables, picked, truth, write_street
-from uavgram.pipeline.match.run import match_picks
 
 from uavgram.errors import UavgramError
 from uavgram.model.arrays import Floats
+from uavgram.pipeline.match.run import match_picks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 

@@ -35,12 +35,12 @@ import numpy as np
 from streets.flight import Kind
 from streets.street import Street, Wish, draw_street
 from streets.writing import Pick, Tables, photo_names, picked, write_street
-from uavgram.pipeline.picks_ties import write_ties
 
 from uavgram.errors import UavgramError
 from uavgram.model.arrays import Floats
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.pipeline.picks_ties import write_ties
 
 KINDS: tuple[Kind, ...] = ("nadir", "oblique")
 NOISE_PX, LENGTH_SIGMA_M = 0.8, 0.01
