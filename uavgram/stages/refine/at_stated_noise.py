@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -71,7 +71,9 @@ class AtStatedNoise(NamedTuple):
     messages: tuple[Message, ...]
 
 
-def adjusted_as_stated(given: Survey, removed: Bools, options: SolveOptions) -> AtStatedNoise:
+def adjusted_as_stated(
+    given: Survey, removed: Bools, options: SolveOptions, shown: Collection[str] = ()
+) -> AtStatedNoise:
     """A survey adjusted at the stated noise, and what explains that it does not fit.
 
     Parameters
@@ -82,13 +84,15 @@ def adjusted_as_stated(given: Survey, removed: Bools, options: SolveOptions) -> 
         (P,) picks that were taken out.
     options
         Whether the noise is to be learnt; where it is not, no prior knowledge is given up.
+    shown
+        Labels that matches show off the ground: their heights are free.
     """
     keep, reason = in_lens(given)
     keep &= ~removed
     survey, refined, left_out = _without_gross_control(given, keep, reason)
     off_ground = found_free(survey, refined)
     survey = with_free(survey, off_ground)
-    survey, refined, unseen = with_unseen_heights(survey, refined, off_ground)
+    survey, refined, unseen = with_unseen_heights(survey, refined, [*off_ground, *shown])
     refined = replace(refined, pick_removed=removed)
     found = identify(Standing(participants(survey, refined), refined, frozenset(off_ground)))
     causes = found.causes

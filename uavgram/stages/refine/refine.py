@@ -37,7 +37,11 @@ from uavgram.stages.refine.remarks import (
     too_many,
 )
 from uavgram.stages.refine.robust_adjustment import adjust_survey
-from uavgram.stages.refine.sound_ties import remarks_on_ties, with_sound_ties
+from uavgram.stages.refine.sound_ties import (
+    remarks_on_ties,
+    with_noise_of_ties,
+    with_sound_ties,
+)
 
 MOST_MENDS = 24
 """Mends after which a survey is in disorder, and no more are made."""
@@ -61,10 +65,13 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     GeometryError
         The observations do not determine the survey; the message names what is missing.
     """
-    sound = with_sound_ties(survey)
+    stated, sound = survey, with_sound_ties(survey)
     tied = tuple(remarks_on_ties(survey, sound))
     survey = sound.survey if options.noise == "estimate" else sound.as_stated
-    begun = adjusted_as_stated(survey, np.zeros(len(survey.pick_frame), dtype=np.bool_), options)
+    shown = sound.shown.off_ground
+    begun = adjusted_as_stated(
+        survey, np.zeros(len(survey.pick_frame), dtype=np.bool_), options, shown
+    )
     mends: tuple[Removal, ...] = ()
     while options.outliers == "remove" and len(mends) < MOST_MENDS:
         mended = adapted(begun.given, begun.causes, begun.refined)
@@ -72,15 +79,13 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
             break
         mends += mended.removals
         begun = adjusted_as_stated(
-            mended.survey, begun.refined.pick_removed | mended.without, options
+            mended.survey, begun.refined.pick_removed | mended.without, options, shown
         )
     taken_out = begun.refined.pick_removed
     survey, refined, readout = with_sound_readout(begun.survey, begun.refined)
     if options.noise == "estimate":
         survey, refined = with_noise_learnt(survey, refined)
-        if refined.noise is not None:
-            all_picks = (*refined.noise.picks, *sound.noise)
-            refined = replace(refined, noise=replace(refined.noise, picks=all_picks))
+        refined = replace(refined, noise=with_noise_of_ties(refined.noise, stated, sound))
     if options.outliers == "remove":
         noise = refined.noise
         refined, search = _without_blunders(survey, refined, options.significance)
@@ -92,7 +97,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     refined = with_gross_lengths(survey, with_gross_known(survey, refined))
     refined = replace(
         refined,
-        off_ground=frozenset(begun.off_ground),
+        off_ground=frozenset(begun.off_ground) | shown,
         causes=(*(one.cause for one in mends if one.cause), *begun.causes),
         removals=(*mends, *refined.removals),
         matches_left_out=sound.matches_left_out,

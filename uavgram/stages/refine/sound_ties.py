@@ -8,7 +8,7 @@ a label in the wrong place must not cost the matches that would show it.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -21,13 +21,14 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message, Several
-from uavgram.model.result.noise import PickNoise
+from uavgram.model.result.noise import Noise, PickNoise
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
 from uavgram.stages.refine.begin.softened import iterate, iterations_for
 from uavgram.stages.refine.begin.starts import in_lens
 from uavgram.stages.refine.continued import lines_used
 from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.off_ground.shown import Shown, shown_by_matches, with_shown
 
 SOFTER = 10.0
 """Factor of the sigmas of picks and lengths while matches and ties are tested."""
@@ -60,6 +61,8 @@ class SoundTies:
     ----------
     survey, as_stated
         Without wrong ones, and with sigmas of the others as they show them, and as stated.
+    shown
+        What matches show of the ground: both surveys have it.
     noise
         Of matches and of ties, where there are any.
     matches_left_out, ties_left_out
@@ -68,6 +71,7 @@ class SoundTies:
 
     survey: Survey
     as_stated: Survey
+    shown: Shown = field(default_factory=Shown)
     noise: tuple[PickNoise, ...] = ()
     matches_left_out: frozenset[int] = frozenset()
     ties_left_out: frozenset[int] = frozenset()
@@ -106,6 +110,8 @@ def with_sound_ties(survey: Survey) -> SoundTies:
         matches=_without_rows(survey.matches, matches),
         ties=_without_rows(survey.ties, ties_),
     )
+    shown = shown_by_matches(adjustment)
+    rest = with_shown(rest, shown)
     noise = tuple(_noise(adjustment))
     factor = {one.source: one.factor for one in noise}
     sound = replace(
@@ -113,7 +119,7 @@ def with_sound_ties(survey: Survey) -> SoundTies:
         matches=_scaled(rest.matches, factor.get("match", 1.0)),
         ties=_scaled(rest.ties, factor.get("tie", 1.0)),
     )
-    return SoundTies(sound, rest, noise, matches, ties_)
+    return SoundTies(sound, rest, shown, noise, matches, ties_)
 
 
 def _softened(survey: Survey) -> Survey:
@@ -219,6 +225,31 @@ def _without_rows(sightings: Sightings, rows: frozenset[int]) -> Sightings:
 
 def _scaled(sightings: Sightings, factor: float) -> Sightings:
     return replace(sightings, sigma_px=factor * sightings.sigma_px)
+
+
+def with_noise_of_ties(noise: Noise | None, stated: Survey, sound: SoundTies) -> Noise | None:
+    """What was learnt of picks and ground, with what was learnt before of matches and ties.
+
+    Parameters
+    ----------
+    noise
+        Of the survey with the ground as matches show it.
+    stated
+        The survey as it was handed over.
+    sound
+        What is left of it.
+    """
+    if noise is None:
+        return None
+    areas = [
+        replace(
+            area,
+            stated_m=stated.grounds[k].roughness_sigma_m,
+            probability=min(area.probability, sound.shown.probability.get(k, 1.0)),
+        )
+        for k, area in enumerate(noise.roughness)
+    ]
+    return replace(noise, picks=(*noise.picks, *sound.noise), roughness=tuple(areas))
 
 
 def remarks_on_ties(survey: Survey, sound: SoundTies) -> Iterator[Message]:

@@ -9,6 +9,7 @@ import numpy as np
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.departures import heights_above_ground
 from uavgram.model.message import Message, Several
+from uavgram.stages.refine.off_ground.shown import photos_of
 
 TWO = 2
 """Photos that show a point from which on its height can be found, but no pick of it is checked."""
@@ -18,8 +19,7 @@ def off_ground_remarks(refined: Refined) -> Iterator[Message]:
     """One message for each label that was adjusted with a free height though nobody said so."""
     survey = refined.adjustment.survey
     height, sigma = heights_above_ground(refined.adjustment)
-    pairs = np.unique(np.stack([survey.pick_label, survey.pick_frame]), axis=1)
-    photos = np.bincount(pairs[0], minlength=len(survey.label))
+    photos = photos_of(survey)
     for row, label in enumerate(survey.label):
         if label in refined.off_ground:
             yield off_ground_message(label, float(height[row]), float(sigma[row]), int(photos[row]))

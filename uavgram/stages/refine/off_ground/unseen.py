@@ -16,6 +16,7 @@ from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.model.message import Message
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.continued import continued
+from uavgram.stages.refine.off_ground.shown import photos_of
 
 SEVERAL = 3
 """Points off the ground from which on they are no exceptions: one or two are roof corners."""
@@ -36,7 +37,7 @@ def with_unseen_heights(
         Labels whose heights were found.
     """
     adjustment = refined.adjustment
-    photos = np.bincount(adjustment.survey.pick_label, minlength=len(adjustment.survey.label))
+    photos = photos_of(adjustment.survey)
     on_ground = ~adjustment.survey.off_ground
     unseen = [adjustment.survey.label[k] for k in np.flatnonzero(on_ground & (photos < 2))]
     if len(found) < SEVERAL or not unseen:
