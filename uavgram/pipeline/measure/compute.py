@@ -54,7 +54,6 @@ from uavgram.stages.other_solutions import with_alternatives
 from uavgram.stages.profiles import profiles
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.begin.tied_frames import with_tied_frames
 from uavgram.stages.scale_basis import scale_basis
 from uavgram.stages.second_order import second_order
 from uavgram.stages.seed.headings import find_headings
@@ -243,14 +242,13 @@ def refined_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tupl
     if survey.telemetry is None and survey.gauge == "world":
         # Nothing but known points places the frames: their first poses are from these.
         survey = replace(survey, candidate_poses=known_point_poses(survey))
-    survey, left_out = with_tied_frames(survey)
     try:
         refined, messages = refine(survey, options)
     except GeometryError as why:
         if mount is not None:  # what is behind it
             raise GeometryError(f"{mount.text} ({why})") from why
         raise
-    return refined, (*(() if mount is None else (mount,)), *left_out, *messages)
+    return refined, (*(() if mount is None else (mount,)), *messages)
 
 
 class _Measured(NamedTuple):

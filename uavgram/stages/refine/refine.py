@@ -13,6 +13,7 @@ from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.at_stated_noise import adjusted_as_stated, participants
+from uavgram.stages.refine.begin.tied_frames import with_tied_frames
 from uavgram.stages.refine.blunders.gross_known import with_gross_known
 from uavgram.stages.refine.blunders.gross_lengths import (
     fits,
@@ -65,7 +66,9 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     GeometryError
         The observations do not determine the survey; the message names what is missing.
     """
-    stated, sound = survey, with_sound_ties(survey)
+    stated, far_off = with_tied_frames(survey)
+    sound = with_sound_ties(stated)
+    sound = replace(sound, ties_left_out=sound.ties_left_out | far_off)
     tied = tuple(remarks_on_ties(survey, sound))
     survey = sound.survey if options.noise == "estimate" else sound.as_stated
     shown = sound.shown.off_ground

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -14,15 +13,14 @@ from uavgram.estimation.first_poses.tied.tied_poses import tied_poses
 from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Floats
 from uavgram.model.flight.pose import CandidatePoses
-from uavgram.model.message import Message
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.begin.starts import control_height
 
 
-def with_tied_frames(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
-    """The survey with first poses of the frames that its tie points join.
+def with_tied_frames(survey: Survey) -> tuple[Survey, frozenset[int]]:
+    """The survey with first poses of the frames that its tie points join, and ties left out by row.
 
     Over the plane that most tie points lie on, in the scale of the known lengths or of the control
     points; with these, the axes are theirs. Frames that have first poses keep them; so does a
@@ -30,13 +28,13 @@ def with_tied_frames(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
     follow them.
     """
     if survey.telemetry is not None or not survey.ties.points + survey.matches.points:
-        return survey, ()
+        return survey, frozenset()
     rays, row = tied_rays(survey)
     found = tied_poses(rays)
     level = None if found is None else levelled(found)
     placed = None if level is None else _placed(survey, level)
     if placed is None:
-        return survey, ()
+        return survey, frozenset()
     known = {one.frame_id for one in survey.candidate_poses}
     more = [
         CandidatePoses(
@@ -53,17 +51,7 @@ def with_tied_frames(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
     wrong[row[tie]] = (placed.placed[rays.frame] & ~placed.agrees)[tie]
     ties, _ = survey.ties.without(wrong)
     begun = replace(survey, candidate_poses=(*survey.candidate_poses, *more), ties=ties)
-    return begun, tuple(_left_out(wrong))
-
-
-def _left_out(wrong: Bools) -> Iterator[Message]:
-    if wrong.any():
-        yield Message(
-            "info",
-            "ties-left-out",
-            f"{wrong.sum()} of {len(wrong)} sightings of tie points are left out: they do not fit "
-            "the others. There is nothing to do: the others are enough.",
-        )
+    return begun, frozenset(survey.ties.row[wrong].tolist())
 
 
 def _placed(survey: Survey, level: TiedPoses) -> TiedPoses | None:
