@@ -13,6 +13,7 @@ from plate_pictures import photo_of, plate_samples, quad
 
 from uavgram.cli import main
 from uavgram.imaging.plates.families import cells_of
+from uavgram.io.project_lock import ProjectLock
 from uavgram.io.tables.picks import read_picks
 
 CAMERA = """name: small
@@ -105,6 +106,31 @@ def test_a_dry_run_writes_nothing(project: Path, capsys: pytest.CaptureFixture[s
     assert main(["picks", "targets", str(project), "--dry-run"]) == 0
     assert (project / "picks.csv").read_text(encoding="utf-8") == HAND
     assert "nothing is written" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("more", [(), ("--undo",)])
+def test_a_project_that_is_open_elsewhere_is_left_alone(
+    project: Path, capsys: pytest.CaptureFixture[str], more: tuple[str, ...]
+) -> None:
+    assert main(["picks", "targets", str(project)]) == 0
+    before = (project / "picks.csv").read_bytes()
+    lock = ProjectLock(project / "out", "other")
+    try:
+        assert main(["picks", "targets", str(project), *more]) == 1
+    finally:
+        lock.release()
+    assert "is open in another picking page" in capsys.readouterr().err
+    assert (project / "picks.csv").read_bytes() == before
+
+
+def test_where_nothing_was_picked_the_table_is_made_and_can_be_emptied(project: Path) -> None:
+    table = project / "picks.csv"
+    table.unlink()
+    assert main(["picks", "targets", str(project)]) == 0
+    assert set(read_picks(table).source) == {"target"}
+    assert main(["picks", "targets", str(project), "--undo"]) == 0
+    assert read_picks(table, may_be_empty=True).label == ()
+    assert not (project / "out").exists()
 
 
 def test_a_project_without_targets_says_what_to_add(

@@ -40,7 +40,7 @@ def sole_writer(inputs: Inputs) -> Iterator[None]:
 
 
 def save_picks(inputs: Inputs, after: Picks) -> Path:
-    """Write other picks into a project's table, in one step; returns its path.
+    """Write other picks into a project's table, made if absent, in one step; returns its path.
 
     Parameters
     ----------
@@ -57,11 +57,14 @@ def save_picks(inputs: Inputs, after: Picks) -> Path:
         It cannot be written; it is as it was.
     """
     path = Path(inputs.project.picks).resolve()  # through links, so that a link stays one
-    before = path.read_bytes()
-    if hashlib.sha256(before).hexdigest() not in {one.sha256 for one in inputs.digests}:
+    before = path.read_bytes() if path.exists() else None
+    if _changed(inputs, before):
         raise InputError(path, "was changed by another program meanwhile: run this once more")
     content = picks_content(before, inputs.picks, after)
     if content is None or content == before:
+        return path
+    if before is None:
+        replace_bytes(path, content)
         return path
     if not os.access(path, os.W_OK):  # replacing would not ask
         raise OutputError(f"{path}: may not be written to; it is as it was")
@@ -70,3 +73,10 @@ def save_picks(inputs: Inputs, after: Picks) -> Path:
     with suppress(OSError):
         path.chmod(mode)
     return path
+
+
+def _changed(inputs: Inputs, content: bytes | None) -> bool:
+    """Whether a table is no more what was read."""
+    if content is None:
+        return bool(inputs.picks.image)
+    return hashlib.sha256(content).hexdigest() not in {one.sha256 for one in inputs.digests}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,16 +13,14 @@ from uavgram.errors import InputError
 from uavgram.imaging.plates.board import sight_board_plate
 from uavgram.imaging.plates.sight import sight_plates
 from uavgram.imaging.raster import Image
-from uavgram.io.outputs import replace_bytes
 from uavgram.io.photos.board_photos import read_grey
-from uavgram.io.tables.picked import picks_content
 from uavgram.model.message import Message
 from uavgram.model.options import TargetOptions
-from uavgram.model.survey.observations import Picks
 from uavgram.model.survey.plates import LeftOut, SeenPlate
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.saved_picks import save_picks, sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import in_order
 from uavgram.stages.target_rows import asked_centers, with_targets, without_targets
@@ -76,15 +75,14 @@ def find_targets(
         A problem that the user can solve. The table is as it was.
     """
     inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
-    path = Path(inputs.project.picks)
-    content = _content(path)
-    seen = dict(_seen(inputs, _sight(_targets(inputs)), progress))
-    numbers = {p.plate for plates in seen.values() for p in plates if p.left_out is LeftOut.NO}
-    named, known = _names(inputs)
-    centers = asked_centers(numbers, named, known, inputs.picks)
-    rows = with_targets(inputs.picks, seen, centers)
-    if not dry_run:
-        _write(path, content, inputs.picks, rows.picks)
+    sight = _sight(_targets(inputs))
+    with nullcontext() if dry_run else sole_writer(inputs):
+        seen = dict(_seen(inputs, sight, progress))
+        numbers = {p.plate for plates in seen.values() for p in plates if p.left_out is LeftOut.NO}
+        named, known = _names(inputs)
+        centers = asked_centers(numbers, named, known, inputs.picks)
+        rows = with_targets(inputs.picks, seen, centers)
+        path = Path(inputs.project.picks) if dry_run else save_picks(inputs, rows.picks)
     return FoundTargets(
         path=path,
         rows=int(rows.picks.of_source("target").sum()),
@@ -112,7 +110,8 @@ def undo_targets(project: str | os.PathLike[str], *, dry_run: bool = False) -> F
     path = Path(inputs.project.picks)
     after = without_targets(inputs.picks)
     if not dry_run:
-        _write(path, _content(path), inputs.picks, after)
+        with sole_writer(inputs):
+            path = save_picks(inputs, after)
     removed = len(inputs.picks.image) - len(after.image)
     return FoundTargets(path=path, rows=0, removed=removed, plates={}, photos=0, messages=())
 
@@ -168,17 +167,3 @@ def _nothing_found(plates: int, inputs: Inputs) -> Iterator[Message]:
         "printed on them, and whether their black squares are 16 pixels wide or more in the photos."
     )
     yield Message("warning", "no-target", text)
-
-
-def _content(path: Path) -> bytes | None:
-    return path.read_bytes() if path.exists() else None
-
-
-def _write(path: Path, content: bytes | None, before: Picks, after: Picks) -> None:
-    """Put other picks into the table, unless somebody changed it meanwhile."""
-    new = picks_content(content, before, after)
-    if new is None or new == content:
-        return
-    if _content(path) != content:
-        raise InputError(path, "was changed while the photos were looked through: do it once more")
-    replace_bytes(path, new)
