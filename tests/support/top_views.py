@@ -20,7 +20,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration, LensModel
 from uavgram.model.maps.raster import GroundRaster
 from uavgram.model.result.shared import AreaPlane, Estimate
-from uavgram.model.result.tables import FrameStatus, PoseTable
+from uavgram.model.result.tables import FrameResults, FrameStatus, PoseTable
 
 REFINED: FrameStatus = "refined"
 SIZE_PX = (800, 600)
@@ -71,8 +71,7 @@ def make_view(
         world_from_camera=np.array(rotations, float),
         covariance=np.tile(np.eye(6) * 1e-4, (count, 1, 1)),
     )
-    frames = replace(
-        result.frames,
+    frames = FrameResults(
         frame_id=tuple(f"{k}.png" for k in range(count)),
         path=tuple(paths or [f"{k}.png" for k in range(count)]),
         time_utc_s=np.zeros(count),
