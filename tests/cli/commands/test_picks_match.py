@@ -146,6 +146,23 @@ def test_without_poses_or_lengths_it_says_that_nothing_can_be_looked_for(
     assert "nothing can be looked for yet" in done.stderr
 
 
+def test_where_only_ties_place_the_photos_points_are_found(
+    project: Textured, command: Command
+) -> None:
+    text = project.path.read_text().replace("poses: poses.csv\n", "ties: auto\n")
+    project.path.write_text(text[: text.index("world:")])
+
+    assert command("picks", "ties", project.path).status == 0
+    done = command("picks", "match", project.path, "--labels", "P1, P5")
+
+    assert done.status == 0, done
+    for row in project.rows():
+        place = np.array([float(row["u_px"]), float(row["v_px"])])
+        off = place - project.pixel_px[row["image"], row["label"]]
+        assert np.abs(off).max() < 0.2
+    assert sum(row["source"] == "match" for row in project.rows()) >= 3
+
+
 def test_the_lock_is_gone_after_a_search(project: Textured, command: Command) -> None:
     assert command("picks", "match", project.path, "--labels", "P1").status == 0
     try:

@@ -172,14 +172,17 @@ class Base:
         return best_minima(taking).adjustment
 
     def _prepared(self, survey: Survey) -> Survey:
-        """With ground that may be uneven, and heights that the full adjustment found or lacks."""
-        survey = with_free(survey, sorted(self.refined.off_ground))
+        """With first poses and heights of the full adjustment, and ground that may be uneven."""
+        refined = self.refined
+        survey = with_free(survey, sorted(refined.off_ground))
         rough = tuple(
             replace(ground, roughness_sigma_m=max(ground.roughness_sigma_m, UNEVEN_M))
             for ground in survey.grounds
         )
         alone = survey.is_free & (_photos_of_labels(survey) < 2)
         height, sigma = RAISED_M
+        if survey.telemetry is None:  # a few matches would not place frames again that ties place
+            survey = replace(survey, candidate_poses=refined.adjustment.survey.candidate_poses)
         return replace(
             survey,
             grounds=rough,
