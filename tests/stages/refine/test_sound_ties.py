@@ -23,6 +23,7 @@ def made() -> HostileSurvey:
     return make_survey(replace(CONDITIONS["matched_tied"], wrong_found=0.0, ties=150), 3)
 
 
+@cache
 def computed(*, match_off_px: float = 0.0, tie_off_px: float = 0.0) -> Computed:
     """The survey with the first match, and the first tie's first sighting, off by so much."""
     survey = made()
