@@ -129,6 +129,7 @@ def test_no_command_calls_anybody(repository: Path, data_dir: Path, tmp_path: Pa
         ["camera", str(tmp_path / "configs" / "camera.yaml"), "--to", "opencv"],
         ["calibrate", *board, "--board", "chessboard:9x6:25mm", "--coefficients", "3"],
         ["picks", "import", str(marked), "--output", "picks.csv"],
+        ["targets", "print", "--plates", "1", "--side-m", "0.12", "--output", "plates.pdf"],
     ]
     elsewhere = {"view", "pick"}  # they serve until they are ended: below
     assert {arguments[0] for arguments in calls} | elsewhere == {

@@ -215,6 +215,10 @@ class State:
     tie: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     turning: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
+    def __post_init__(self) -> None:
+        if not len(self.turning):
+            object.__setattr__(self, "turning", np.zeros((len(self.center), 0)))
+
 
 def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
     """Which unknowns a survey has.
