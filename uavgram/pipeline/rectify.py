@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.terms.sightings import motion_of
 from uavgram.geometry.ground.top_view import FrameKnowledge, View, place_sigma
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.top_view.map_sheet import map_sheet
@@ -195,10 +194,10 @@ def _within(reach: Floats, window: Window) -> Ints:
 def _knowledge(adjustment: Adjustment, view: View, pick_sigma_px: float) -> FrameKnowledge:
     row_of = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
     frames = np.array([row_of[name] for name in view.frame_id])
-    rolls = adjustment.survey.rolling is not None
+    rolling = adjustment.survey.rolling
     return FrameKnowledge(
         covariance=adjustment.sight_covariance(frames),
-        motion=motion_of(adjustment.survey, adjustment.state)[frames] if rolls else None,
+        motion=None if rolling is None else rolling.motion[frames],
         pixel_sigma_px=pick_sigma_px,
         roughness_sigma_m=adjustment.departure_m(0),
     )

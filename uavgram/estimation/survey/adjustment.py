@@ -14,7 +14,7 @@ from uavgram.estimation.solver.normal_equations import Covariance
 from uavgram.estimation.survey.ground_planes import relief_basis
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.suspicion import Member, Suspicion
-from uavgram.estimation.survey.terms.sightings import motion_of
+from uavgram.estimation.survey.terms.sightings import sweep_of
 from uavgram.estimation.survey.terms.tapes import Taped, unlearnt
 from uavgram.estimation.survey.unknowns import State
 from uavgram.estimation.survey.within_survey import Placed, within_survey
@@ -84,9 +84,7 @@ class Adjustment:
 
     def sweep(self) -> Floats:
         """(F, 6) by which the camera moves while a photo is read: see `RowPoses`."""
-        if self.survey.rolling is None:
-            return np.zeros((len(self.survey.frame_id), 6))
-        return self.state.readout * motion_of(self.survey, self.state)
+        return sweep_of(self.survey, self.state)
 
     def relief_m(self, area: int) -> float:
         """Root mean square of the smooth departures of an area's points from its plane [m]."""

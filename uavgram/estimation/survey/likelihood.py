@@ -299,8 +299,11 @@ class SurveyProblem:
 
     def _turning(self, state: State) -> Block:
         columns = self.layout.turning_columns(np.arange(self.layout.frames))
-        weight = np.broadcast_to(np.eye(3) / TURNING_RAD_S, (len(columns), 3, 3))
-        return Block(state.turning / TURNING_RAD_S, columns, weight)
+        assert self.survey.rolling is not None  # noqa: S101  (else it is no unknown)
+        readout = self.survey.rolling.readout
+        sigma = TURNING_RAD_S * float(np.hypot(readout.value_s, readout.sigma_s))
+        weight = np.broadcast_to(np.eye(3) / sigma, (len(columns), 3, 3))
+        return Block(state.turning / sigma, columns, weight)
 
     def _tape(self, state: State) -> Block:
         sigma = np.array([self.survey.scale_sigma_of(tape) for tape in self.tapes])

@@ -32,7 +32,7 @@ class Layout:
         then tie points (east, north, up).
     frames
         F, each with six: δcentre in world [m], δθ in camera [rad]; and where `turning`, three more:
-        by how much faster it turned than the log says [rad/s], in camera axes.
+        by how much farther it turned while it was read than the log says [rad], in camera axes.
     intrinsics
         Number of unknown combinations of the interior orientation, in sigmas.
     plane
@@ -200,7 +200,7 @@ class State:
     tie
         (T, point_size) of chains of matches as `point`; of tie points east, north, up [m].
     turning
-        (F, 3), or (F, 0) where it is no unknown: angular rates beyond those of the log [rad/s].
+        (F, 3), or (F, 0) where it is no unknown: turns beyond those of the log [rad].
     """
 
     point: Floats

@@ -158,7 +158,8 @@ def _grown(stated: Adjustment, *, fits: bool) -> list[_Model]:
     shown = (name for name in ("pixels", "matches") if name in stated.minimum.blocks)
     if sum(redundancy_of(stated, name) for name in shown) <= LITTLE:
         return []
-    if not fits:
+    uneven = any(ground.roughness_sigma_m > 0 for ground in stated.survey.grounds)
+    if not fits or (uneven and stated.survey.matches.points):  # matches may have shown it: `shown`
         return _every_shape(stated)
     # Heights rest on the ground below, and picks of free points fit on any: they hide misfits.
     return [_each_its_own(stated)] if stated.survey.is_free.any() else []

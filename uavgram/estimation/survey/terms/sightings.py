@@ -96,9 +96,9 @@ def rows_of_sightings(
     unturned = None
     if survey.rolling is not None:
         # The row's own pose: centre + a v, R exp(a w), with a the time since the middle row.
-        motion = motion_of(survey, state)[frame]
+        motion = survey.rolling.motion[frame]
         share = row_share(rows.pixel_px[:, 1], survey.calibration.height_px)[:, None]
-        moved = share * state.readout * motion
+        moved = share * sweep_of(survey, state)[frame]
         from_center = from_center - moved[:, :3]
         unturned = exp_so3(-moved[:, 3:])
         in_middle = np.einsum("nij,nj->ni", camera_from_world, from_center)
@@ -126,19 +126,23 @@ def rows_of_sightings(
         parts.append(d_camera @ (share * by_time)[..., None])
         if problem.layout.turning:
             # d/dw of exp(-a w) x = hat(exp(-a w) x) a to first order in a w, some hundredths
-            parts.append(d_camera @ (hat(camera) * (share * state.readout)[..., None]))
+            parts.append(d_camera @ (hat(camera) * share[..., None]))
     jacobian = np.concatenate(parts, axis=2)
     residual = (pixel - rows.pixel_px) * weight[:, None]
     return Block(residual, rows.columns, jacobian * weight[:, None, None])
 
 
-def motion_of(survey: Survey, state: State) -> Floats:
-    """(F, 6) of each frame while its rows are read: the log's, and what it does not say."""
-    assert survey.rolling is not None  # noqa: S101  (the caller asked)
-    motion = np.array(survey.rolling.motion)
+def sweep_of(survey: Survey, state: State) -> Floats:
+    """(F, 6) by which each camera moves while its rows are read: see geometry/motion/row_poses.py.
+
+    What the log says, and what it does not say.
+    """
+    if survey.rolling is None:
+        return np.zeros((len(survey.frame_id), 6))
+    sweep = state.readout * survey.rolling.motion
     if state.turning.size:
-        motion[:, 3:] += state.turning
-    return motion
+        sweep[:, 3:] += state.turning
+    return sweep
 
 
 class TiedPoints:
