@@ -8,7 +8,7 @@ from pathlib import Path
 
 from uavgram.config.project import load_project, project_file
 from uavgram.io.outputs import replace_bytes
-from uavgram.io.tables.ties import count_made, ties_content
+from uavgram.io.tables.ties import EMPTY, count_made, ties_content
 from uavgram.model.message import Message
 from uavgram.model.options import TIES_FILE, Project
 from uavgram.model.survey.ties import NO_TIES, TiePicks
@@ -112,7 +112,7 @@ def take_ties_back(project: str | os.PathLike[str], *, dry_run: bool = False) ->
     path = _table(load_project(file, unfinished=True), file.absolute().parent)
     count = count_made(path)
     if count and not dry_run:
-        _replace(path, ties_content(path, NO_TIES))
+        _replace(path, ties_content(path, NO_TIES) or EMPTY)
     return TiesWritten(path=path, ties=NO_TIES, taken_back=count, written=not dry_run)
 
 

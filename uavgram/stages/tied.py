@@ -81,13 +81,13 @@ def _stale(picks: Picks, i: int) -> Message:
     return Message(
         "warning",
         "match-stale",
-        f"{label} in {image} is not used: it was found from a pick of {label} that is no longer "
-        "where it was. Run `uavgram picks match` again, or delete the row.",
+        f"{label} in {image} is not used: it was found from a pick of {label} that was moved or "
+        "deleted. Run `uavgram picks match` again, or delete the row.",
         frames=(image,),
         labels=(label,),
         several=Several(
-            "{count} matches are not used: the picks that they were found from are no longer where "
-            "they were",
+            "{count} matches are not used: the picks that they were found from were moved or "
+            "deleted",
             f"{label} in {image}",
             ending="Run `uavgram picks match` again, or delete these rows.",
         ),

@@ -82,6 +82,10 @@ def _residuals_by_height(adjustment: Adjustment) -> list[tuple[str, Ints, Floats
     blocks, layout = adjustment.minimum.blocks, problem.layout
     # A pixel moves with its point as it moves against its camera's centre.
     found = [("pixels", survey.pick_label, -blocks["pixels"].jacobian[:, :, layout.point_size + 2])]
+    if "matches" in blocks:  # what lies under a picked pixel is on the same ground
+        matches = survey.matches
+        label = survey.pick_label[matches.pick][matches.point]
+        found.append(("matches", label, -blocks["matches"].jacobian[:, :, layout.point_size + 2]))
     if "lengths" in blocks:
         taped = taped_lines(survey, problem.line_index)
         world, _, _ = problem.world_points(adjustment.state, np.arange(layout.points))

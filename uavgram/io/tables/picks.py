@@ -16,13 +16,15 @@ from uavgram.model.survey.observations import Picks, Source
 PICKS_COLUMNS = Columns(
     text=("image", "label"),
     numbers=("u_px", "v_px"),
-    optional_text=("area", "note", "source", "from_image"),
-    optional_numbers=("sigma_px", "height_m", "height_sigma_m", "score", "from_u_px", "from_v_px"),
+    optional_text=("area", "note", "source", "score", "from_image", "from_u_px", "from_v_px"),
+    optional_numbers=("sigma_px", "height_m", "height_sigma_m"),
     words={"height_m": "free"},
     others=True,
 )
 _SOURCES: dict[str, Source] = {"match": "match", "target": "target"}
 """Texts of the column `source` that mean the program; any other is a person's own note."""
+
+_PROGRAM_NUMBERS = ("score", "from_u_px", "from_v_px")
 
 _FOLDER, _SEMICOLON = re.compile(r"[/\\]"), re.compile(";")
 
@@ -50,6 +52,7 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
     _check_heights(table)
     areas = [area and repr(area) for area in table.text["area"]]
     _check_same(table, "area", areas, "lies in one area")
+    score, from_u, from_v = (_of_program(table, name) for name in _PROGRAM_NUMBERS)
     table.raise_faults()
     return Picks(
         image=table.text["image"],
@@ -61,11 +64,25 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
         is_free=table.has_word["height_m"],
         area=table.text["area"],
         source=tuple(_SOURCES.get(text, "hand") for text in table.text["source"]),
-        score=table.numbers["score"],
+        score=score,
         from_image=table.text["from_image"],
-        from_px=np.stack([table.numbers["from_u_px"], table.numbers["from_v_px"]], axis=1),
+        from_px=np.stack([from_u, from_v], axis=1),
         line=tuple(table.line.tolist()),
     )
+
+
+def _of_program(table: Table, name: str) -> Floats:
+    """(P,) numbers of the rows that the program made; in others the column is a person's own."""
+    numbers = np.full(len(table.line), np.nan)
+    for row, (text, source) in enumerate(zip(table.text[name], table.text["source"], strict=True)):
+        if text and source in _SOURCES:
+            try:
+                numbers[row] = float(text.replace(",", "."))
+            except ValueError:
+                numbers[row] = np.inf
+            if not math.isfinite(numbers[row]):
+                table.blame(row, f"{name} must be a number (got {text!r})")
+    return numbers
 
 
 def _check_heights(table: Table) -> None:

@@ -119,6 +119,10 @@ def ties_content(path: Path, found: TiePicks) -> bytes | None:
     return new_table(HEADER, made) if made else None
 
 
+EMPTY = new_table(HEADER, [])
+"""A table without a tie point: the project may name it, and nothing is looked for anew."""
+
+
 def count_made(path: Path) -> int:
     """How many rows of a table the program made; 0 where there is none."""
     if not path.exists():

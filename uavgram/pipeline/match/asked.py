@@ -39,15 +39,7 @@ def replaced(picks: Picks, asked: Asked) -> Bools:
 def check_asked(inputs: Inputs, asked: Asked) -> None:
     """Refuse labels that nobody picked, and photos that the project does not have."""
     by_hand = labels_by_hand(inputs.picks)
-    for label in asked.labels:
-        if label not in by_hand:
-            hint = near_miss(label, by_hand) or f"picked are {_some(by_hand)}"
-            raise InputError(inputs.project.picks, f"no label {label!r} is picked: {hint}")
-    for photo in asked.photos:
-        if photo not in inputs.photos.frame_id:
-            names = inputs.photos.frame_id
-            hint = near_miss(photo, names) or f"it has {_some(names)}"
-            raise InputError(inputs.project_path, f"the project has no photo {photo!r}: {hint}")
+    _check_names(inputs, asked, by_hand)
     if not by_hand:
         raise InputError(
             inputs.project.picks,
@@ -58,6 +50,24 @@ def check_asked(inputs: Inputs, asked: Asked) -> None:
         raise InputError(
             inputs.project_path, "has one photo: there is no other one to find points in"
         )
+
+
+def check_undone(inputs: Inputs, asked: Asked) -> None:
+    """Refuse labels and photos that no match names."""
+    _check_names(inputs, asked, tuple(dict.fromkeys(inputs.picks.label)))
+
+
+def _check_names(inputs: Inputs, asked: Asked, labels: tuple[str, ...]) -> None:
+    """Refuse labels that are none of these, and photos that the project does not have."""
+    for label in asked.labels:
+        if label not in labels:
+            hint = near_miss(label, labels) or f"picked are {_some(labels)}"
+            raise InputError(inputs.project.picks, f"no label {label!r} is picked: {hint}")
+    for photo in asked.photos:
+        if photo not in inputs.photos.frame_id:
+            names = inputs.photos.frame_id
+            hint = near_miss(photo, names) or f"it has {_some(names)}"
+            raise InputError(inputs.project_path, f"the project has no photo {photo!r}: {hint}")
 
 
 def _some(names: Iterable[str], most: int = 8) -> str:

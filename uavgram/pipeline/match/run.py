@@ -12,7 +12,13 @@ from uavgram.errors import GeometryError, UavgramError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Bools
 from uavgram.pipeline.match.adjusting import Base, begun
-from uavgram.pipeline.match.asked import Asked, check_asked, labels_by_hand, replaced
+from uavgram.pipeline.match.asked import (
+    Asked,
+    check_asked,
+    check_undone,
+    labels_by_hand,
+    replaced,
+)
 from uavgram.pipeline.match.looking import grey_photos
 from uavgram.pipeline.match.rows import with_found
 from uavgram.pipeline.match.search import searched
@@ -100,8 +106,8 @@ def undo_matches(
         A problem that the user can solve. The table is as it was.
     """
     asked = asked or Asked()
-    inputs = read_inputs(Path(project))
-    check_asked(inputs, asked)
+    inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
+    check_undone(inputs, asked)
     stays = ~replaced(inputs.picks, asked)
     path = Path(inputs.project.picks)
     if not dry_run:

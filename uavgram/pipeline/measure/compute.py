@@ -188,6 +188,7 @@ def assembled_survey(inputs: Inputs, posed: Posed) -> Assembled:
     """What `compute` adjusts, before it is adjusted."""
     duplicates = duplicates_of(inputs)
     counted = _with_duplicates(inputs.lines, duplicates, adjust=False)
+    counted = with_sides(counted, inputs.picks, inputs.project.targets)
     assembled, _ = _assembled(inputs, counted, posed, duplicates)
     survey, _ = find_headings(assembled.survey)
     return replace(assembled, survey=survey)

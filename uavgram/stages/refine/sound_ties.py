@@ -202,7 +202,7 @@ def _noise(adjustment: Adjustment) -> Iterator[PickNoise]:
     ties, block = adjustment.survey.ties, adjustment.minimum.blocks.get("ties")
     if block is None:
         return
-    leverage = adjustment.covariance.leverage(block)
+    leverage, picked = adjustment.covariance.leverage(block), _is_picked(adjustment.survey)
     for source, own in (("match", _is_match(ties)), ("tie", ~_is_match(ties))):
         if own.any():
             squares = float(np.sum(block.residual[own] ** 2))
@@ -212,7 +212,7 @@ def _noise(adjustment: Adjustment) -> Iterator[PickNoise]:
             factor = float(found.factor[0])
             yield PickNoise(
                 source=source,
-                stated_px=float(np.sqrt(np.mean(ties.sigma_px[own] ** 2))),
+                stated_px=float(np.sqrt(np.mean(ties.sigma_px[own & ~picked] ** 2))),
                 factor=factor,
                 sigma=factor * float(found.sigma[0]),
             )

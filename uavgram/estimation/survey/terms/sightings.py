@@ -120,16 +120,27 @@ def rows_of_sightings(
         d_world @ d_plane,
     ]
     if unturned is not None:
-        # d/da of exp(-a w) R^T (X - centre - a v): camera x w - R_row^T v
-        by_time = np.cross(camera, motion[:, 3:])
+        # d/da of exp(-s) R^T (X - centre - a v), s = a w + t: camera x J w - R_row^T v, with J the
+        # left Jacobian of the rotation exp(-s); by the turning t itself: camera x J
+        left = _left_jacobian(-moved[:, 3:])
+        by_time = np.cross(camera, np.einsum("nij,nj->ni", left, motion[:, 3:]))
         by_time -= np.einsum("nij,nj->ni", camera_from_world, motion[:, :3])
         parts.append(d_camera @ (share * by_time)[..., None])
         if problem.layout.turning:
-            # d/dw of exp(-a w) x = hat(exp(-a w) x) a to first order in a w, some hundredths
-            parts.append(d_camera @ (hat(camera) * share[..., None]))
+            parts.append(d_camera @ (hat(camera) @ left * share[..., None]))
     jacobian = np.concatenate(parts, axis=2)
     residual = (pixel - rows.pixel_px) * weight[:, None]
     return Block(residual, rows.columns, jacobian * weight[:, None, None])
+
+
+def _left_jacobian(turn: Floats) -> Floats:
+    """(n, 3, 3) of small rotations exp(turn): how they change on the left as `turn` does.
+
+    To the second order in `turn`, which is some hundredths of a radian (Sola et al. 2018, "A micro
+    Lie theory for state estimation in robotics", eq. 145).
+    """
+    across = hat(turn)
+    return np.asarray(np.eye(3) + 0.5 * across + across @ across / 6.0)
 
 
 def sweep_of(survey: Survey, state: State) -> Floats:
