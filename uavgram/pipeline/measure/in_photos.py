@@ -15,6 +15,9 @@ from uavgram.model.survey.observations import Picks
 from uavgram.model.survey.ties import TiePicks
 
 
+ANEW = "or take the tie points out by `uavgram picks ties --undo`, and look for them anew"
+
+
 def check_picks(project: Project, picks: Picks, photos: Photos) -> None:
     """Refuse the first pick in a photo that is not there, or outside its photo.
 
@@ -51,8 +54,8 @@ def check_ties(path: str, ties: TiePicks, photos: Photos) -> None:
         Names file and line.
     """
     for i, why in _misplaced(ties.image, ties.pixel_px, photos):
-        what = f"the sighting of tie point {ties.tie[i]!r}"
-        raise InputError(path, f"{what} {why}", ties.line[i] if ties.line else None)
+        text = f"the sighting of tie point {ties.tie[i]!r} {why}; {ANEW}"
+        raise InputError(path, text, ties.line[i] if ties.line else None)
 
 
 def _misplaced(
