@@ -51,7 +51,9 @@ def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centr
         if around is None or np.abs(center - start_px).max() > 0.5 * half:
             return None
         value = around[1:-1, 1:-1]
-        slope = np.stack([around[1:-1, 2:] - around[1:-1, :-2], around[2:, 1:-1] - around[:-2, 1:-1]])
+        slope = np.stack(
+            [around[1:-1, 2:] - around[1:-1, :-2], around[2:, 1:-1] - around[:-2, 1:-1]]
+        )
         odd = value - value[::-1, ::-1]
         # d/dc of I(c + d) - I(c - d); where both halves are alike, twice the slope
         change = 0.5 * (slope - slope[:, ::-1, ::-1])

@@ -27,13 +27,14 @@ LEAST_LIKENESS = 0.97
 """Of a target and itself after half a turn; what lies half in shadow or is half hidden is less."""
 
 MOST_SIGMA_PX = 0.25
-SMALLEST_SIGMA_PX = 0.02
+SMALLEST_SIGMA_PX = 0.03
+"""What blur that is not the same on all sides, JPEG and sharpening leave at best."""
 
 _LARGEST_PX = 40
 _ANGLES = 64
 _STRAIGHT_PX = 1.0
 _LEAST_CROSSING = 0.45  # radians between the lines of a chequer, or the bars of a cross
-_LEVELS, _LEAST_LEVELS = 16, 4
+_NEAR_PX, _LEVELS, _LEAST_LEVELS = 24, 16, 4
 _LEAST_AREA_PX, _FLATTEST, _LEAST_ROUND, _CONCENTRIC_PX = 30.0, 0.3, 0.9, 1.0
 _WITHIN = 0.75  # of the radius up to which lines are seen: beyond it lies what is around
 _RIM = 1.1  # of a round target, what is looked at beyond its outline
@@ -138,7 +139,7 @@ def _rings(photo: Image, center_px: Floats) -> Floats:
 
 
 def _bright(ring: Floats) -> Bools | None:
-    """(64,) which part of a ring is bright; None where its halves or its contrast are no target's."""
+    """(64,) which part of a ring is bright; None where no target has such a ring."""
     low, high = ring.min(), ring.max()
     if high - low < LEAST_CONTRAST:
         return None
@@ -151,6 +152,9 @@ def _chequer(rings: Floats) -> float:
     """Radius [px] up to which rings show four fields; 0 where it is no chequer."""
     first: Floats | None = None
     reach = 0
+    low, high = rings[2].min(), rings[2].max()
+    if not 0.25 < (rings[0].mean() - low) / max(high - low, 1.0) < 0.75:
+        return 0.0  # in the middle of four fields is neither black nor white
     for radius in range(3, _LARGEST_PX + 1):
         edge = _edges(rings[radius - 1], 4)
         if edge is None:
@@ -175,7 +179,9 @@ def _cross(rings: Floats) -> float:
             if first is None:
                 continue
             break
-        inside = (ring > 0.5 * (ring.min() + ring.max())) == (center > 0.5 * (ring.min() + ring.max()))
+        inside = (ring > 0.5 * (ring.min() + ring.max())) == (
+            center > 0.5 * (ring.min() + ring.max())
+        )
         bars = _axes(_middles(edge, inside), 2)
         first = bars if first is None else first
         begin = begin or radius
@@ -233,7 +239,8 @@ def _ellipse(photo: Image, place_px: Floats) -> tuple[Floats, Floats] | None:
     """Centre (2,) and half axes (2, 2) of the largest of the round outlines about a place."""
     low = np.maximum(np.round(place_px).astype(int) - _LARGEST_PX, 0)
     part = photo[low[1] : low[1] + 2 * _LARGEST_PX + 1, low[0] : low[0] + 2 * _LARGEST_PX + 1]
-    near = part[_LARGEST_PX - 12 : _LARGEST_PX + 13, _LARGEST_PX - 12 : _LARGEST_PX + 13]
+    around = slice(_LARGEST_PX - _NEAR_PX, _LARGEST_PX + _NEAR_PX + 1)
+    near = part[around, around]
     if not near.size or float(near.max()) - float(near.min()) < LEAST_CONTRAST:
         return None
     smooth = cv2.GaussianBlur(part, (0, 0), 0.7)
@@ -244,18 +251,17 @@ def _ellipse(photo: Image, place_px: Floats) -> tuple[Floats, Floats] | None:
         return None
     center = np.array([one[1] for one in found])
     together = np.hypot(*(center - np.median(center, axis=0)).T) <= _CONCENTRIC_PX
-    if len({one[0] for one, own in zip(found, together, strict=True) if own}) < _LEAST_LEVELS:
-        return None
     own = [one for one, here in zip(found, together, strict=True) if here]
+    seen = sorted({one[0] for one in own})
+    if len(seen) < _LEAST_LEVELS or levels[seen[-1]] - levels[seen[0]] < 0.5 * LEAST_CONTRAST:
+        return None
     largest = max(own, key=lambda one: float(np.abs(np.linalg.det(one[2]))))
     return np.median(center[together], axis=0) + low, largest[2]
 
 
 def _round(bright: Bools) -> list[tuple[Floats, Floats]]:
     """Centres (2,) and half axes (2, 2) of those outlines that are ellipses."""
-    outlines = cv2.findContours(
-        bright.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE
-    )[0]
+    outlines = cv2.findContours(bright.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)[0]
     found = []
     for outline in outlines:
         area = cv2.contourArea(outline)
