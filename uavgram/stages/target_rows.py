@@ -120,7 +120,17 @@ def _rows(image: str, plate: SeenPlate, center: str | None) -> Iterator[TargetRo
 def target_row(
     image: str, label: str, place: tuple[float, float], sigma_px: float, score: float
 ) -> TargetRow:
-    """A row with no more digits than mean something."""
+    """A row with no more digits than mean something.
+
+    Parameters
+    ----------
+    image, label
+        The photo, and what is picked in it.
+    place
+        (u, v) [px].
+    sigma_px, score
+        Of the place; and how sure it is, 0 to 1.
+    """
     u, v = (round(one, 4) for one in place)
     return TargetRow(image, label, u, v, max(round(sigma_px, 4), 1e-4), round(score, 4))
 

@@ -55,11 +55,11 @@ def find(
                 f"T{number}: in {len(photos)} of {found.photos} photos, sides of "
                 f"{min(sides):.0f} to {max(sides):.0f} px"
             )
-    for label, photos in found.uncoded.found.items():
-        say(f"{label}: a {found.uncoded.kinds[label]}, found in {len(photos)} more photos")
+    for label, others in found.uncoded.found.items():
+        say(f"{label}: a {found.uncoded.kinds[label]}, found in {len(others)} more photos")
     done = "nothing is written (--dry-run)" if dry_run else str(found.path)
-    others = f" and {len(found.uncoded.found)} other targets" if found.uncoded.found else ""
-    say(f"{found.rows} picks of {len(found.plates)} plates{others}, {found.removed} before: {done}")
+    more = f" and {len(found.uncoded.found)} other targets" if found.uncoded.found else ""
+    say(f"{found.rows} picks of {len(found.plates)} plates{more}, {found.removed} before: {done}")
     return DONE
 
 

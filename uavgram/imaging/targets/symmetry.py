@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from uavgram.imaging.raster import Image
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 
 _ROUNDS = 15
 _CONVERGED_PX = 1e-3
@@ -67,7 +67,7 @@ def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centr
     return Centre(center, _covariance(change, odd, weight), _likeness(value, weight))
 
 
-def _covariance(change: Floats, odd: Floats, weight: Floats) -> Floats:
+def _covariance(change: Floats, odd: Floats, weight: Bools) -> Floats:
     """Of the centre, by the differences of both halves.
 
     The sums go over both halves, so every difference is in them twice: with the variance q of the
@@ -89,8 +89,8 @@ def _covariance(change: Floats, odd: Floats, weight: Floats) -> Floats:
     return np.asarray(2.0 * variance * growth * np.linalg.inv(normal))
 
 
-def _likeness(value: Floats, weight: Floats) -> float:
-    here, there = value[weight.astype(bool)], value[::-1, ::-1][weight.astype(bool)]
+def _likeness(value: Floats, weight: Bools) -> float:
+    here, there = value[weight], value[::-1, ::-1][weight]
     spread = float(here.std() * there.std())
     return float(((here - here.mean()) * (there - there.mean())).mean() / max(spread, 1e-9))
 
