@@ -1,11 +1,11 @@
-"""Find coded plates in a project's photos, and write their corners into its picks."""
+"""Find coded plates and other targets in a project's photos, and write them into its picks."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from uavgram.config.board_text import parse_board
@@ -22,6 +22,7 @@ from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.saved_picks import save_picks, sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.pipeline.uncoded_targets import NO_UNCODED, UncodedTargets, uncoded_targets
 from uavgram.stages.messages import in_order
 from uavgram.stages.target_rows import asked_centers, with_targets, without_targets
 
@@ -42,6 +43,8 @@ class FoundTargets:
         For each plate, the photos that show it, and the shortest side there [px].
     photos
         Number of photos that were looked at.
+    uncoded
+        What was found of labels that are targets without a number.
     """
 
     path: Path
@@ -50,13 +53,14 @@ class FoundTargets:
     plates: dict[int, tuple[tuple[str, float], ...]]
     photos: int
     messages: tuple[Message, ...]
+    uncoded: UncodedTargets = NO_UNCODED
 
 
 @with_one_blas_thread
 def find_targets(
     project: str | os.PathLike[str], *, dry_run: bool = False, progress: Progress = silent
 ) -> FoundTargets:
-    """Look for the project's plates in all of its photos.
+    """Look for the project's plates in all of its photos, and for targets that are picked in one.
 
     The rows of an earlier search are replaced; those that a person made stay as they are.
 
@@ -75,21 +79,24 @@ def find_targets(
         A problem that the user can solve. The table is as it was.
     """
     inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
-    sight = _sight(_targets(inputs))
     with nullcontext() if dry_run else sole_writer(inputs):
-        seen = dict(_seen(inputs, sight, progress))
+        seen = dict(_seen(inputs, progress))
         numbers = {p.plate for plates in seen.values() for p in plates if p.left_out is LeftOut.NO}
         named, known = _names(inputs)
         centers = asked_centers(numbers, named, known, inputs.picks)
         rows = with_targets(inputs.picks, seen, centers)
-        path = Path(inputs.project.picks) if dry_run else save_picks(inputs, rows.picks)
+        uncoded = uncoded_targets(replace(inputs, picks=rows.picks), progress)
+        if inputs.project.targets is None and not uncoded.kinds:
+            raise _no_targets(inputs)
+        path = Path(inputs.project.picks) if dry_run else save_picks(inputs, uncoded.picks)
     return FoundTargets(
         path=path,
-        rows=int(rows.picks.of_source("target").sum()),
+        rows=int(uncoded.picks.of_source("target").sum()),
         removed=int(inputs.picks.of_source("target").sum()),
         plates={number: tuple(_photos_of(number, seen)) for number in sorted(numbers)},
-        photos=len(seen),
-        messages=in_order(*rows.messages, *_nothing_found(rows.plates, inputs)),
+        photos=len(inputs.photos.path),
+        messages=in_order(*rows.messages, *_nothing_found(rows.plates, inputs), *uncoded.messages),
+        uncoded=uncoded,
     )
 
 
@@ -116,14 +123,13 @@ def undo_targets(project: str | os.PathLike[str], *, dry_run: bool = False) -> F
     return FoundTargets(path=path, rows=0, removed=removed, plates={}, photos=0, messages=())
 
 
-def _targets(inputs: Inputs) -> TargetOptions:
-    if inputs.project.targets is None:
-        raise InputError(
-            inputs.project_path,
-            "names no targets: add what is printed on your plates and the side of the black "
-            "square, as in `targets: {family: aruco-4x4-50, side_m: 0.60, sigma_m: 0.001}`",
-        )
-    return inputs.project.targets
+def _no_targets(inputs: Inputs) -> InputError:
+    return InputError(
+        inputs.project_path,
+        "names no targets: add what is printed on your plates and the side of the black "
+        "square, as in `targets: {family: aruco-4x4-50, side_m: 0.60, sigma_m: 0.001}`. Chequers, "
+        "crosses and discs need none of that: pick each in one photo (no pick of yours is on one)",
+    )
 
 
 def _sight(targets: TargetOptions) -> Sight:
@@ -133,9 +139,10 @@ def _sight(targets: TargetOptions) -> Sight:
     return lambda image: sight_plates(image, targets.family)
 
 
-def _seen(
-    inputs: Inputs, sight: Sight, progress: Progress
-) -> Iterator[tuple[str, tuple[SeenPlate, ...]]]:
+def _seen(inputs: Inputs, progress: Progress) -> Iterator[tuple[str, tuple[SeenPlate, ...]]]:
+    if inputs.project.targets is None:
+        return
+    sight = _sight(inputs.project.targets)
     photos = dict(zip(inputs.photos.path, inputs.photos.frame_id, strict=True))
     found = prefetch(lambda path: sight(read_grey(path)), photos)
     for path, plates in progress(found, "looking for targets", len(photos)):

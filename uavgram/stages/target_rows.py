@@ -49,7 +49,7 @@ def with_targets(
     """
     kept = without_targets(picks)
     taken = set(zip(kept.image, kept.label, strict=True))
-    rows: list[_Row] = []
+    rows: list[TargetRow] = []
     by_hand: list[tuple[str, str]] = []
     for image, plates in seen.items():
         for plate in plates:
@@ -61,7 +61,7 @@ def with_targets(
         plate.plate for some in seen.values() for plate in some if not plate.left_out.value
     }
     messages = (*_left_out(seen), *_by_hand(by_hand))  # type: ignore[arg-type]
-    return Rows(_together(kept, rows), len(plates_found), tuple(messages))
+    return Rows(with_rows(kept, rows), len(plates_found), tuple(messages))
 
 
 def asked_centers(
@@ -92,7 +92,9 @@ def asked_centers(
 
 
 @dataclass(frozen=True)
-class _Row:
+class TargetRow:
+    """A pick of a target."""
+
     image: str
     label: str
     u_px: float
@@ -101,22 +103,36 @@ class _Row:
     score: float
 
 
-def _rows(image: str, plate: SeenPlate, center: str | None) -> Iterator[_Row]:
+def _rows(image: str, plate: SeenPlate, center: str | None) -> Iterator[TargetRow]:
     wider = 1.0 if center is None else _CENTER_TOO
     for corner in range(CORNERS):
         sigma = float(plate.sigma_px[corner])
         if np.isfinite(sigma):
             u, v = plate.corner_px[corner].tolist()
-            yield _row(image, corner_label(plate.plate, corner), (u, v), wider * sigma, plate.score)
+            yield target_row(
+                image, corner_label(plate.plate, corner), (u, v), wider * sigma, plate.score
+            )
     if center is not None and np.isfinite(plate.center_sigma_px):
         u, v = plate.center_px.tolist()
-        yield _row(image, center, (u, v), wider * plate.center_sigma_px, plate.score)
+        yield target_row(image, center, (u, v), wider * plate.center_sigma_px, plate.score)
 
 
-def _row(image: str, label: str, place: tuple[float, float], sigma_px: float, score: float) -> _Row:
-    """A row with no more digits than mean something."""
+def target_row(
+    image: str, label: str, place: tuple[float, float], sigma_px: float, score: float
+) -> TargetRow:
+    """A row with no more digits than mean something.
+
+    Parameters
+    ----------
+    image, label
+        The photo, and what is picked in it.
+    place
+        (u, v) [px].
+    sigma_px, score
+        Of the place; and how sure it is, 0 to 1.
+    """
     u, v = (round(one, 4) for one in place)
-    return _Row(image, label, u, v, max(round(sigma_px, 4), 1e-4), round(score, 4))
+    return TargetRow(image, label, u, v, max(round(sigma_px, 4), 1e-4), round(score, 4))
 
 
 def chosen(picks: Picks, rows: Bools) -> Picks:
@@ -142,7 +158,8 @@ def chosen(picks: Picks, rows: Bools) -> Picks:
     )
 
 
-def _together(kept: Picks, rows: Sequence[_Row]) -> Picks:
+def with_rows(kept: Picks, rows: Sequence[TargetRow]) -> Picks:
+    """Picks, and rows of targets behind them."""
     n, m = len(kept.image), len(rows)
     nothing = np.full(m, np.nan)
     return Picks(
@@ -187,7 +204,7 @@ def _left_out(seen: Mapping[str, Sequence[SeenPlate]]) -> Iterator[Message]:
             yield Message("warning", "target-left-out", text, frames=(image,), several=several)
 
 
-def _by_hand(rows: Sequence[_Row]) -> Iterator[Message]:
+def _by_hand(rows: Sequence[TargetRow]) -> Iterator[Message]:
     if not rows:
         return
     first = rows[0]

@@ -22,11 +22,12 @@ def find(
     dry_run: Flag = False,
     undo: Flag = False,
 ) -> int:
-    """Find the coded plates that lie in the scene, in all photos, and pick their corners.
+    """Find the targets that lie in the scene, in all photos, and pick them.
 
-    The project says what is printed on them, and how large they are:
-    `targets: {family: aruco-4x4-50, side_m: 0.60, sigma_m: 0.001}`. Rows of picks that you made are
-    never changed; those of an earlier search are replaced.
+    Of coded plates, the corners. The project says what is printed on them, and how large they are:
+    `targets: {family: aruco-4x4-50, side_m: 0.60, sigma_m: 0.001}`. Of chequers, crosses and discs
+    that you picked in one photo, the centre in the others, where it is sure which one it is. Rows
+    of picks that you made are never changed; those of an earlier search are replaced.
 
     Parameters
     ----------
@@ -54,8 +55,11 @@ def find(
                 f"T{number}: in {len(photos)} of {found.photos} photos, sides of "
                 f"{min(sides):.0f} to {max(sides):.0f} px"
             )
+    for label, others in found.uncoded.found.items():
+        say(f"{label}: a {found.uncoded.kinds[label]}, found in {len(others)} more photos")
     done = "nothing is written (--dry-run)" if dry_run else str(found.path)
-    say(f"{found.rows} picks of {len(found.plates)} plates, {found.removed} before: {done}")
+    more = f" and {len(found.uncoded.found)} other targets" if found.uncoded.found else ""
+    say(f"{found.rows} picks of {len(found.plates)} plates{more}, {found.removed} before: {done}")
     return DONE
 
 

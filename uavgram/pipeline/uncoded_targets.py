@@ -1,0 +1,206 @@
+"""Targets without a number: picked by a person in one photo, found and measured in the others.
+
+Which one it is, the search for picks tells (`uavgram picks match`): it knows the region, refuses
+what is there twice, and what the other photos contradict. Where its centre is, the target itself
+tells in each photo, so that the clicks' errors are not repeated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from uavgram.errors import UavgramError
+from uavgram.imaging.targets.uncoded import Kind, Uncoded, uncoded_target
+from uavgram.model.message import Message
+from uavgram.model.survey.observations import Picks
+from uavgram.model.target_families import plate_of
+from uavgram.pipeline.match.adjusting import begun
+from uavgram.pipeline.match.looking import Photos, grey_photos
+from uavgram.pipeline.match.search import searched
+from uavgram.pipeline.measure.inputs import NO_PICKS, Inputs, duplicates_of
+from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.pipeline.progress import Progress
+from uavgram.stages.match.found import Found, Pair, Record
+from uavgram.stages.target_rows import TargetRow, chosen, target_row, with_rows
+
+CLICK_PX = 2.5
+"""A target's centre this far from a pick, or three of its sigmas, is not what was picked."""
+
+SAME_PX = 1.0
+"""A target's centre farther from where the picture around it is found belongs to another one."""
+
+NOT_CLEAR = "no clear target there: hidden, shadowed, or too small"
+
+
+@dataclass(frozen=True, kw_only=True)
+class UncodedTargets:
+    """What was found.
+
+    Attributes
+    ----------
+    picks
+        All of the project, with those of these targets.
+    kinds
+        What each label is, of those that are targets.
+    found
+        By label, the other photos in which it was found.
+    """
+
+    picks: Picks
+    kinds: Mapping[str, str] = field(default_factory=dict)
+    found: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    messages: tuple[Message, ...] = ()
+
+
+NO_UNCODED = UncodedTargets(picks=NO_PICKS)
+
+
+def uncoded_targets(inputs: Inputs, progress: Progress) -> UncodedTargets:
+    """Look for picked targets in the other photos.
+
+    Parameters
+    ----------
+    inputs
+        The project; of targets, its picks hold those that stay.
+    progress
+        Shows long loops.
+    """
+    photos = grey_photos(dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True)))
+    own = _recognised(inputs, photos)
+    if not own or len(inputs.photos.frame_id) < 2:
+        return UncodedTargets(picks=inputs.picks)
+    kinds = _kinds(inputs.picks, own)
+    try:
+        record = _searched(inputs, photos, own, kinds, progress)
+    except UavgramError as why:
+        kind_names = {label: kind.value for label, kind in kinds.items()}
+        return UncodedTargets(
+            picks=inputs.picks, kinds=kind_names, messages=(_not_placed(kind_names, why),)
+        )
+    rows, missed = _measured(inputs, photos, kinds, record)
+    found = {label: tuple(r.image for r in rows if r.label == label) for label in kinds}
+    return UncodedTargets(
+        picks=with_rows(_without_matches(inputs.picks, rows), rows),
+        kinds={label: kind.value for label, kind in kinds.items()},
+        found=found,
+        messages=tuple(_missed(missed, kinds)),
+    )
+
+
+def _recognised(inputs: Inputs, photos: Photos) -> dict[int, Uncoded]:
+    """Targets at the places that people picked, by number of the pick."""
+    picks, found = inputs.picks, {}
+    for i in np.flatnonzero(picks.of_source("hand")).tolist():
+        if picks.image[i] not in inputs.photos.frame_id or plate_of(picks.label[i]) is not None:
+            continue
+        target = uncoded_target(photos.get(picks.image[i]), picks.pixel_px[i])
+        reach = max(CLICK_PX, 3.0 * float(np.nan_to_num(picks.sigma_px[i])))
+        if target is not None and np.hypot(*(target.pixel_px - picks.pixel_px[i])) <= reach:
+            found[i] = target
+    return found
+
+
+def _kinds(picks: Picks, own: Mapping[int, Uncoded]) -> dict[str, Kind]:
+    """What each label is; none where its picks lie on targets of several kinds."""
+    kinds: dict[str, set[Kind]] = {}
+    for i, target in own.items():
+        kinds.setdefault(picks.label[i], set()).add(target.kind)
+    return {label: next(iter(some)) for label, some in kinds.items() if len(some) == 1}
+
+
+def _searched(
+    inputs: Inputs,
+    photos: Photos,
+    own: Mapping[int, Uncoded],
+    kinds: Mapping[str, Kind],
+    progress: Progress,
+) -> Record:
+    """Where the pictures around the targets are in the other photos.
+
+    Parameters
+    ----------
+    inputs, photos, progress
+        The project.
+    own
+        Targets at picks: they are looked for from their centres.
+    kinds
+        The labels to look for.
+    """
+    pixel = inputs.picks.pixel_px.copy()
+    for i, target in own.items():
+        pixel[i] = target.pixel_px
+    picks = replace(inputs.picks, pixel_px=pixel)
+    picks = chosen(picks, ~picks.of_source("match"))
+    there = set(zip(picks.image, picks.label, strict=True))
+    copies = set(duplicates_of(inputs).photos)
+    base = begun(replace(inputs, picks=picks), pose_frames(inputs))
+
+    def wanted(pair: Pair) -> bool:
+        return pair[1] in kinds and pair not in there and pair[0] not in copies
+
+    return searched(base, photos, wanted, progress).record
+
+
+def _measured(
+    inputs: Inputs, photos: Photos, kinds: Mapping[str, Kind], record: Record
+) -> tuple[list[TargetRow], dict[Pair, str]]:
+    """Rows of those targets that are clear where they were found, and why the others are not.
+
+    Parameters
+    ----------
+    inputs, photos
+        The project.
+    kinds
+        What each label is.
+    record
+        What was found.
+    """
+    rows, missed = [], dict(record.in_vain)
+    for pair, found in sorted(record.found.items()):
+        image, label = pair
+        target = uncoded_target(photos.get(image), np.array(found.pixel_px))
+        if target is None or not _is_same(target, found, kinds[label]):
+            missed[pair] = NOT_CLEAR
+            continue
+        focal = float(inputs.calibration.parameters[0])
+        sigma = float(np.hypot(target.sigma_px, target.off_center_px(focal)))
+        u, v = target.pixel_px.tolist()
+        rows.append(target_row(image, label, (u, v), sigma, target.score))
+    return rows, missed
+
+
+def _is_same(target: Uncoded, found: Found, kind: Kind) -> bool:
+    off = np.hypot(*(target.pixel_px - np.array(found.pixel_px)))
+    return bool(target.kind is kind and off <= SAME_PX + 3.0 * found.sigma_px)
+
+
+def _without_matches(picks: Picks, rows: list[TargetRow]) -> Picks:
+    """Without matches where the target itself is picked now: that is better."""
+    new = {(row.image, row.label) for row in rows}
+    pairs = zip(picks.image, picks.label, strict=True)
+    there = np.array([pair in new for pair in pairs], dtype=np.bool_)
+    return chosen(picks, ~(there & picks.of_source("match")))
+
+
+def _not_placed(kinds: Mapping[str, str], why: Exception) -> Message:
+    some = ", ".join(f"{label} ({kind})" for label, kind in list(kinds.items())[:5])
+    text = (
+        f"Targets that you picked ({some}) were not looked for in the other photos, as it is not "
+        f"known how the photos lie to each other: {why}"
+    )
+    return Message("warning", "target-not-sought", text)
+
+
+def _missed(missed: Mapping[Pair, str], kinds: Mapping[str, Kind]) -> Iterator[Message]:
+    for label, kind in kinds.items():
+        own = {image: why for (image, name), why in missed.items() if name == label}
+        if own:
+            places = "; ".join(f"{image}: {why}" for image, why in sorted(own.items()))
+            text = (
+                f"{label}, a {kind.value}, was looked for but not taken in {len(own)} photos "
+                f"({places}). Pick it there by hand where you see it."
+            )
+            yield Message("info", "target-not-found", text, frames=tuple(sorted(own)))
