@@ -12,7 +12,8 @@ log, and without any pose: no log and no EXIF, as pycolmap. For each:
     centres  root mean square error of the camera centres (middle row) after the best similarity [m]
     distance between points withheld: how many have a value, mean and root mean square error [m];
              each picked in one photo with 0.8 px, several draws. The scale is that of the same two
-             lengths, between labels picked in two photos
+             lengths, between labels picked in two photos; how wrong it is (root mean square of
+             the draws), and what errors remain with each draw's best scale
     wall, CPU, memory of ties (features, pairs, mapping) and of the adjustment of one draw; each in
              a process of its own, loading of packages included in CPU only
 
@@ -106,7 +107,8 @@ def run_ours(street: Street, folder: Path, seeds: Seeds, drawn: list[Tables]) ->
         stated = f"z {np.sqrt(np.nanmean(z**2)):.2f}"
     else:
         stated = "no result"
-    tell(street, OURS[seeds], {name: np.array(c) for name, c in done["poses"].items()}, errors)
+    poses = {name: np.array(c) for name, c in done["poses"].items()}
+    tell(street, OURS[seeds], poses, (errors, drawn))
     wall, cpu = np.add(done["ties"], done.get("adjusted", [0.0, 0.0]))
     print(
         f"{'':26s}{stated}; wall {wall:.1f} s, CPU {cpu:.1f} s (ties {done['ties'][1]:.1f}, "
@@ -147,7 +149,8 @@ def run_pycolmap(street: Street, folder: Path, python: str, drawn: list[Tables])
         errors = [] if ground is None else [
             _intersected(each, poses, (ground, lens, way)) - _true(street, each) for each in drawn
         ]  # fmt: skip
-        tell(street, f"pycolmap, {way}", {name: c for name, (c, _) in poses.items()}, errors)
+        places = {name: c for name, (c, _) in poses.items()}
+        tell(street, f"pycolmap, {way}", places, (errors, drawn))
     print(
         f"{'':26s}{done['models']} model(s); wall {done['wall_s']:.1f} s, "
         f"CPU {done['cpu_s']:.1f} s, {done['memory_mb']:.0f} MB",
@@ -185,8 +188,23 @@ def _true(street: Street, drawn: Tables) -> Floats:
     return np.array([np.linalg.norm(place[a] - place[b]) for a, b in drawn.distances])
 
 
-def tell(street: Street, name: str, poses: dict[str, Floats], errors: list[Floats]) -> None:
-    """Print the accuracy of one way."""
+def tell(
+    street: Street, name: str, poses: dict[str, Floats], made: tuple[list[Floats], list[Tables]]
+) -> None:
+    """Print the accuracy of one way.
+
+    Parameters
+    ----------
+    street
+        The truth.
+    name
+        Of the way.
+    poses
+        Camera centres by photo.
+    made
+        Errors of the distances [m] of each draw, and the draws.
+    """
+    errors, drawn = made
     frame = {name: k for k, name in enumerate(photo_names(street))}
     line = f"{name:26s}{len(poses):3d} of {len(frame)} photos"
     if len(poses) > 2:
@@ -200,7 +218,18 @@ def tell(street: Street, name: str, poses: dict[str, Floats], errors: list[Float
         if len(held):
             root = np.sqrt(np.mean(held**2))
             line += f": mean {np.abs(held).mean():.4f} m, rms {root:.4f} m"
+            both = [_scaled(e, _true(street, d)) for e, d in zip(errors, drawn, strict=False)]
+            wrong, rest = np.sqrt(np.nanmean(np.square(both), axis=0))
+            line += f"; scale {100 * wrong:.2f} %, rest {rest:.4f} m"
     print(line, flush=True)
+
+
+def _scaled(error: Floats, true: Floats) -> tuple[float, float]:
+    """By how much the best scale of distances differs from 1, and the rms of what it leaves."""
+    held = np.isfinite(error)
+    value, length = (error + true)[held], true[held]
+    scale = value @ length / (length @ length)
+    return float(scale - 1.0), float(np.sqrt(np.mean((value / scale - length) ** 2)))
 
 
 def _after_similarity(here: Floats, there: Floats) -> float:
