@@ -249,7 +249,7 @@ def main() -> None:
     parser.add_argument("--flights", type=int, default=2)
     parser.add_argument("--photos", type=int, default=8)
     parser.add_argument("--seed", type=int, default=9500)
-    parser.add_argument("--draws", type=int, default=4, help="picks and lengths so many times")
+    parser.add_argument("--draws", type=int, default=6, help="picks and lengths so many times")
     parser.add_argument("--readout-ms", type=float, nargs="*", default=[0.0, 30.0])
     parser.add_argument("--folder", help="where the projects are kept")
     parser.add_argument("--ours", type=Path, help=argparse.SUPPRESS)
