@@ -14,7 +14,6 @@ from uavgram.model.options import Project
 from uavgram.model.survey.observations import Picks
 from uavgram.model.survey.ties import TiePicks
 
-
 ANEW = "or take the tie points out by `uavgram picks ties --undo`, and look for them anew"
 
 
