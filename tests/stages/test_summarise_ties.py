@@ -10,8 +10,12 @@ import pytest
 from hostile_conditions import Condition
 from hostile_project import tie_picks, write_project
 from hostile_surveys import make_survey
+from scipy.spatial.transform import Rotation
 
-from uavgram.geometry.ground.row_projection import project_rows, row_poses
+from uavgram.geometry.camera.projection import project
+from uavgram.geometry.ground.row_projection import row_poses
+from uavgram.geometry.motion.row_poses import row_share
+from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.ties import TieCloud
 from uavgram.model.survey.observations import Source
@@ -22,8 +26,17 @@ from uavgram.stages.summarise_ties import tie_cloud
 
 Run = tuple[Result, TieCloud, TiePicks]
 
-SAME_PX = 1e-5
-"""The adjustment takes the pose of the row that was seen, the projection that of its own row."""
+SAME_PX = 1e-9
+
+
+def by_the_row_seen(result: Result, frame: int, seen_px: Floats, world_m: Floats) -> Floats:
+    """(n, 2) pixels of points (n, 3), each by the pose of the row in which it was seen."""
+    poses = row_poses(result, frame)
+    share = row_share(seen_px[:, 1], result.camera.height_px)[:, None]
+    turned = Rotation.from_rotvec(share * poses.sweep[3:]).as_matrix()
+    away = world_m - poses.center - share * poses.sweep[:3]
+    in_camera = np.einsum("nji,nj->ni", poses.rotation @ turned, away)
+    return project(result.camera.model, result.shared.intrinsics.value, in_camera)
 
 
 @pytest.fixture(scope="module")
@@ -73,9 +86,7 @@ def test_residuals_are_those_of_the_adjusted_points_in_the_adjusted_photos(run: 
     for frame, name in enumerate(names):
         own = cloud.pixel_px[cloud.frame == frame]
         point = [order.index(at[name, *pixel]) for pixel in own.tolist()]
-        poses = row_poses(result, frame)
-        lens = result.shared.intrinsics.value
-        pixel = project_rows(result.camera, lens, poses, cloud.position_world_m[point])
+        pixel = by_the_row_seen(result, frame, own, cloud.position_world_m[point])
         squares.append((pixel - own) ** 2)
         assert result.frames.ties_rms_px[frame] == pytest.approx(
             np.sqrt(squares[-1].mean()), abs=SAME_PX
