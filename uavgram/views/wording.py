@@ -78,7 +78,6 @@ GROUP_WORDS = {
     "ties": "tie points",
     "linked": "heights of what lies under picks, as of the picks",
     "tie heights": "heights of tie points",
-    "idle chains": "heights of matches that nothing uses",
     "lengths": "known lengths",
     "known": "known things",
     "calibration": "lens calibration",

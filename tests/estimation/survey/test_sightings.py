@@ -98,7 +98,7 @@ def test_every_jacobian_equals_central_differences(roughness: float, *, rolling:
     assert blocks is not None
     assert layout.turning == rolling
     names = {"pixels", "matches", "ties", "tie heights"}
-    names |= {"linked", "turning"} if rolling else {"idle chains"}
+    names |= {"linked", "turning"} if rolling else {"linked"}
     assert names <= set(blocks)
     for name in names:
         analytic = dense(blocks[name], layout.size)
@@ -170,7 +170,7 @@ def test_a_match_repeats_the_error_of_the_pick_that_it_was_found_from() -> None:
     mapped = np.concatenate([np.eye(2), to_other])
     covariance = pick_sigma**2 * mapped @ mapped.T
     covariance[2:, 2:] += MATCH_PX**2 * np.eye(2 * count) + PATCH_PX**2 * to_other @ to_other.T
-    rest = {n: r for n, r in rows.items() if n not in ("matches", "pixels", "idle chains")}
+    rest = {n: r for n, r in rows.items() if n not in ("matches", "pixels", "linked")}
     other_picks = rows["pixels"][2:]
     information = sum(jacobian.T @ jacobian for jacobian in rest.values())
     information = information + other_picks.T @ other_picks

@@ -11,7 +11,6 @@ SOURCES: dict[str, str] = {
     "pixels": "picks",
     "matches": "matches",
     "linked": "matches",
-    "idle chains": "matches",
     "ties": "tie points",
     "tie heights": "tie points",
     "calibration": "lens",

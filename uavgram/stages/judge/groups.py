@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from uavgram.estimation.reliability.redundancy import group_fit, upper_tail
+from uavgram.estimation.reliability.test_statistics import NOT_OBSERVED
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.message import Message, Several
 from uavgram.model.result.result import GroupFactor
@@ -20,8 +21,8 @@ GROUP_WORDS = {
 """What each group is called, and where to look."""
 
 
-NOT_JUDGED = ("gauge", "idle", "idle chains", "linked", "tie heights", "turning")
-"""Groups that say nothing of how anything fits."""
+NOT_JUDGED = tuple(name for name in NOT_OBSERVED if name != "relief")
+"""Groups that say nothing of how anything fits; the ground's shape does."""
 
 WIDE = 0.4
 """Variance factor below which stated sigmas are far too wide; those of priors are meant to be

@@ -67,14 +67,11 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         The observations do not determine the survey; the message names what is missing.
     """
     stated, far_off = with_tied_frames(survey)
-    sound = with_sound_ties(stated)
+    sound = with_sound_ties(stated, learn=options.noise == "estimate")
     sound = replace(sound, ties_left_out=sound.ties_left_out | far_off)
-    tied = tuple(remarks_on_ties(survey, sound))
-    survey = sound.survey if options.noise == "estimate" else sound.as_stated
-    shown = sound.shown.off_ground
-    begun = adjusted_as_stated(
-        survey, np.zeros(len(survey.pick_frame), dtype=np.bool_), options, shown
-    )
+    tied, shown = tuple(remarks_on_ties(survey, sound)), sound.shown.off_ground
+    removed = np.zeros(len(survey.pick_frame), dtype=np.bool_)
+    begun = adjusted_as_stated(sound.survey, removed, options, shown)
     mends: tuple[Removal, ...] = ()
     while options.outliers == "remove" and len(mends) < MOST_MENDS:
         mended = adapted(begun.given, begun.causes, begun.refined)

@@ -37,6 +37,10 @@ WRONG = 20.0
 """Fall of the sum of squares from which a sighting is wrong: chi-square of two degrees of freedom
 is beyond it in one of 20,000."""
 
+WORST = 3.0
+"""Factor by which the sigmas of sightings may be too small, at the most: a wrong one among very few
+is no scatter of all."""
+
 MEDIAN = 2.0 * float(np.log(2.0))
 """Of the chi-square distribution of two degrees of freedom."""
 
@@ -59,10 +63,11 @@ class SoundTies:
 
     Attributes
     ----------
-    survey, as_stated
-        Without wrong ones, and with sigmas of the others as they show them, and as stated.
+    survey
+        Without wrong ones, and with the ground as matches show it; with sigmas as they show them,
+        where these are asked for.
     shown
-        What matches show of the ground: both surveys have it.
+        What matches show of the ground.
     noise
         Of matches and of ties, where there are any.
     matches_left_out, ties_left_out
@@ -70,56 +75,48 @@ class SoundTies:
     """
 
     survey: Survey
-    as_stated: Survey
     shown: Shown = field(default_factory=Shown)
     noise: tuple[PickNoise, ...] = ()
     matches_left_out: frozenset[int] = frozenset()
     ties_left_out: frozenset[int] = frozenset()
 
 
-def with_sound_ties(survey: Survey) -> SoundTies:
-    """The survey without matches and ties that do not fit the others.
+def with_sound_ties(survey: Survey, *, learn: bool = True) -> SoundTies:
+    """The survey without matches and ties that do not fit the others; `learn`: with their sigmas.
 
     Matches are tested as ties are, each chain a point of its own anywhere in space: whether it lies
     where the ground is, is a question to the ground.
     """
     if not survey.matches.points + survey.ties.points:
-        return SoundTies(survey, survey)
+        return SoundTies(survey)
     try:
         every = np.zeros(len(survey.line_start), dtype=np.bool_)
         keep, _ = in_lens(survey)
         begun = Participants(_softened(survey), keep, every, {})
         adjustment = best_minima(begun).adjustment
     except GeometryError:  # what is missing is told of the survey as it is
-        return SoundTies(survey, survey)
+        return SoundTies(survey)
     wrong: list[tuple[bool, int]] = []
-    for _ in range(ROUNDS):
+    for left in reversed(range(ROUNDS)):
         out = _wrong(adjustment)
         if not out.any():
             break
         ties = adjustment.survey.ties
         wrong += zip(_is_match(ties)[out].tolist(), ties.row[out].tolist(), strict=True)
         try:
-            adjustment = _without(adjustment, out)
+            adjustment = _without(adjustment, out) if left else adjustment
         except SingularError:
             break
     matches = frozenset(row for is_match, row in wrong if is_match)
     ties_ = frozenset(row for is_match, row in wrong if not is_match)
-    rest = replace(
-        survey,
-        matches=_without_rows(survey.matches, matches),
-        ties=_without_rows(survey.ties, ties_),
-    )
-    shown = shown_by_matches(adjustment)
-    rest = with_shown(rest, shown)
-    noise = tuple(_noise(adjustment))
-    factor = {one.source: one.factor for one in noise}
+    shown, noise = shown_by_matches(adjustment), tuple(_noise(adjustment))
+    factor = {one.source: one.factor for one in noise if learn}
     sound = replace(
-        rest,
-        matches=_scaled(rest.matches, factor.get("match", 1.0)),
-        ties=_scaled(rest.ties, factor.get("tie", 1.0)),
+        with_shown(survey, shown),
+        matches=_sound(survey.matches, matches, factor.get("match", 1.0)),
+        ties=_sound(survey.ties, ties_, factor.get("tie", 1.0)),
     )
-    return SoundTies(sound, rest, shown, noise, matches, ties_)
+    return SoundTies(sound, shown, noise, matches, ties_)
 
 
 def _softened(survey: Survey) -> Survey:
@@ -172,7 +169,7 @@ def _wrong(adjustment: Adjustment) -> Bools:
     limit = np.zeros(len(fall))
     for own in (_is_match(ties), ~_is_match(ties)):
         scatter = np.median(fall[own & (fall > 0)]) / MEDIAN if (own & (fall > 0)).any() else 1.0
-        limit[own] = WRONG * max(1.0, float(scatter))
+        limit[own] = WRONG * float(np.clip(scatter, 1.0, WORST**2))
     limit = np.maximum(limit, BENT * float(fall.max()))
     wrong = np.zeros(len(fall), dtype=np.bool_)
     wrong[worst] = fall[worst] > limit[worst]
@@ -218,13 +215,20 @@ def _noise(adjustment: Adjustment) -> Iterator[PickNoise]:
             )
 
 
-def _without_rows(sightings: Sightings, rows: frozenset[int]) -> Sightings:
-    some, _ = sightings.without(np.isin(sightings.row, list(rows)))
-    return some
+def _sound(sightings: Sightings, wrong: frozenset[int], factor: float) -> Sightings:
+    """Sightings without those of some rows, with sigmas times a factor.
 
-
-def _scaled(sightings: Sightings, factor: float) -> Sightings:
-    return replace(sightings, sigma_px=factor * sightings.sigma_px)
+    Parameters
+    ----------
+    sightings
+        Of a survey.
+    wrong
+        Rows of the table that they are from.
+    factor
+        Of the sigmas.
+    """
+    some, _ = sightings.without(np.isin(sightings.row, list(wrong)))
+    return replace(some, sigma_px=factor * some.sigma_px)
 
 
 def with_noise_of_ties(noise: Noise | None, stated: Survey, sound: SoundTies) -> Noise | None:

@@ -10,19 +10,19 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.geometry.motion.row_poses import row_share
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem
-    from uavgram.estimation.survey.unknowns import Layout, State
+    from uavgram.estimation.survey.unknowns import State
 
 LINKED_M = 0.001
 """How far the ground below a picked pixel may depart from that below what was meant [m]."""
 
-ANYWHERE = 1.0
-"""Prior sigma of a tie point's height about the ground's, as a share of the flight's height: what
-photos from nearly one place show still has a depth then."""
+ANYWHERE_M = 100.0
+"""Prior sigma of a tie point's height about the ground's: what photos from nearly one place show
+still has a depth then."""
 
 
 class Seen(NamedTuple):
@@ -168,8 +168,7 @@ class TiedPoints:
     -----
     A match repeats the error of the pick that it was found from. So a chain (the picked pixel, and
     where it was found again) has a point of its own, what lies under the picked pixel; the label's
-    point is observed by the pick alone. Where the departure from the ground is an unknown, both
-    have the same.
+    point is observed by the pick alone. Both depart from the ground by the same.
     """
 
     def __init__(self, problem: SurveyProblem) -> None:
@@ -188,8 +187,6 @@ class TiedPoints:
         alone = np.zeros((len(tie), 0), dtype=np.int64)
         own = layout.tie_columns(tie), alone
         self._ties = seen(problem, own, ties.frame, ties.pixel_px, ties.sigma_px)
-        self._above_m = 0.0
-        self._departs = problem.third.departs[self.label] if layout.point_size == 3 else _none()
 
     def blocks(self, state: State) -> dict[str, Block] | None:
         """Rows of all sightings by group; None where a point is not in front of its camera."""
@@ -212,35 +209,17 @@ class TiedPoints:
         return blocks | self._heights(state)
 
     def _heights(self, state: State) -> dict[str, Block]:
-        """What is known of the third coordinates."""
+        """What is known of the third coordinates: chains have those of their labels."""
         layout, survey, blocks = self._problem.layout, self._problem.survey, dict[str, Block]()
-        if layout.point_size < 3:
-            return blocks
-        chains = survey.matches.points
-        linked, idle = np.flatnonzero(self._departs), np.flatnonzero(~self._departs)
-        if len(linked):
-            label = self.label[linked]
-            apart = state.tie[linked, 2] - state.point[label, 2]
-            columns = np.stack([layout.tie_columns(linked), layout.point_columns(label)], axis=1)
-            jacobian = np.broadcast_to([1.0 / LINKED_M, -1.0 / LINKED_M], (len(linked), 1, 2))
-            blocks["linked"] = Block(apart[:, None] / LINKED_M, columns[:, :, 2], jacobian)
-        if len(idle):
-            blocks["idle chains"] = _third(layout, idle, state.tie[idle, 2], 1.0)
-        if survey.ties.points:
-            ground = 0.0 if layout.free_gauge else survey.ground.height_m
-            if not self._above_m:  # the same in all iterations
-                height = float(np.median(np.abs(state.center[:, 2] - ground)))
-                self._above_m = ANYWHERE * max(height, 1.0)
-            tie = chains + np.arange(survey.ties.points)
-            blocks["tie heights"] = _third(layout, tie, state.tie[tie, 2] - ground, self._above_m)
+        chain, tie = np.split(np.arange(len(state.tie)), [survey.matches.points])
+        if layout.point_size == 3 and len(chain):
+            apart = (state.tie[chain, 2] - state.point[self.label, 2])[:, None]
+            both = layout.tie_columns(chain)[:, 2], layout.point_columns(self.label)[:, 2]
+            jacobian = np.broadcast_to([1.0 / LINKED_M, -1.0 / LINKED_M], (len(chain), 1, 2))
+            blocks["linked"] = Block(apart / LINKED_M, np.stack(both, axis=1), jacobian)
+        if len(tie):
+            ground_m = 0.0 if layout.free_gauge else survey.ground.height_m
+            off = (state.tie[tie, 2] - ground_m)[:, None]
+            weight = np.full((len(tie), 1, 1), 1.0 / ANYWHERE_M)
+            blocks["tie heights"] = Block(off / ANYWHERE_M, layout.tie_columns(tie)[:, 2:], weight)
         return blocks
-
-
-def _third(layout: Layout, tie: Ints, departure_m: Floats, sigma_m: float) -> Block:
-    columns = layout.tie_columns(tie)[:, 2:]
-    weight = np.full((len(tie), 1, 1), 1.0 / sigma_m)
-    return Block((departure_m / sigma_m)[:, None], columns, weight)
-
-
-def _none() -> Bools:
-    return np.zeros(0, dtype=np.bool_)

@@ -70,6 +70,7 @@ def shown_by_matches(adjustment: Adjustment) -> Shown:
     """
     survey, ties = adjustment.survey, adjustment.survey.ties
     chains = np.flatnonzero(ties.pick >= 0)
+    chains = chains[~survey.off_ground[survey.pick_label[ties.pick[chains]]]]
     if not len(chains):
         return Shown()
     world, sigma = _in_space(adjustment)
@@ -84,7 +85,7 @@ def shown_by_matches(adjustment: Adjustment) -> Shown:
             continue
         stands = _stands_off(departure, sigma[points])
         named = survey.pick_label[ties.pick[own[stands[: len(own)]]]]
-        off |= {survey.label[k] for k in named if not survey.off_ground[k]}
+        off |= {survey.label[k] for k in named}
         level = ~stands
         if level[: len(own)].sum() >= FEW:
             level[len(own) :] = False
@@ -146,7 +147,8 @@ def _roughness(departure_m: Floats, sigma_m: Floats) -> tuple[float, float]:
     """
     if len(departure_m) < FEW:
         return 0.0, 1.0
-    chance = upper_tail(float(np.sum((departure_m / sigma_m) ** 2)), float(_degrees(departure_m)))
+    degrees = max(len(departure_m) - 3, 1)  # about their plane
+    chance = upper_tail(float(np.sum((departure_m / sigma_m) ** 2)), float(degrees))
     variance = max(float(np.var(departure_m)) - float(np.median(sigma_m**2)), LEAST_M**2)
     for _ in range(20):
         weight = 1.0 / (variance + sigma_m**2)
@@ -155,11 +157,6 @@ def _roughness(departure_m: Floats, sigma_m: Floats) -> tuple[float, float]:
         variance = max(variance, 1e-8)
     size = float(np.sqrt(variance))
     return (size, chance) if size > LEAST_M and chance < BY_CHANCE else (0.0, 1.0)
-
-
-def _degrees(departure_m: Floats) -> int:
-    """Redundancy of heights about their plane."""
-    return max(len(departure_m) - 3, 1)
 
 
 def photos_of(survey: Survey) -> Ints:
