@@ -3,6 +3,8 @@
 >>> import uavgram
 >>> result = uavgram.run("project.yaml")        # doctest: +SKIP
 >>> result = uavgram.load_results("out/results.json")        # doctest: +SKIP
+>>> table = uavgram.to_pandas(result, "measurements")        # doctest: +SKIP
+>>> axes = uavgram.plots.plan(result)        # doctest: +SKIP
 
 Importing loads nothing heavy and does nothing; the stages (``uavgram.stages``) and kernels
 (``uavgram.geometry``) are public too.
@@ -11,6 +13,7 @@ Importing loads nothing heavy and does nothing; the stages (``uavgram.stages``) 
 from __future__ import annotations
 
 import importlib
+import sys
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -18,14 +21,18 @@ if TYPE_CHECKING:
     from uavgram.io.results.results_json import load_results
     from uavgram.model.result.result import Result
     from uavgram.pipeline.measure.run import run
+    from uavgram.views.notebook import plots
+    from uavgram.views.notebook.tables import to_pandas
 
-__all__ = ["Result", "UavgramError", "load_results", "run"]
+__all__ = ["Result", "UavgramError", "load_results", "plots", "run", "to_pandas"]
 
 _HOME = {
     "Result": "uavgram.model.result.result",
     "UavgramError": "uavgram.errors",
     "load_results": "uavgram.io.results.results_json",
+    "plots": "uavgram.views.notebook",
     "run": "uavgram.pipeline.measure.run",
+    "to_pandas": "uavgram.views.notebook.tables",
 }
 
 
@@ -37,4 +44,8 @@ def __dir__() -> list[str]:
 def __getattr__(name: str) -> Any:  # noqa: ANN401
     if name not in _HOME:
         raise AttributeError(f"module 'uavgram' has no attribute {name!r}")
+    if "IPython" in sys.modules:  # from now on, it shows results as people read them
+        importlib.import_module("uavgram.views.notebook.display").register()
+    if name == "plots":
+        return importlib.import_module("uavgram.views.notebook.plots")
     return getattr(importlib.import_module(_HOME[name]), name)

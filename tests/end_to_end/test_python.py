@@ -47,7 +47,9 @@ def assert_same(one: object, other: object, where: str = "result") -> None:
 
 
 def test_the_module_shows_what_it_is_for() -> None:
-    assert set(dir(uavgram)) == {"run", "load_results", "Result", "UavgramError"}
+    public = {"run", "load_results", "to_pandas", "plots", "Result", "UavgramError"}
+
+    assert set(dir(uavgram)) == public
 
 
 @pytest.mark.parametrize("name", ["calibrate", "refine", "seed", "simulate", "synchronise"])

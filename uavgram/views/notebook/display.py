@@ -1,0 +1,56 @@
+"""How a notebook shows a result: the verdict first, then what was measured.
+
+The result itself knows nothing of that: IPython is told which function shows it.
+"""
+
+from __future__ import annotations
+
+import sys
+from html import escape
+
+from uavgram.model.result.result import Result
+from uavgram.views.style import LEVEL_COLOURS, hex_colour
+from uavgram.views.survey.verdict import STATUS_WORDS, verdict_words
+from uavgram.views.wording import measurement_text, worst_first
+
+COLUMNS = ("measurement", "what", "points", "value ± sigma", "95 % interval", "status")
+
+
+def register() -> None:
+    """Tell the IPython that is running how to show a result; nothing where none is."""
+    module = sys.modules.get("IPython")
+    shell = module.get_ipython() if module is not None else None
+    if shell is not None:
+        html = shell.display_formatter.formatters["text/html"]
+        html.for_type_by_name("uavgram.model.result.result", "Result", result_html)
+
+
+def result_html(result: Result) -> str:
+    """Verdict with its reasons, the measurements, and what was used, as a piece of HTML."""
+    words = verdict_words(result)
+    mark = f"border-left:6px solid {hex_colour(LEVEL_COLOURS[words.level])};padding-left:.6em"
+    reasons = "".join(f"<li>{escape(one.text)}</li>" for one in words.reasons[1:])
+    more = f"<details><summary>{len(words.reasons) - 1} more</summary><ul>{reasons}</ul></details>"
+    parts = [
+        f"<div><h4>{escape(result.name)}</h4>",
+        f'<p style="{mark}"><b>{escape(words.sentence)}</b></p>',
+        more if reasons else "",
+        _table(result),
+        f"<p>{escape(words.counts)} {escape(words.scale)}</p></div>",
+    ]
+    return "\n".join(filter(None, parts))
+
+
+def _table(result: Result) -> str:
+    rows = result.measurements
+    if not rows.name:
+        return "<p>Nothing was measured: no measurements were asked for.</p>"
+    head = "".join(f"<th>{escape(column)}</th>" for column in COLUMNS)
+    body = []
+    for i in worst_first(rows):
+        row = measurement_text(rows, int(i))
+        status = STATUS_WORDS[rows.status[i]]
+        value = f"{row.value} {row.others}".strip()
+        cells = (row.name, row.kind, " ".join(row.points), value, row.interval, status)
+        body.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(body)}</tbody></table>"

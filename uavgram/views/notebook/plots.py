@@ -1,0 +1,156 @@
+"""Plots of a result: residuals, the plan from above, and where uncertainty comes from.
+
+Each draws into the axes that it is given, or into a figure of its own, and returns the axes.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
+from uavgram.stages.products.map_layers import measured_strips, reference_strips
+from uavgram.views.survey.drawing import nice_factor
+from uavgram.views.survey.top_view import INK
+from uavgram.views.wording import MeasurementText, measurement_text, worst_first
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+ELLIPSE_SHARE = 0.03
+"""Of the plan's width: about as large are the ellipses drawn."""
+
+MOST_NAMED = 12
+"""More measurements than these are drawn thin, and without names."""
+
+MOST_BARS = 25
+"""Measurements whose budget is drawn, those that are known worst."""
+
+_TURN = np.linspace(0.0, 2.0 * np.pi, 49)
+
+
+def residuals(result: Result, axes: Axes | None = None) -> Axes:
+    """Residuals of the picks [px], adjusted minus picked, with those that are suspect in red.
+
+    Parameters
+    ----------
+    result
+        Of a run.
+    axes
+        Where to draw; left out, in a figure of its own.
+    """
+    axes = _axes_or_new(axes)
+    status = np.array(result.picks.status, dtype=str)
+    for name, colour, mark in (("used", "#00796b", "o"), ("suspect", INK["suspect"], "X")):
+        some = result.picks.residual_px[status == name]
+        if len(some):
+            axes.scatter(some[:, 0], some[:, 1], s=16, c=colour, marker=mark, label=name)
+    radius = 3.0 * float(np.median(result.picks.sigma_px)) if len(status) else 1.0
+    circle = radius * np.stack([np.cos(_TURN), np.sin(_TURN)])
+    axes.plot(*circle, "--", color="#777777", linewidth=1, label="3 sigma of a pick")
+    axes.set(xlabel="to the right [px]", ylabel="downwards [px]", title="Residuals of the picks")
+    axes.set_aspect("equal")
+    axes.invert_yaxis()
+    axes.legend()
+    return axes
+
+
+def plan(result: Result, axes: Axes | None = None) -> Axes:
+    """The survey from above: points with enlarged 95 % ellipses, what was taped and measured.
+
+    Parameters
+    ----------
+    result
+        Of a run.
+    axes
+        Where to draw; left out, in a figure of its own.
+    """
+    axes = _axes_or_new(axes)
+    measured = measured_strips(result)
+    are_few = len(measured) <= MOST_NAMED
+    for i, strips in measured.items():
+        for strip in strips:
+            width = 2 if are_few else 0.5
+            axes.plot(strip[:, 0], strip[:, 1], color=INK["measured"], linewidth=width)
+        if strips and are_few:
+            _name(axes, strips[0], measurement_text(result.measurements, int(i)), INK["measured"])
+    for i, strip in reference_strips(result).items():
+        ink = INK[result.lines.status[i]]
+        axes.plot(strip[:, 0], strip[:, 1], color=ink, linewidth=1.5, linestyle="--")
+    place = result.points.position_world_m[:, :2]
+    axes.plot(place[:, 0], place[:, 1], ".", color=INK["point"], markersize=4)
+    for label, spot in zip(result.points.label, place, strict=True):
+        axes.annotate(label, spot, xytext=(3, 3), textcoords="offset points", fontsize=8)
+    factor = _ellipses(axes, result)
+    axes.set_aspect("equal")
+    axes.set(xlabel="east [m]", ylabel="north [m]")
+    axes.set_title(f"Plan: solid measured, dashed taped; 95 % ellipses {factor} times as large")
+    return axes
+
+
+def budget(result: Result, axes: Axes | None = None) -> Axes:
+    """From where the variance of each measurement comes, as bars that add up to 100 %.
+
+    Of many measurements, the `MOST_BARS` that are known worst.
+
+    Parameters
+    ----------
+    result
+        Of a run.
+    axes
+        Where to draw; left out, in a figure of its own.
+    """
+    axes = _axes_or_new(axes)
+    axes.set(xlabel="share of the variance [%]", title="Where the uncertainty comes from")
+    found = result.error_budget
+    if found is None or not len(found.share):
+        return axes
+    has_value = np.isfinite(found.share[:, 0])
+    rows = [i for i in worst_first(result.measurements) if has_value[i]][:MOST_BARS]
+    names = [result.measurements.name[i] for i in rows]
+    left = np.zeros(len(names))
+    for k, source in enumerate(found.source):
+        share = 100.0 * found.share[rows, k]
+        axes.barh(names, share, left=left, label=source)
+        left = left + share
+    axes.invert_yaxis()
+    axes.set_xlim(0, 100)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    return axes
+
+
+def _axes_or_new(axes: Axes | None) -> Axes:
+    """The axes, or new ones; where pyplot is in use, in its figure, which a notebook shows."""
+    if axes is not None:
+        return axes
+    if (pyplot := sys.modules.get("matplotlib.pyplot")) is not None:
+        figure: Any = pyplot.figure(layout="constrained")
+    else:
+        from matplotlib.figure import Figure  # noqa: PLC0415 - heavy
+
+        figure = Figure(layout="constrained")
+    new: Axes = figure.subplots()
+    return new
+
+
+def _name(axes: Axes, strip: Floats, row: MeasurementText, colour: str) -> None:
+    middle = strip[:, :2].mean(axis=0)
+    axes.annotate(f"{row.name} {row.value}", middle, color=colour, fontsize=8, ha="center")
+
+
+def _ellipses(axes: Axes, result: Result) -> int:
+    """Draws the ellipses within the survey; by how much they are enlarged."""
+    within, place = result.points.relative, result.points.position_world_m[:, :2]
+    if not len(place):
+        return 1
+    extent_m = max(float(np.ptp(place, axis=0).max()), 1.0)
+    factor = nice_factor(float(np.median(within.ellipse_95_m[:, 0])), ELLIPSE_SHARE * extent_m)
+    azimuth, half = within.ellipse_azimuth_rad[:, None], factor * within.ellipse_95_m
+    along, across = half[:, :1] * np.cos(_TURN), half[:, 1:] * np.sin(_TURN)
+    east = place[:, :1] + along * np.sin(azimuth) + across * np.cos(azimuth)
+    north = place[:, 1:] + along * np.cos(azimuth) - across * np.sin(azimuth)
+    axes.plot(east.T, north.T, color=INK["ellipse"], linewidth=1)
+    return factor

@@ -1,0 +1,201 @@
+"""The tables of a result as data frames of pandas, which is only needed here.
+
+The columns follow from the fields of the tables: an array with an axis behind the rows gives a
+column for each entry, a covariance one for each pair. Names end with the unit.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from uavgram.errors import UavgramError
+from uavgram.model.result.result import Result
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+TableName = Literal[
+    "measurements",
+    "correlation",
+    "error_budget",
+    "weakest_links",
+    "monte_carlo",
+    "points",
+    "lines",
+    "known",
+    "picks",
+    "frames",
+    "areas",
+    "profiles",
+    "point_checks",
+    "line_checks",
+    "groups",
+    "alternatives",
+    "removals",
+    "reasons",
+    "messages",
+]
+"""Tables of a result."""
+
+_OF_MEASUREMENTS = ("correlation", "error_budget", "weakest_links", "monte_carlo")
+
+_RECORDS: dict[str, Callable[[Result], Sequence[object]]] = {
+    "areas": lambda result: result.areas,
+    "groups": lambda result: result.solution.groups,
+    "alternatives": lambda result: result.solution.alternatives,
+    "removals": lambda result: result.removals,
+    "reasons": lambda result: result.verdict.reasons,
+    "messages": lambda result: result.messages,
+}
+"""Tables that are kept as one object for each row."""
+
+_KEYS = ("name", "label", "frame_id")
+"""Columns that name a row: the first that a table has is its index, where no name is double."""
+
+_UNITS = ("m", "m2", "px", "deg", "rad", "s", "percent")
+
+_STEMS = {"position_world": "", "pixel": "", "place": "", "interval_95": "bound_95"}
+"""Fields whose columns are called otherwise than the field."""
+
+_AXES: Mapping[str, tuple[str, ...]] = {
+    "pixel": ("u", "v"),
+    "residual": ("u", "v"),
+    "ellipse_95": ("major", "minor"),
+    "interval_95": ("lower", "upper"),
+    "slope": ("east", "north"),
+    "sweep": ("east", "north", "up", "x", "y", "z"),
+    "covariance": ("east", "north", "up", "x", "y", "z"),
+    "space_covariance": ("east", "north", "up"),
+    "world_from_camera": ("x", "y", "z"),
+    "place": ("station", "offset", "height", "ground"),
+}
+"""Names of the entries of a row, by field; else east, north, up. Turns: the camera's axes."""
+
+_PLACE = ("east", "north", "up")
+
+
+def to_pandas(result: Result, table: TableName) -> pd.DataFrame:
+    """One table of a result as a data frame: a row for each measurement, point, photo...
+
+    >>> uavgram.to_pandas(result, "measurements")[["value", "sigma", "unit"]]    # doctest: +SKIP
+
+    Parameters
+    ----------
+    result
+        Of `uavgram.run` or `uavgram.load_results`.
+    table
+        ``measurements``, ``points``, ``lines``, ``picks``, ``frames`` and so on (`TableName`).
+
+    Returns
+    -------
+    Rows are named by measurement, label or photo where these are unique. Columns are the fields of
+    the result, with their units; vectors and covariances in a column for each number, NaN where
+    there is none. Values are in SI units.
+
+    Raises
+    ------
+    UavgramError
+        There is no such table, or pandas is not installed.
+    """
+    names = get_args(TableName)
+    if table not in names:
+        raise UavgramError(f"There is no table {table!r}. There are: {', '.join(names)}.")
+    if table in _OF_MEASUREMENTS:
+        return _of_measurements(result, table)
+    if table in _RECORDS:
+        return _indexed(_pandas().DataFrame([_record(one) for one in _RECORDS[table](result)]))
+    return _indexed(_pandas().DataFrame(dict(_columns(getattr(result, table)))))
+
+
+def _pandas() -> Any:  # noqa: ANN401
+    try:
+        return importlib.import_module("pandas")
+    except ImportError as fault:
+        raise UavgramError(
+            "Tables as data frames need pandas, which is not installed: pip install pandas."
+        ) from fault
+
+
+def _indexed(frame: pd.DataFrame) -> pd.DataFrame:
+    key = next((key for key in _KEYS if key in frame), None)
+    return frame.set_index(key) if key and frame[key].is_unique else frame
+
+
+def _of_measurements(result: Result, table: str) -> pd.DataFrame:
+    """Tables with a row for each measurement, which they don't name; empty where there is none."""
+    frame, names = _pandas().DataFrame, list(result.measurements.name)
+    if table == "correlation":
+        return frame(result.measurements.correlation, index=names, columns=names)
+    if table == "error_budget":
+        budget = result.error_budget
+        return frame() if budget is None else frame(budget.share, names, list(budget.source))
+    if table == "weakest_links":
+        found: object = result.evidence.weakest if result.evidence else None
+    else:
+        found = result.monte_carlo
+    return frame() if found is None else frame(dict(_columns(found)), index=names)
+
+
+def _columns(table: object, before: str = "") -> Iterator[tuple[str, object]]:
+    """Column names and columns of a table."""
+    for field in dataclasses.fields(table):  # type: ignore[arg-type]
+        value = getattr(table, field.name)
+        if dataclasses.is_dataclass(value):
+            yield from _columns(value, f"{before}{field.name}_")
+        elif isinstance(value, np.ndarray) and value.ndim > 1:
+            yield from _split(value, field.name, before)
+        elif isinstance(value, (np.ndarray, tuple)):
+            yield before + field.name, list(value) if isinstance(value, tuple) else value
+        else:
+            yield before + field.name, value  # one number for all rows
+
+
+def _split(value: np.ndarray[Any, Any], name: str, before: str) -> Iterator[tuple[str, object]]:
+    """A column for each number of a row; of a symmetric matrix each once."""
+    if name == "correlation":
+        return  # a table of its own
+    # "m3" says there that it is of three coordinates
+    stem, unit = ("space_covariance", "m2") if name == "covariance_m3" else _unit_of(name)
+    axes = _AXES.get(stem, _AXES["place"] if value.shape[1] == len(_AXES["place"]) else _PLACE)
+    stem = _STEMS.get(stem, stem)
+    for index in np.ndindex(value.shape[1:]):
+        if len(index) > 1 and stem.endswith("covariance") and index[0] > index[1]:
+            continue
+        words = (before.rstrip("_"), stem, *(axes[k] for k in index), unit)
+        yield "_".join(filter(None, words)), value[(slice(None), *index)]
+
+
+def _unit_of(name: str) -> tuple[str, str]:
+    """``("residual", "px")`` of ``residual_px``."""
+    stem, _, unit = name.rpartition("_")
+    return (stem, unit) if stem and unit in _UNITS else (name, "")
+
+
+def _record(one: object) -> dict[str, object]:
+    """An object as a row; values with their sigma as two columns, or a pair for each number."""
+    row: dict[str, object] = {}
+    for field in dataclasses.fields(one):  # type: ignore[arg-type]
+        value = getattr(one, field.name)
+        if field.compare or isinstance(value, (str, int, float, tuple)):
+            row |= _cells(field.name, value)
+    return row
+
+
+def _cells(name: str, value: object) -> dict[str, object]:
+    stem, unit = _unit_of(name)
+    if dataclasses.is_dataclass(value):  # an estimate
+        parts = {part.name: getattr(value, part.name) for part in dataclasses.fields(value)}
+        named = {(stem if part == "value" else f"{stem}_{part}"): v for part, v in parts.items()}
+        return {k: v for s, one in named.items() for k, v in _cells(f"{s}_{unit}", one).items()}
+    if isinstance(value, np.ndarray):
+        if value.size == 1:
+            return {name: float(value.ravel()[0])}
+        base = stem.removesuffix("_sigma")
+        axes, sigma = _AXES.get(base, _PLACE), "_sigma" if base != stem else ""
+        return {f"{base}_{axes[k]}{sigma}_{unit}": float(v) for k, v in enumerate(value)}
+    return {name: value}
