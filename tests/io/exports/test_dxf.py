@@ -66,7 +66,7 @@ def test_each_measured_distance_is_a_dimension_with_the_grounds_value(
     rows = result.measurements
     for i, measured in enumerate(rows.kind):
         if measured == "distance" and np.isfinite(rows.value[i]):
-            assert f"{rows.value[i]:.3f} ±{rows.sigma[i]:.3f} m" in said
+            assert f"{rows.name[i]}: {rows.value[i]:.3f} ±{rows.sigma[i]:.3f} m" in said
 
 
 def test_an_ellipse_has_the_axes_and_the_azimuth_of_the_result(
@@ -126,7 +126,9 @@ def test_every_point_has_its_label_as_a_text_beside_it(
     assert [text.dxf.text for text in labels] == list(result.points.label)
     inserts = document.modelspace().query('INSERT[name=="SURVEY_POINT"]')
     for text, insert in zip(labels, inserts, strict=True):
-        assert text.dxf.insert.vec2.distance(insert.dxf.insert.vec2) < text.dxf.height
+        width, height = text.dxf.height * len(text.dxf.text), text.dxf.height
+        away = text.dxf.align_point.vec2.distance(insert.dxf.insert.vec2)
+        assert height / 2 < away < width / 2 + 3 * height
         assert all(attribute.is_invisible for attribute in insert.attribs)
 
 

@@ -40,7 +40,7 @@ def test_the_drawing_doubts_its_text_and_says_why(
     sure, plain_note = dxf_texts(features, tmp_path / "sure.dxf")
     doubted, note = dxf_texts(marked, tmp_path / "doubted.dxf")
 
-    assert set(doubted) - set(sure) == {"6.310 ±0.012 m ?"}
+    assert set(doubted) - set(sure) == {"road width: 6.310 ±0.012 m ?"}
     assert "? = other solutions fit as well" in note
     assert not [text for text in (*sure, plain_note) if "?" in text]
 

@@ -260,11 +260,11 @@ def test_a_length_in_space_says_so_and_lies_at_its_height(
     zero, document = drawing
     rows = solid.measurements
     known = {f"{value:.3f}": name for name, value in zip(rows.name, rows.value, strict=True)}
-    said = {
-        known[dimension.dxf.text.split()[0]]: dimension
-        for dimension in document.modelspace().query('DIMENSION[layer=="DIMENSIONS"]')
-        if dimension.dxf.text.split()[0] in known
-    }
+    said = {}
+    for dimension in document.modelspace().query('DIMENSION[layer=="DIMENSIONS"]'):
+        name, value = dimension.dxf.text.split(": ")
+        if value.split()[0] in known:
+            said[name] = dimension
     assert said["skid right"].dxf.text.endswith(" m (3-D)")
     assert said["skid left"].dxf.text.endswith(" m")
     assert said["skid right"].dxf.defpoint2.z == pytest.approx(zero + 2.25 / 2, abs=1e-3)

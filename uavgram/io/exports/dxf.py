@@ -17,9 +17,10 @@ from ezdxf.filemanagement import new
 from uavgram.geometry.earth.map_projection import map_scale, projected_from_enu
 from uavgram.io.exports.dxf_points import add_point_block, draw_points
 from uavgram.io.exports.dxf_profiles import draw_profiles
-from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Place, Sheet
+from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Place, Sheet, half_size
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.layers import HIDDEN, Features, Layer
+from uavgram.stages.products.text_places import around
 
 _DIMENSIONS, _NOTES = "DIMENSIONS", "NOTES"
 _UNITS = {"m": "m", "m2": "m²", "m3": "m³", "deg": "°", "m/s": "m/s"}
@@ -31,6 +32,10 @@ _IN_SPACE = " (3-D)"
 _DOUBT = " ?"
 """After a value that is another one in another solution that fits as well."""
 
+_SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)
+"""Of a dimension line, where its text may stand."""
+_CROWDED = 16
+_FAR = 1e6  # heights of a letter: farther than any drawing reaches
 _TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters
 
 
@@ -68,7 +73,9 @@ def _write(features: Features, path: Path, place: Place, note: str) -> None:
     sheet = Sheet(document, document.modelspace(), place, text_m)
     add_point_block(document, text_m)
     _dimension_style(document, text_m)
-    for layer in features.layers:
+    _keep_free_below(sheet, _below(sheet, features))
+    # Labels first: they stand at their points, while dimensions can go farther out.
+    for layer in sorted(features.layers, key=lambda one: one.name != "points"):
         _draw(sheet, layer)
     draw_profiles(document, features.profiles, _below(sheet, features), text_m)
     _note(sheet, features, note)
@@ -174,12 +181,12 @@ def _values(sheet: Sheet, layer: Layer) -> None:
         text = _value_text(one[value], one[sigma], unit)
         if not is_known and layer.above_ground_m and layer.above_ground_m[row].any():
             text += "" if one["kind"] in _NOT_IN_SPACE or unit != "m" else _IN_SPACE
-        text += _DOUBT if one.get("alternatives") else ""
+        text = f"{one['name']}: {text}{_DOUBT if one.get('alternatives') else ''}"
         if len(strip) == 2 and unit == "m" and one.get("kind") not in _UPRIGHT:
             _dimension(sheet, strip, LAYERS[layer.name][0] if is_known else _DIMENSIONS, text)
         elif len(strip):
             middle = sheet.place(strip.mean(axis=0, keepdims=True))[0]
-            _text(sheet, middle, f"{one['name']}: {text}", _DIMENSIONS)
+            _text(sheet, middle, text, _DIMENSIONS)
 
 
 def _value_text(value: object, sigma: object, unit: str) -> str:
@@ -187,26 +194,63 @@ def _value_text(value: object, sigma: object, unit: str) -> str:
 
 
 def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:
-    """Seen from above, at the height of the middle."""
+    """Seen from above, at the height of the middle; where others are in the way, farther out."""
     placed = sheet.place(ends)
-    start, end = placed[:, :2]
+    start, end = sorted(placed[:, :2], key=tuple)  # from left to right, as texts are read
     if np.linalg.norm(end - start) < 1e-6:
         return
+    half = half_size(text, sheet.text_m)
+    place = sheet.places.take_near(lambda k: _along(start, end, half, k, sheet.text_m))
+    distance = _across(start, end) @ (place[:2] - start) - half[1]
     drawn = sheet.space.add_aligned_dim(
         p1=tuple(start),
         p2=tuple(end),
-        distance=2.5 * sheet.text_m,
+        distance=float(distance),
         text=text,
         dimstyle="UAVGRAM",
         dxfattribs={"layer": layer},
-    ).render()
-    drawn.dimension.translate(0.0, 0.0, float(placed[:, 2].mean()))
+    )
+    drawn.set_location(tuple(place[:2]))
+    drawn.render().dimension.translate(0.0, 0.0, float(placed[:, 2].mean()))
+
+
+def _offset(k: int) -> float:
+    """How far from what is measured the k-th dimension line runs, in heights of a letter."""
+    outwards = 2.5 + 1.5 * (k // 2)
+    return outwards if k % 2 == 0 else -outwards
+
+
+def _across(start: Floats, end: Floats) -> Floats:
+    """Unit vector to the left of the way from start to end."""
+    along = (end - start) / np.linalg.norm(end - start)
+    return np.array([-along[1], along[0]])
+
+
+def _along(start: Floats, end: Floats, half: Floats, k: int, text_m: float) -> Floats:
+    """(c, 5) places for the text above the k-th dimension line, or crowded out beyond its ends."""
+    across, way = _across(start, end), end - start
+    turn = np.arctan2(way[1], way[0])
+    beyond = 1.5 * half[0] / np.linalg.norm(way)
+    ends = (1.0 + beyond, -beyond) if k >= _CROWDED else ()
+    share = np.array([*_SHARES, *ends])[:, None]
+    middle = start + share * way + (_offset(k) * text_m + half[1]) * across
+    return np.column_stack([middle, np.broadcast_to([*half, turn], (len(middle), 3))])
 
 
 def _text(sheet: Sheet, at: Floats, text: str, layer: str) -> None:
+    half = half_size(text, sheet.text_m)
+    own = np.array([[at[0], at[1], *half, 0.0]])
+    place = sheet.places.take_near(lambda k: around(at[:2], half, 0.0, k - 1) if k else own)
     sheet.space.add_text(text, height=sheet.text_m, dxfattribs={"layer": layer}).set_placement(
-        tuple(at), align=TextEntityAlignment.MIDDLE_CENTER
+        (*place[:2].tolist(), float(at[2])), align=TextEntityAlignment.MIDDLE_CENTER
     )
+
+
+def _keep_free_below(sheet: Sheet, corner: tuple[float, float]) -> None:
+    """Where the notes and the profiles stand, nothing else is written."""
+    large = _FAR * sheet.text_m
+    top = corner[1] + 1.5 * sheet.text_m
+    sheet.places.reserve(np.array([corner[0], top - large, large, large, 0.0]))
 
 
 def _below(sheet: Sheet, features: Features) -> tuple[float, float]:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from ezdxf import const
 from ezdxf.document import Drawing
+from ezdxf.enums import TextEntityAlignment
 
 from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Sheet
+from uavgram.model.arrays import Floats
 from uavgram.model.maps.layers import Layer
 
 POINT_BLOCK = "SURVEY_POINT"
@@ -48,19 +50,30 @@ def draw_points(sheet: Sheet, layer: Layer) -> None:
         if one["picked_by"] not in ("", "hand"):
             made = insert.add_attrib("PICKED_BY", str(one["picked_by"]), place, {"layer": LABELS})
             made.is_invisible = True
-        east, north, up = place
-        at = (east + 0.4 * sheet.text_m, north + 0.4 * sheet.text_m, up)
-        sheet.space.add_text(
-            str(one["label"]), height=sheet.text_m, dxfattribs={"layer": LABELS, "insert": at}
-        )
+        at = _named(sheet, one, np.array(place))
         if off:
             for key in _OFF_GROUND_NUMBERS:
                 insert.add_attrib(
                     key.upper(), _decimals(one[key]), at, {"layer": LABELS}
                 ).is_invisible = True
-            small = _HEIGHT_SHARE * sheet.text_m
-            below = {"layer": LAYERS["verticals"][0], "insert": (at[0], north - 1.2 * small, up)}
-            sheet.space.add_text(_height_text(one), height=small, dxfattribs=below)
+            _height(sheet, one, np.array(place))
+
+
+def _named(sheet: Sheet, one: dict[str, str | float], place: Floats) -> tuple[float, float, float]:
+    """Write the label of a point beside it; the text's middle."""
+    label = str(one["label"])
+    at = (*sheet.beside(label, place[:2], sheet.text_m, 0.1 * sheet.text_m), place[2])
+    text = sheet.space.add_text(label, height=sheet.text_m, dxfattribs={"layer": LABELS})
+    text.set_placement(at, align=TextEntityAlignment.MIDDLE_CENTER)
+    return at
+
+
+def _height(sheet: Sheet, one: dict[str, str | float], place: Floats) -> None:
+    """Write the height of a point beside it."""
+    words, small = _height_text(one), _HEIGHT_SHARE * sheet.text_m
+    at = (*sheet.beside(words, place[:2], small, 0.1 * sheet.text_m), place[2])
+    text = sheet.space.add_text(words, height=small, dxfattribs={"layer": LAYERS["verticals"][0]})
+    text.set_placement(at, align=TextEntityAlignment.MIDDLE_CENTER)
 
 
 def _decimals(value: object) -> str:

@@ -1,14 +1,18 @@
-"""A drawing under way, and its layers."""
+"""A drawing under way: its layers, and the room that its texts take."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
 
+import numpy as np
 from ezdxf.document import Drawing
+from ezdxf.fonts.fonts import AbstractFont, make_font
 from ezdxf.layouts.layout import Modelspace
 
 from uavgram.model.arrays import Floats
+from uavgram.stages.products.text_places import TextPlaces, around
 
 Place = Callable[[Floats], Floats]
 
@@ -30,9 +34,48 @@ LAYERS = {
 
 @dataclass(frozen=True)
 class Sheet:
-    """A drawing under way: where local metres go, and the height of letters [m]."""
+    """A drawing under way: where local metres go, the height of letters [m], and places taken."""
 
     document: Drawing
     space: Modelspace
     place: Place
     text_m: float
+    places: TextPlaces = field(default_factory=TextPlaces)
+
+    def beside(self, text: str, at: Floats, height_m: float, gap_m: float) -> Floats:
+        """Take a free place for a text beside a point.
+
+        Parameters
+        ----------
+        text
+            What is to be written.
+        at
+            (2,) the point.
+        height_m
+            Of the letters.
+        gap_m
+            Between point and text, where there is room.
+
+        Returns
+        -------
+        (2,) the text's middle.
+        """
+        half = half_size(text, height_m)
+        return self.places.take_near(lambda ring: around(at, half, gap_m, ring))[:2]
+
+
+MARGIN = 1.15
+"""Fonts of other programs are that much wider than the one measured here."""
+_LINE = 1.6
+"""Height of a line of text, of that of its capitals: letters reach below and above them."""
+
+
+def half_size(text: str, height_m: float) -> Floats:
+    """(2,) half the width and height that a text takes [m], whichever program draws it."""
+    width_m = _font().text_width(text) * height_m
+    return np.array([MARGIN * width_m, _LINE * height_m]) / 2
+
+
+@lru_cache(maxsize=1)
+def _font() -> AbstractFont:
+    return make_font("txt", 1.0)

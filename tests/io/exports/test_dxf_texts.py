@@ -1,0 +1,162 @@
+"""No text of a drawing covers another: as ezdxf draws them, letter by letter."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from ezdxf.addons import text2path
+from ezdxf.document import Drawing
+from ezdxf.entities.dxfentity import DXFEntity
+from ezdxf.entities.mtext import MText
+from ezdxf.entities.text import Text
+from ezdxf.enums import TextEntityAlignment
+from ezdxf.filemanagement import readfile
+
+from uavgram.io.exports.dxf import write_local_dxf
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.maps.layers import Features, Layer
+
+Box = tuple[tuple[float, float], tuple[float, float], float]
+
+
+def random_survey(rng: np.random.Generator) -> Features:
+    """Points, crowded here and there, with known and measured lengths between them, and areas."""
+    count = int(rng.integers(2, 14))
+    spread = 10.0 ** rng.uniform(-0.5, 2.5)
+    place = np.column_stack([rng.normal(size=(count, 2)) * [spread, spread / 3], np.zeros(count)])
+    crowd = place[0, :2] + rng.normal(size=(count // 3, 2)) * spread / 50
+    place[1 : 1 + count // 3, :2] = crowd
+    label = tuple(f"P{i}" * int(rng.integers(1, 3)) for i in range(count))
+    high = np.where(rng.random(count) < 0.2, rng.uniform(0.1, 3.0, count), 0.0)
+    points = Layer(
+        name="points",
+        kind="point",
+        vertices_m=tuple(place[:, None]),
+        attributes={
+            "label": label,
+            **{f"sigma_{axis}_m": (0.01,) * count for axis in ("east", "north", "up")},
+            "height_above_ground_m": tuple(high.tolist()),
+            "height_sigma_m": tuple(np.where(high > 0, 0.02, 0.0).tolist()),
+            "height_source": tuple("free" if up else "ground" for up in high),
+            "picked_by": ("hand",) * count,
+        },
+    )
+    pairs = rng.permuted(np.tile(np.arange(count), (int(rng.integers(1, 9)), 1)), axis=1)[:, :2]
+    return Features(
+        name="crowded",
+        layers=(_lengths(place, pairs), _nothing(), _measured(place, pairs[::-1]), points),
+        origin=None,
+        height_datum="msl",
+        crs=None,
+    )
+
+
+def _nothing() -> Layer:
+    return Layer(
+        name="measured_areas", kind="polygon", vertices_m=(), attributes={"alternatives": ()}
+    )
+
+
+def _ends(place: Floats, pairs: Ints) -> tuple[Floats, ...]:
+    return tuple(place[pair] for pair in pairs)
+
+
+def _lengths(place: Floats, pairs: Ints) -> Layer:
+    ends = _ends(place, pairs)
+    size = [float(np.linalg.norm(end[1] - end[0])) for end in ends]
+    return Layer(
+        name="known_lengths",
+        kind="line",
+        vertices_m=ends,
+        attributes={
+            "name": tuple(f"L{i}" for i in range(len(ends))),
+            "length_m": tuple(size),
+            "sigma_m": (0.01,) * len(ends),
+        },
+    )
+
+
+def _measured(place: Floats, pairs: Ints) -> Layer:
+    ends = (*_ends(place, pairs), place[:4])
+    count = len(ends)
+    return Layer(
+        name="measured_lines",
+        kind="line",
+        vertices_m=ends,
+        attributes={
+            "name": tuple(f"braking {i}" for i in range(count)),
+            "kind": ("distance",) * (count - 1) + ("polyline",),
+            "value": tuple(float(np.linalg.norm(end[-1] - end[0])) for end in ends),
+            "sigma": (0.0123,) * count,
+            "unit": ("m",) * count,
+            "alternatives": ("",) * count,
+        },
+    )
+
+
+def shown_texts(document: Drawing) -> list[DXFEntity]:
+    """All texts that a program shows, those of dimensions among them."""
+    space = document.modelspace()
+    found: list[DXFEntity] = list(space.query("TEXT"))
+    for dimension in space.query("DIMENSION"):
+        found += [one for one in dimension.virtual_entities() if isinstance(one, (Text, MText))]  # type: ignore[attr-defined]
+    return found
+
+
+def box_of(text: DXFEntity) -> Box:
+    """The smallest rectangle around the letters, which may be turned."""
+    drawn = text if isinstance(text, Text) else Text()
+    if isinstance(text, MText):  # one line of it
+        drawn = Text.new(dxfattribs={"text": text.text, "height": text.dxf.char_height})
+        drawn.dxf.rotation = text.get_rotation()
+        drawn.set_placement(text.dxf.insert, align=TextEntityAlignment.MIDDLE_CENTER)
+    paths = text2path.make_paths_from_entity(drawn)
+    corners = np.array([tuple(point)[:2] for path in paths for point in path.flattening(0.01)])
+    box: Box = cv2.minAreaRect(corners.astype(np.float32))  # type: ignore[assignment]
+    return box
+
+
+SLIGHT = 1e-9
+"""Of the drawing's area: OpenCV computes in single precision."""
+
+
+def overlap(one: Box, other: Box) -> float:
+    """The area that two rectangles have in common."""
+    return float(cv2.intersectConvexConvex(cv2.boxPoints(one), cv2.boxPoints(other))[0])
+
+
+def covering(document: Drawing) -> list[tuple[str, str]]:
+    """Pairs of texts that cover each other."""
+    texts = shown_texts(document)
+    middle = np.array([box_of(text)[0] for text in texts])
+    scale = float(np.ptp(middle, axis=0).max()) or 1.0
+    boxes = []
+    for text in texts:  # OpenCV computes in single precision
+        (x, y), (w, h), turn = box_of(text)
+        near = (x - middle[0, 0]) / scale, (y - middle[0, 1]) / scale
+        boxes.append((near, (w / scale, h / scale), turn))
+    words = [str(getattr(text, "text", "") or text.dxf.text) for text in texts]
+    return [
+        (words[i], words[j])
+        for i in range(len(boxes))
+        for j in range(i)
+        if overlap(boxes[i], boxes[j]) > SLIGHT
+    ]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_no_text_covers_another(seed: int, tmp_path: Path) -> None:
+    write_local_dxf(random_survey(np.random.default_rng(seed)), tmp_path / "random.dxf")
+
+    assert covering(readfile(tmp_path / "random.dxf")) == []
+
+
+def test_no_text_of_a_whole_survey_covers_another(features: Features, tmp_path: Path) -> None:
+    write_local_dxf(features, tmp_path / "survey.dxf")
+    document = readfile(tmp_path / "survey.dxf")
+
+    assert len(shown_texts(document)) > 20
+    assert covering(document) == []
