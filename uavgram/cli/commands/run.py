@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter, validators
 
@@ -27,6 +27,7 @@ def run(
     seed: Seed = 0,
     rows: Rows = TABLE_ROWS,
     view: Flag = False,
+    pdf: Literal["a4", "letter"] | None = None,
     verbose: Verbose = False,
 ) -> int:
     """Measure: read the project, adjust, and write all outputs.
@@ -45,6 +46,8 @@ def run(
         Most measurements that the table shows, least certain first; 0: all of them.
     view
         Open the review in the Rerun viewer afterwards.
+    pdf
+        Write the report as report.pdf too, on this paper: for archives (PDF/A-3b) and for printing.
     verbose
         Say what is being done.
     """
@@ -58,7 +61,8 @@ def run(
 
     log_to_stderr(verbose=verbose)
     sampling = None if monte_carlo is None else Sampling(monte_carlo, seed)
-    result = run_project(project, FROM_PROJECT if output is None else output, progress(), sampling)
+    target = FROM_PROJECT if output is None else output
+    result = run_project(project, target, progress(), sampling, pdf)
     folder = Path(load_project(project).output) if output is None else output
     say(measurement_table(result, rows), *unshown_rows(result, rows, folder))
     say("", light_line(result), "", *message_lines(result.messages, verbose=verbose))

@@ -10,9 +10,9 @@ from typing import Literal
 
 from uavgram.imaging.photos.preview import Preview, jpeg_preview_scale, read_preview
 from uavgram.imaging.top_view.mosaic import Mosaic
-from uavgram.io.outputs import staged_output
+from uavgram.io.outputs import replace_bytes, staged_output
 from uavgram.io.own_files import check_folder_of_project
-from uavgram.io.results.results_json import write_results
+from uavgram.io.results.results_json import dump_results, write_results
 from uavgram.model.result.result import Result
 from uavgram.model.result.ties import TieCloud
 from uavgram.pipeline.measure.compute import Sampling, compute
@@ -26,7 +26,7 @@ from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.summarise_ties import tie_cloud
 from uavgram.views.recording.write import write_recording
-from uavgram.views.report import write_report
+from uavgram.views.report import Paper, check_pdf, render_report, report_pdf, write_report
 
 
 class _Output(Enum):
@@ -45,6 +45,7 @@ def run(
     output: OutputChoice = FROM_PROJECT,
     progress: Progress = silent,
     sampling: Sampling | None = None,
+    pdf: Paper | None = None,
 ) -> Result:
     """Run a project from its inputs to its outputs.
 
@@ -58,6 +59,8 @@ def run(
         Shows long loops.
     sampling
         A Monte Carlo check of the measurements.
+    pdf
+        Paper of a report.pdf; None: there is none.
 
     Returns
     -------
@@ -70,6 +73,8 @@ def run(
         A problem that the user can solve. Earlier results are untouched.
     """
     journal = Journal()
+    if pdf is not None:
+        check_pdf()
     with journal.step("read the inputs"):
         inputs = read_inputs(Path(project))
     folder = inputs.project.output if output is FROM_PROJECT else output
@@ -86,12 +91,17 @@ def run(
     journal.result(result)
     if folder is not None:
         with staged_output(Path(folder), inputs.files, inputs.photos.path) as staging:
-            _write_outputs(result, ties, staging, journal, progress)
+            _write_outputs(result, ties, staging, journal, progress, pdf)
     return result
 
 
 def _write_outputs(
-    result: Result, ties: TieCloud | None, folder: Path, journal: Journal, progress: Progress
+    result: Result,
+    ties: TieCloud | None,
+    folder: Path,
+    journal: Journal,
+    progress: Progress,
+    pdf: Paper | None = None,
 ) -> None:
     with journal.step("write recording.rrd"):
         write_review(result, folder / "recording.rrd", progress, ties)
@@ -100,11 +110,35 @@ def _write_outputs(
         "report.html": lambda path: write_report(result, path),
         "results.json": lambda path: write_results(result, path),
     }
+    if pdf is not None:
+        writers["report.pdf"] = lambda path: write_pdf(result, path, pdf)
     for name, write in progress(writers.items(), "writing", len(writers)):
         with journal.step(f"write {name}"):
             (folder / name).parent.mkdir(exist_ok=True)
             write(folder / name)
     journal.write(folder / "run.jsonl")
+
+
+def write_pdf(result: Result, path: Path, paper: Paper) -> None:
+    """Write the report as a PDF.
+
+    Parameters
+    ----------
+    result
+        What a run computed.
+    path
+        The file to write.
+    paper
+        Its size.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    made = result.provenance.created_utc
+    page = report_pdf(render_report(result), dump_results(result), paper, result.name, made)
+    replace_bytes(path, page)
 
 
 def write_review(

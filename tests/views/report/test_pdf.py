@@ -1,0 +1,100 @@
+"""report.pdf: an archive's file (PDF/A-3b) of the same page, with the numbers attached."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import sys
+from typing import Any
+
+import pytest
+import synthetic_survey
+
+from uavgram.errors import UavgramError
+from uavgram.views.report import Paper, check_pdf, render_report, report_pdf
+
+pikepdf = pytest.importorskip("pikepdf", reason="pikepdf is not installed")
+NUMBERS = '{"schema": 1, "value": 12.5}\n'
+MADE = "2026-01-05T11:00:00Z"
+SHORT = "<style>@media print { @page { size: A4 } }</style><h1>crossing</h1>"
+
+
+SHORT = "<style>@page { size: A4 }</style><h1>crossing</h1>"
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    try:
+        check_pdf()
+    except UavgramError as fault:
+        pytest.skip(str(fault))
+    return render_report(synthetic_survey.build())
+
+
+def opened(content: bytes) -> Any:  # noqa: ANN401
+    return pikepdf.open(io.BytesIO(content))
+
+
+@pytest.fixture(scope="module")
+def content(page: str) -> bytes:
+    return report_pdf(page, NUMBERS, "a4", 'cross"ing', MADE)
+
+
+def test_it_says_that_it_is_for_archives(content: bytes) -> None:
+    pdf = opened(content)
+    with pdf.open_metadata() as metadata:
+        assert (metadata["pdfaid:part"], metadata["pdfaid:conformance"]) == ("3", "B")
+        assert metadata["xmp:CreateDate"].startswith("2026-01-05T11:00:00")
+
+    (intent,) = pdf.Root.OutputIntents
+    assert str(intent.S) == "/GTS_PDFA1"
+    assert bytes(intent.DestOutputProfile.read_bytes())[36:40] == b"acsp"  # an ICC profile
+
+
+def test_the_numbers_are_attached(content: bytes) -> None:
+    pdf = opened(content)
+    (name,) = pdf.attachments
+    attached = pdf.attachments[name]
+
+    assert name == "results.json"
+    assert attached.get_file().read_bytes().decode() == NUMBERS
+    assert str(attached.obj.AFRelationship) == "/Data"
+    assert {str(one.UF) for one in pdf.Root.AF} == {"results.json"}
+
+
+def test_every_font_is_embedded(content: bytes) -> None:
+    pdf = opened(content)
+    fonts = [font for page in pdf.pages for font in page.Resources.get("/Font", {}).values()]
+
+    assert fonts
+    for font in fonts:
+        assert "/FontFile2" in font.DescendantFonts[0].FontDescriptor
+
+
+@pytest.mark.usefixtures("page")  # or there is no WeasyPrint
+@pytest.mark.parametrize(("paper", "size"), [("a4", (595.28, 841.89)), ("letter", (612.0, 792.0))])
+def test_it_has_the_size_of_the_paper_and_is_the_same_each_time(
+    paper: Paper, size: tuple[float, float]
+) -> None:
+    made = [report_pdf(SHORT, NUMBERS, paper, "crossing", MADE) for _ in range(2)]
+    pdf = opened(made[0])
+
+    assert made[0] == made[1]
+    for one in pdf.pages:
+        assert [float(edge) for edge in one.mediabox] == pytest.approx([0, 0, *size], abs=0.01)
+
+
+@pytest.mark.usefixtures("page")
+def test_numbers_of_other_results_make_another_file() -> None:
+    texts = (NUMBERS, NUMBERS.replace("5", "6"))
+    files = [opened(report_pdf(SHORT, text, "a4", "crossing", MADE)) for text in texts]
+    ids = [bytes(one.trailer.ID[0]) for one in files]
+
+    assert ids[0] == bytes.fromhex(hashlib.sha256(NUMBERS.encode()).hexdigest())[:16] != ids[1]
+
+
+def test_without_weasyprint_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "weasyprint", None)
+
+    with pytest.raises(UavgramError, match=r"pip install 'uavgram\[pdf\]'"):
+        check_pdf()
