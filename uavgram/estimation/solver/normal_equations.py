@@ -86,7 +86,7 @@ class NormalEquations:
     ) -> None:
         self.size = size
         self._blocks = blocks
-        self.cost = float(sum(np.sum(b.residual**2) for b in blocks))
+        self.cost = cost_of(blocks)
         self.gradient = gradient_of(blocks, size)
         rows = sum(b.residual.size for b in blocks)
         self.is_dense = rows * size <= DENSE_ENTRIES
@@ -129,6 +129,11 @@ class Plan:
     def symbolic(self) -> Symbolic:
         """For the factorisation."""
         return Symbolic(self.assembly.pattern)
+
+
+def cost_of(blocks: Iterable[Block]) -> float:
+    """Weighted sum of squared residuals."""
+    return float(sum(np.vdot(b.residual, b.residual) for b in blocks))
 
 
 def gradient_of(blocks: Iterable[Block], size: int) -> Floats:
