@@ -120,6 +120,7 @@ def examine(source: str, suffix: str, first_seed: int, count: int) -> Tally:
         summarise_log(read_flight_log(path, positions_needed=False))
         base = peak_bytes()
         for seed in range(first_seed, first_seed + count):
+            path.unlink()  # to cut a written file short waits for the disk
             path.write_bytes(mutated(suffix, data, seed))
             start = time.perf_counter()
             try:

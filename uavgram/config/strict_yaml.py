@@ -95,16 +95,31 @@ def _read_text(path: Path) -> str:
 
 
 def _compose(path: Path, text: str) -> yaml.Node | None:
-    depth = 0
-    for event in yaml.parse(text, Loader=yaml.SafeLoader):
-        depth += isinstance(event, yaml.CollectionStartEvent)
-        depth -= isinstance(event, yaml.CollectionEndEvent)
-        if depth > DEEPEST:
+    loader = _Loader(path, text)
+    try:
+        return loader.get_single_node()
+    finally:
+        loader.dispose()
+
+
+class _Loader(yaml.SafeLoader):
+    """Looks at each event as nodes are made of it: reading takes long enough once."""
+
+    def __init__(self, path: Path, text: str) -> None:
+        super().__init__(text)
+        self._path = path
+        self._depth = 0
+
+    def get_event(self) -> yaml.Event:
+        event: yaml.Event = super().get_event()  # type: ignore[no-untyped-call]
+        self._depth += isinstance(event, yaml.CollectionStartEvent)
+        self._depth -= isinstance(event, yaml.CollectionEndEvent)
+        if self._depth > DEEPEST:
             line = event.start_mark.line + 1 if event.start_mark else None
-            raise InputError(path, f"more than {DEEPEST} levels of nesting", line)
+            raise InputError(self._path, f"more than {DEEPEST} levels of nesting", line)
         if isinstance(event, yaml.NodeEvent):
-            _refuse_sigils(path, event)
-    return yaml.compose(text, Loader=yaml.SafeLoader)
+            _refuse_sigils(self._path, event)
+        return event
 
 
 def _refuse_sigils(path: Path, event: yaml.NodeEvent) -> None:

@@ -7,6 +7,7 @@ level, and nothing is converted silently (strict: text is no number, true is no 
 from __future__ import annotations
 
 import json
+from functools import cache
 from typing import Generic, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -23,6 +24,12 @@ class _Root(BaseModel, Generic[Schema]):
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
     root: Schema
+
+
+@cache
+def _root_of(schema: type[Schema]) -> type[_Root[Schema]]:
+    """Made once: building what checks a project's settings takes longer than reading its file."""
+    return _Root[schema]  # type: ignore[valid-type]
 
 
 def validate(
@@ -73,7 +80,8 @@ def _validate_all(
             # Strict JSON mode: mappings become dataclasses and lists tuples, and nothing else is
             # converted; strict Python mode would want instances.
             text = json.dumps({"root": data})
-            return _Root[schema].model_validate_json(text).root, list(faults.values())  # type: ignore[valid-type]
+            root = _root_of(schema)  # type: ignore[arg-type]  # a class is hashable
+            return root.model_validate_json(text).root, list(faults.values())
         except ValidationError as error:
             new = [f for f in faults_of(error.errors(), schema, data) if f.at not in faults]
         new = [fault for fault in new if fault.at not in taken]  # a key taken out is not missing

@@ -236,3 +236,21 @@ def test_candidates_that_end_in_one_maximum_count_once() -> None:
             apart = np.linalg.norm(found[:, None] - found, axis=2)
             apart[np.diag_indices(len(found))] = np.inf
             assert apart.min(initial=np.inf) > 1e-6 * np.linalg.norm(found, axis=1).max()
+
+
+def test_what_is_remembered_is_of_the_same_numbers() -> None:
+    survey = make_scene(5, ends=UNCONNECTED, **NO_LOG).survey
+    found = length_poses(survey)[0]
+
+    assert length_poses(replace(survey, gauge="world"))[0] is found
+    assert not found.plane.flags.writeable
+    tapes = {"length_sigma_m": survey.length_sigma_m, "length_m": survey.length_m}
+    tapes |= {"pixel_px": survey.pixel_px, "pick_sigma_px": survey.pick_sigma_px}
+    for name, value in tapes.items():
+        other = length_poses(replace(survey, **{name: value * 1.01}))[0]  # type: ignore[arg-type]
+        assert other.cost[0] != found.cost[0], name
+    lens = replace(survey.calibration, parameters=survey.calibration.parameters * 1.001)
+    assert length_poses(replace(survey, calibration=lens))[0].cost[0] != found.cost[0]
+    lens = replace(survey.calibration, covariance=survey.calibration.covariance * 4.0)
+    other = length_poses(replace(survey, calibration=lens))[0]
+    assert (other.covariance[0] != found.covariance[0]).any()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -10,10 +11,14 @@ from uavgram.estimation.first_poses.length_conditions import LengthFrames
 from uavgram.estimation.first_poses.resection import LengthPoses, resect_from_lengths, search_frames
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.camera.calibration import Calibration
 from uavgram.model.survey.survey import Survey
 
 SAME = 0.01
 """Distance between two planes, in sigmas, up to which they are the same."""
+
+REMEMBERED = 64
+"""Sets of frames whose poses are kept: searches for what is wrong ask for the same ones often."""
 
 ROUGHLY_M = 0.3
 """Sigma of a stated height up to which a point may place cameras: some 10 pixels from 30 m."""
@@ -130,11 +135,33 @@ def length_poses(survey: Survey) -> dict[int, LengthPoses]:
     enough = np.flatnonzero(_lines_per_frame(survey, seen) >= 3)
     if not len(enough):
         return {}
-    frames = _length_frames(survey, seen, enough)
-    searched = search_frames(survey.calibration, frames)
-    row = np.repeat(np.arange(len(enough)), [len(found) for found in searched])
+    found = _poses_of(_Asked(survey.calibration, _length_frames(survey, seen, enough)))
+    return {int(enough[k]): poses for k, poses in found.items()}
+
+
+class _Asked:
+    """Frames of a camera; those of which every number is the same are equal."""
+
+    def __init__(self, calibration: Calibration, frames: LengthFrames) -> None:
+        self.calibration, self.frames = calibration, frames
+        camera = calibration.model, calibration.parameters.tobytes()
+        numbers = calibration.covariance.tobytes(), *(column.tobytes() for column in frames)
+        self._key = *camera, frames.start.shape, *numbers
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Asked) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _poses_of(asked: _Asked) -> dict[int, LengthPoses]:
+    """Poses of frames that lengths explain, by index, best first."""
+    searched = search_frames(asked.calibration, asked.frames)
+    row = np.repeat(np.arange(len(searched)), [len(found) for found in searched])
     start = np.array([c.plane for found in searched for c in found]).reshape(-1, 3)
-    poses = resect_from_lengths(survey.calibration, frames.take(row), start)
+    poses = resect_from_lengths(asked.calibration, asked.frames.take(row), start)
     # Where the iterations fail, what the search found is still a first value.
     failed = ~poses.converged
     cost = np.array([c.cost for found in searched for c in found])
@@ -144,9 +171,9 @@ def length_poses(survey: Survey) -> dict[int, LengthPoses]:
     )
     order = np.lexsort((poses.cost, row))
     return {
-        int(enough[k]): _distinct(poses.take(order[row[order] == k]))
-        for k in range(len(enough))
-        if len(searched[k])
+        k: _distinct(poses.take(order[row[order] == k]))
+        for k in range(len(searched))
+        if searched[k]
     }
 
 
@@ -156,7 +183,10 @@ def _distinct(poses: LengthPoses) -> LengthPoses:
     sigma = np.sqrt(np.where(poses.converged[:, None], variance, 0.0))
     same = np.all(np.abs(poses.plane[:, None] - poses.plane) <= SAME * sigma, axis=2)
     first = np.argmax(same, axis=0)
-    return poses.take(np.flatnonzero(first == np.arange(len(first))))
+    distinct = poses.take(np.flatnonzero(first == np.arange(len(first))))
+    for column in distinct:
+        column.flags.writeable = False  # who asks again gets the same arrays
+    return distinct
 
 
 def _length_frames(survey: Survey, seen: SeenLines, frame: Ints) -> LengthFrames:

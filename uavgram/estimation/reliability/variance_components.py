@@ -17,8 +17,9 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.special import binom, chdtrc
 
-from uavgram.estimation.solver.normal_equations import Block, NormalEquations
+from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.solver.sparse.structure import Structure
+from uavgram.estimation.solver.weighted import Weighted
 from uavgram.model.arrays import Floats, Ints
 
 SMALLEST, LARGEST = 0.02, 50.0
@@ -115,69 +116,67 @@ class Linearised:
         """The likeliest factors, from first values (C,)."""
         lower = np.log([max(one.smallest, SMALLEST) for one in components])
         bounds = list(zip(lower, np.full(len(lower), np.log(LARGEST)), strict=True))
+        surprise = _Surprise(self, components)
         found = minimize(
-            self._surprise,
+            surprise.at,
             np.clip(np.log(first), lower, np.log(LARGEST)),
-            args=(components,),
             method="L-BFGS-B",
             jac=True,
             bounds=bounds,
             options={"maxiter": ITERATIONS, "ftol": 1e-7, "gtol": 1e-3},
         )
-        information = np.array(
-            [self._information(found.x, components, k) for k in range(len(first))]
-        )
+        information = np.array([surprise.information(found.x, k) for k in range(len(first))])
         sigma = 1.0 / np.sqrt(np.maximum(information, 1e-12))
         return Estimated(np.exp(found.x), sigma, -0.5 * float(found.fun))
 
     def log_likelihood(self, components: Sequence[Component], factor: Floats) -> float:
         """Marginal log-likelihood of given factors (C,)."""
-        return -0.5 * self._surprise(np.log(factor), components)[0]
+        return -0.5 * _Surprise(self, components).at(np.log(factor))[0]
 
-    def _surprise(
-        self, log_factor: Floats, components: Sequence[Component]
-    ) -> tuple[float, Floats]:
-        """Minus twice the marginal log-likelihood, and its derivatives by the logarithms.
+
+class _Surprise:
+    """Minus twice the marginal log-likelihood, as a function of the logarithms of the factors."""
+
+    def __init__(self, linear: Linearised, components: Sequence[Component]) -> None:
+        own, rest = _parted(linear.blocks, components)
+        self._weighted = Weighted(own, rest, linear.size, linear.structure)
+        self._size = np.array([block.residual.size for block in own])
+        self._prior = np.array([one.weight for one in components])
+
+    def at(self, log_factor: Floats) -> tuple[float, Floats]:
+        """Its value, and its derivatives by the logarithms.
 
         v^T v + log det N + 2 sum n log s, with the priors; the derivative by log s of a component
         is twice its redundancy less its sum of squares.
         """
-        own, rest = _scaled(self.blocks, components, np.exp(log_factor))
-        normal = NormalEquations([*own, *rest], self.size, self.structure)
-        factor = normal.factor()
-        step = -factor.solve(normal.gradient)
-        covariance = factor.covariance()
-        size = np.array([block.residual.size for block in own])
-        left = np.array([np.sum(_after(block, step) ** 2) for block in own])
-        leverage = np.array([covariance.leverage(block).sum() for block in own])
-        weight = np.array([one.weight for one in components])
         stated = np.exp(-2.0 * log_factor)
-        value = normal.cost + float(normal.gradient @ step) + factor.log_determinant()
-        value += float(2.0 * size @ log_factor + weight @ (2.0 * log_factor + stated))
-        return value, 2.0 * (size - leverage - left) + 2.0 * weight * (1.0 - stated)
+        fit = self._weighted.fit(stated)
+        value = fit.cost + fit.log_determinant
+        value += float(2.0 * self._size @ log_factor + self._prior @ (2.0 * log_factor + stated))
+        slope = 2.0 * (self._size - fit.leverage - fit.squares) + 2.0 * self._prior * (1.0 - stated)
+        return value, slope
 
-    def _information(self, at: Floats, components: Sequence[Component], k: int) -> float:
-        """Half the second derivative of `_surprise` by one logarithm, by differencing the first."""
+    def information(self, at: Floats, k: int) -> float:
+        """Half the second derivative by one logarithm, by differencing the first."""
         step = np.zeros(len(at))
         step[k] = 0.02
-        above, below = (self._surprise(at + s * step, components)[1][k] for s in (1.0, -1.0))
+        above, below = (self.at(at + s * step)[1][k] for s in (1.0, -1.0))
         return (float(above) - float(below)) / (4.0 * 0.02)
 
 
-def _scaled(
-    blocks: Mapping[str, Block], components: Sequence[Component], factor: Floats
+def _parted(
+    blocks: Mapping[str, Block], components: Sequence[Component]
 ) -> tuple[list[Block], list[Block]]:
-    """The components' observations with their sigmas times the factors, and all others."""
-    own = []
+    """The components' observations, and all others."""
+    own = [
+        blocks[one.block] if one.rows is None else _rows(blocks[one.block], one.rows)
+        for one in components
+    ]
     rest = dict(blocks)
-    for one, scale in zip(components, factor.tolist(), strict=True):
-        block = blocks[one.block]
-        rows = np.arange(len(block.residual)) if one.rows is None else one.rows
-        own.append(_rows(block, rows, 1.0 / scale))
-        others = np.setdiff1d(
-            np.arange(len(block.residual)), _all_rows(components, block, one.block)
-        )
-        rest[one.block] = _rows(block, others, 1.0)
+    for name in {one.block for one in components}:
+        every = np.arange(len(blocks[name].residual))
+        others = np.setdiff1d(every, _all_rows(components, blocks[name], name))
+        rest[name] = _rows(blocks[name], others)
     return own, [block for block in rest.values() if len(block.residual)]
 
 
@@ -188,10 +187,5 @@ def _all_rows(components: Iterable[Component], block: Block, name: str) -> Ints:
     return np.concatenate(found)
 
 
-def _rows(block: Block, rows: Ints, weight: float) -> Block:
-    return Block(block.residual[rows] * weight, block.columns[rows], block.jacobian[rows] * weight)
-
-
-def _after(block: Block, step: Floats) -> Floats:
-    """Residuals after a step of the unknowns, in the linear model."""
-    return np.asarray(block.residual + np.einsum("nrk,nk->nr", block.jacobian, step[block.columns]))
+def _rows(block: Block, rows: Ints) -> Block:
+    return Block(block.residual[rows], block.columns[rows], block.jacobian[rows])

@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from uavgram.estimation.solver.normal_equations import Block, Factor, NormalEquations
+from uavgram.estimation.solver.normal_equations import Block, Factor, NormalEquations, cost_of
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.model.arrays import Floats
 
@@ -144,7 +144,7 @@ def minimise(
             break
         trial = update(state, step)
         trial_blocks = evaluate(trial)
-        trial_cost = np.inf if trial_blocks is None else _cost(trial_blocks)
+        trial_cost = np.inf if trial_blocks is None else cost_of(trial_blocks.values())
         gain = (normal.cost - trial_cost) / predicted
         if trial_blocks is not None and gain > 0:
             state, blocks = trial, trial_blocks
@@ -160,7 +160,3 @@ def minimise(
     # Newton's decrement without damping: how far below the minimum of the model still lies.
     decrement = float(normal.gradient @ factor.solve(normal.gradient))
     return Minimum(state, blocks, factor, normal.cost, iteration, decrement < AT_REST)
-
-
-def _cost(blocks: dict[str, Block]) -> float:
-    return float(sum(np.sum(b.residual**2) for b in blocks.values()))

@@ -14,8 +14,8 @@ from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import scipy.linalg
 
+from uavgram.estimation.solver.dense import DenseFactor
 from uavgram.estimation.solver.sparse.block_matrix import Assembly, BlockMatrix
 from uavgram.estimation.solver.sparse.multifrontal import NotPositiveError
 from uavgram.estimation.solver.sparse.schur import SparseFactor, Symbolic
@@ -86,17 +86,17 @@ class NormalEquations:
     ) -> None:
         self.size = size
         self._blocks = blocks
-        self.cost = float(sum(np.sum(b.residual**2) for b in blocks))
+        self.cost = cost_of(blocks)
         self.gradient = gradient_of(blocks, size)
         rows = sum(b.residual.size for b in blocks)
-        self._dense = rows * size <= DENSE_ENTRIES
+        self.is_dense = rows * size <= DENSE_ENTRIES
         self._structure = structure or Structure.plain(size)
         self.plan = plan
 
     @cached_property
     def normal(self) -> Floats | BlockMatrix:
         """J^T J."""
-        if self._dense:
+        if self.is_dense:
             jacobian = _stack_dense(self._blocks, self.size)
             return np.asarray(jacobian.T @ jacobian)
         columns = [b.columns for b in self._blocks]
@@ -131,6 +131,11 @@ class Plan:
         return Symbolic(self.assembly.pattern)
 
 
+def cost_of(blocks: Iterable[Block]) -> float:
+    """Weighted sum of squared residuals."""
+    return float(sum(np.vdot(b.residual, b.residual) for b in blocks))
+
+
 def gradient_of(blocks: Iterable[Block], size: int) -> Floats:
     """J^T r of all blocks, (size,)."""
     gradient = np.zeros(size)
@@ -142,7 +147,7 @@ def gradient_of(blocks: Iterable[Block], size: int) -> Floats:
 
 def _stack_dense(blocks: list[Block], size: int) -> Floats:
     """Whitened Jacobian of all blocks, (rows, size); duplicate entries are added."""
-    entry, weight, first = [], [], 0
+    entry, weight, first = [np.zeros(0, dtype=np.int64)], [np.zeros(0)], 0
     for block in blocks:
         n, r, _ = block.jacobian.shape
         row = first + np.arange(n * r).reshape(n, r, 1)
@@ -166,14 +171,14 @@ class Factor:
         self._scale = 1.0 / np.sqrt(diagonal)
         self._damping = damping
         self.size = len(diagonal)
-        self._factor: Floats | SparseFactor
-        if isinstance(normal, np.ndarray):
-            scaled = normal * np.outer(self._scale, self._scale)
-            np.fill_diagonal(scaled, scaled.diagonal() + damping)
-            self._factor = _cholesky(scaled)
-            return
-        assert plan is not None  # noqa: S101  (it came with the block matrix)
+        self._factor: DenseFactor | SparseFactor
         try:
+            if isinstance(normal, np.ndarray):
+                scaled = normal * (self._scale[:, None] * self._scale)
+                scaled.flat[:: self.size + 1] += damping
+                self._factor = DenseFactor(scaled, SINGULAR)
+                return
+            assert plan is not None  # noqa: S101  (it came with the block matrix)
             matrix = normal.scaled(self._scale, damping)
             self._factor = SparseFactor(matrix, plan.symbolic, SINGULAR)
         except NotPositiveError as error:
@@ -186,19 +191,13 @@ class Factor:
 
     def log_determinant(self) -> float:
         """Natural logarithm of the determinant of the (damped) normal matrix."""
-        if isinstance(self._factor, SparseFactor):
-            scaled = self._factor.log_determinant()
-        else:
-            scaled = 2.0 * float(np.log(np.diag(self._factor)).sum())
-        return scaled - 2.0 * float(np.log(self._scale).sum())
+        return self._factor.log_determinant() - 2.0 * float(np.log(self._scale).sum())
 
     def solve(self, right: Floats) -> Floats:
         """Solve for one (n,) or several (n, m) right-hand sides; large systems a few at a time."""
         scale = self._scale if right.ndim == 1 else self._scale[:, None]
         if not isinstance(self._factor, SparseFactor):
-            scaled = right * scale
-            solved = scipy.linalg.cho_solve((self._factor, True), scaled, check_finite=False)
-            return np.asarray(solved * scale)
+            return np.asarray(self._factor.solve(right * scale) * scale)
         columns = right.reshape(self.size, -1)
         found = np.empty(columns.shape)
         for start in range(0, columns.shape[1], AT_ONCE):
@@ -250,8 +249,7 @@ class Factor:
         """Inverse of the normal matrix: whole, or on its pattern."""
         if isinstance(self._factor, SparseFactor):
             return self._factor.inverse_on_pattern().scaled(self._scale)
-        inverse = self.solve(np.eye(self.size))
-        return np.asarray(0.5 * (inverse + inverse.T))
+        return np.asarray(self._factor.inverse() * (self._scale[:, None] * self._scale))
 
 
 class Covariance:
@@ -277,7 +275,8 @@ class Covariance:
             In a large survey, unknowns of a group share no observation: see ``Factor.joint``.
         """
         if isinstance(self._inverse, np.ndarray):
-            return np.asarray(self._inverse[columns[:, :, None], columns[:, None, :]])
+            at = columns[:, :, None] * len(self._inverse) + columns[:, None, :]
+            return self._inverse.ravel().take(at)  # half the time of two index arrays
         return self._inverse.gather(columns)
 
     def joint(self, columns: Ints, gradients: Floats) -> Floats:
@@ -304,15 +303,3 @@ class Covariance:
                 found[part] = np.einsum("nrk,nrk->nr", jacobian @ joint, jacobian)
             self._leverage[block] = found
         return self._leverage[block]
-
-
-def _cholesky(scaled: Floats) -> Floats:
-    try:
-        lower = scipy.linalg.cholesky(scaled, lower=True, check_finite=False)
-    except scipy.linalg.LinAlgError:
-        _, vectors = np.linalg.eigh(scaled)
-        raise SingularError(int(np.argmax(np.abs(vectors[:, 0])))) from None
-    pivots = np.diag(lower) ** 2
-    if pivots.min() < SINGULAR:
-        raise SingularError(int(np.argmin(pivots)))
-    return np.asarray(lower)
