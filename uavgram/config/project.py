@@ -168,8 +168,8 @@ def _with_units(data: dict[str, Plain]) -> tuple[dict[str, Plain], tuple[Fault, 
     fault = ""
     if isinstance(length, str) and "survey" in length.lower():
         fault = (
-            "the US survey foot is not offered, which was given up in 2022 (in a scene it is the "
-            "same to a hair's breadth): write ft, the international foot of 0.3048 m"
+            "the US survey foot is not offered, which was given up in 2022 and differs by two "
+            "millionths: write ft, the international foot of 0.3048 m"
         )
     elif isinstance(units, str) and units not in SHORT_FORMS:
         fault = (

@@ -322,7 +322,7 @@ class Project(_Options):
     ``unknown`` or a path; `poses` is ``exif`` or a path, or several, and stands in place of
     `log`. `crs` is the projected coordinate system of maps and drawings; ``auto``: the UTM zone.
     `operator` is who answers for the survey; ``auto``: the account that runs it. `ties` is
-    ``auto`` or a path. `units` are those in which people read lengths and speeds; files keep metres.
+    ``auto`` or a path. `units` are those in which people read; files keep metres.
     """
 
     name: str

@@ -92,11 +92,30 @@ def quantity(value: float, sigma: float, unit: str, units: Units = METRIC) -> st
     units
         In which it is shown.
     """
+    if not math.isfinite(value):
+        return "–"
     if unit == "m" and units.length == "ft-in":
         return _with_inches(value / INCH_M, sigma / INCH_M)
     one = shown(unit, units, value)
     places = decimals(sigma * one.factor, one)
     return f"{fixed(value * one.factor, places)} ± {sigma * one.factor:.{places}f} {one.symbol}"
+
+
+def value_text(value: float, sigma: float, unit: str, units: Units = METRIC) -> str:
+    """``12.345 m``: a value alone, to the decimals that its sigma deserves; see `quantity`."""
+    if not math.isfinite(value):
+        return "–"
+    return values((value,), sigma, unit, units, "")
+
+
+def spread_text(sigma: float, unit: str, units: Units = METRIC) -> str:
+    """``0.021 m``: a standard deviation alone; see `quantity`."""
+    if not math.isfinite(sigma):
+        return "–"
+    if unit == "m" and units.length == "ft-in":
+        return _spread_in(sigma / INCH_M)
+    one = shown(unit, units)
+    return f"{sigma * one.factor:.{decimals(sigma * one.factor, one)}f} {one.symbol}"
 
 
 def values(several: Iterable[float], sigma: float, unit: str, units: Units, between: str) -> str:
@@ -200,6 +219,10 @@ def round_bar(most_m: float, units: Units) -> tuple[float, str]:
         Of the project.
     """
     one = column(units)
+    if one.symbol == "m" and most_m < 1.0:
+        one = Shown(100.0, "cm", 0, 0)
+    elif units.length == "ft-in" and most_m < FOOT_M:
+        one = Shown(1 / INCH_M, "in", 0, 0)
     power = 10.0 ** math.floor(math.log10(most_m * one.factor))
     length = power * max(f for f in (1, 2, 5) if f * power <= most_m * one.factor * (1 + 1e-9))
     return length / one.factor, f"{length:g} {one.symbol}"

@@ -6,7 +6,7 @@ import numpy as np
 from ezdxf import const
 from ezdxf.document import Drawing
 
-from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Sheet
+from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Sheet, Words
 from uavgram.model.maps.layers import Layer
 
 POINT_BLOCK = "SURVEY_POINT"
@@ -60,7 +60,7 @@ def draw_points(sheet: Sheet, layer: Layer) -> None:
                 ).is_invisible = True
             small = _HEIGHT_SHARE * sheet.text_m
             below = {"layer": LAYERS["verticals"][0], "insert": (at[0], north - 1.2 * small, up)}
-            sheet.space.add_text(_height_text(one), height=small, dxfattribs=below)
+            sheet.space.add_text(_height_text(one, sheet.words), height=small, dxfattribs=below)
 
 
 def _decimals(value: object) -> str:
@@ -69,7 +69,9 @@ def _decimals(value: object) -> str:
     return f"{number:.4f}" if np.isfinite(number) else ""
 
 
-def _height_text(one: dict[str, str | float]) -> str:
+def _height_text(one: dict[str, str | float], words: Words) -> str:
     """How high a point stands over the ground, and how well that is known."""
-    height, sigma = float(one["height_above_ground_m"]), float(one["height_sigma_m"])
-    return f"{height:+.3f} " + (f"±{sigma:.3f}" if sigma > 0 else "stated")
+    height = float(one["height_above_ground_m"]) / words.length_m
+    sigma = float(one["height_sigma_m"]) / words.length_m
+    unit = "" if words.symbol == "m" else f" {words.symbol}"
+    return f"{height:+.3f} " + (f"±{sigma:.3f}{unit}" if sigma > 0 else f"{unit} stated".strip())

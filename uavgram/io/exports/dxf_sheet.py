@@ -12,6 +12,33 @@ from uavgram.model.arrays import Floats
 
 Place = Callable[[Floats], Floats]
 
+_UNITS = {"m2": "m²", "m3": "m³", "deg": "°"}
+
+
+def _metric(value: float, sigma: float, unit: str) -> str:
+    return f"{value:.3f} ±{sigma:.3f} {_UNITS.get(unit, unit)}"
+
+
+@dataclass(frozen=True)
+class Words:
+    """How a drawing, which is in metres, writes its numbers.
+
+    Attributes
+    ----------
+    value
+        Value, its standard deviation and its unit as in results.json, as text.
+    length_m
+        Unit of lengths that stand alone, such as those of axes.
+    symbol, name
+        Of that unit.
+    """
+
+    value: Callable[[float, float, str], str] = _metric
+    length_m: float = 1.0
+    symbol: str = "m"
+    name: str = "metres"
+
+
 LABELS = "LABELS"
 # Name in the drawing, and colour of AutoCAD's index.
 LAYERS = {
@@ -30,9 +57,10 @@ LAYERS = {
 
 @dataclass(frozen=True)
 class Sheet:
-    """A drawing under way: where local metres go, and the height of letters [m]."""
+    """A drawing under way: where local metres go, the height of letters [m], and its words."""
 
     document: Drawing
     space: Modelspace
     place: Place
     text_m: float
+    words: Words = Words()
