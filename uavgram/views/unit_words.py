@@ -66,7 +66,12 @@ def names_like_lengths(result: Result) -> tuple[str, ...]:
         *result.frames.frame_id,
         result.name,
     )
-    return tuple(name for name in named if _PATTERN.search(name))
+    return like_lengths(named)
+
+
+def like_lengths(names: Iterable[str]) -> tuple[str, ...]:
+    """Those names that `in_units` would take for lengths."""
+    return tuple(name for name in names if _PATTERN.search(name))
 
 
 def _converted(numbers: str, unit: str, units: Units) -> str:
