@@ -180,7 +180,7 @@ def geotag_lines(tags: GeoTags, messages: Sequence[Message], units: Units = METR
     for k, name in enumerate(tags.frame_id):
         sigmas = f"{tags.sigma_horizontal_m[k]:.2f} m, {tags.sigma_vertical_m[k]:.2f} m"
         place = (f"{tags.latitude_deg[k]:.7f}", f"{tags.longitude_deg[k]:.7f}")
-        lengths = (in_units(text, units) for text in (f"{tags.height_m[k]:.2f} m", sigmas))
-        cells.append((name, tags.pose[k], *place, *lengths))
+        height, spread = (in_units(t, units) for t in (f"{tags.height_m[k]:.2f} m", sigmas))
+        cells.append((name, tags.pose[k], *place, height, spread))
     notes = message_lines(messages)
     return [*aligned(cells, right=(2, 3, 4, 5)).splitlines(), "", f"heights are {datum}", *notes]

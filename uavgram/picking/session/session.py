@@ -18,7 +18,6 @@ from uavgram.imaging.photos.preview import read_preview
 from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
 from uavgram.imaging.photos.tiles import TILE_PX
 from uavgram.io.photos.board_photos import read_grey
-from uavgram.model.units import Units
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.proposals import Outcomes, accepted
@@ -140,17 +139,12 @@ class PickSession:
         """Names of tables that another program changed meanwhile."""
         return self._saver.changed_outside()
 
-    @property
-    def units(self) -> Units:
-        """In which the page shows lengths and speeds."""
-        return self.survey.inputs.project.units
-
     def initial_state(self) -> Json:
         """Everything a page needs to begin."""
         inputs, posed = self.survey.inputs, self.survey.posed
         return {
             "t": "initial-state",
-            "units": asdict(self.units),
+            "units": asdict(inputs.project.units),
             "project": inputs.project.name,
             "tile_px": TILE_PX,
             "pick_sigma_px": inputs.project.picks_sigma_px,

@@ -135,8 +135,8 @@ class PickServer:
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while waiting in self._pages:
                 message = await waiting.get()
-                keep = names_to_keep(self.picking.state)
-                await page.send_json(told(message, self.picking.units, keep))
+                units = self.picking.survey.inputs.project.units
+                await page.send_json(told(message, units, names_to_keep(self.picking.state)))
             await page.close(TRY_AGAIN_LATER)  # it missed something: it is to begin anew
 
     async def _answered(self, text: str, own: asyncio.Queue[Json]) -> Json:

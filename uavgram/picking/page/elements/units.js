@@ -148,7 +148,7 @@ export function parseLength(text, sort = "length") {
 }
 
 /** @param {number} metres to what no tape tells apart @returns {number} */
-const exact = (metres) => Number(metres.toPrecision(10));
+const exact = (metres) => (Number.isFinite(metres) ? Number(metres.toPrecision(10)) : NaN);
 
 // What a field holds, so that it means the same when it is read again: "13.2", or "13 ft 2 1/2 in".
 /** @param {number | null | undefined} metres @param {Sort} [sort] */
