@@ -25,8 +25,9 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
     targets,
     view,
 )
-from uavgram.cli.terminal import drop_output
+from uavgram.cli.terminal import as_told, drop_output, tell_in
 from uavgram.errors import UavgramError
+from uavgram.model.units import METRIC
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -40,13 +41,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Of damaged photos OpenCV speaks in terms of its own source; our messages say what to do.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    tell_in(METRIC)
     try:
         status = app(arguments)
     except cyclopts.CycloptsError as error:
         sys.stderr.write(f"uavgram: {error}\nTry: uavgram --help\n")
         return WRONG_USAGE
     except UavgramError as error:
-        sys.stderr.write(f"uavgram: {error}\n")
+        sys.stderr.write(as_told(f"uavgram: {error}\n"))
         return PROBLEM
     except BrokenPipeError:  # who reads our output has left (head, less): the files are written
         drop_output()

@@ -7,19 +7,55 @@ import logging
 import os
 import sys
 from collections.abc import Iterable
+from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from uavgram.errors import OutputError
+from uavgram.errors import OutputError, UavgramError
+from uavgram.model.units import METRIC, Units
 
 if TYPE_CHECKING:
     from uavgram.pipeline.progress import Progress
 
 Item = TypeVar("Item")
 
+_UNITS: ContextVar[Units] = ContextVar("units of what is told", default=METRIC)
+
+
+def tell_in(units: Units) -> None:
+    """From now on tell lengths and speeds in these units."""
+    _UNITS.set(units)
+
+
+def tell_as(project: Path) -> Units:
+    """From now on tell lengths and speeds, of errors too, as a project file says.
+
+    A file that cannot be read is no error here: whoever needs it says so.
+    """
+    from uavgram.config.project import load_project
+
+    try:
+        units = load_project(project, unfinished=True).units
+    except UavgramError:
+        units = METRIC
+    tell_in(units)
+    return units
+
+
+def as_told(text: str) -> str:
+    """A text with its lengths and speeds in the units of the project."""
+    from uavgram.views.unit_words import in_units
+
+    return in_units(text, _UNITS.get())
+
 
 def say(*lines: str) -> None:
-    """Write lines to standard output.
+    """Write lines to standard output, their lengths and speeds in the units of the project."""
+    say_as_is(*map(as_told, lines))
+
+
+def say_as_is(*lines: str) -> None:
+    """Write lines to standard output, such as JSON, which keeps metres.
 
     Raises
     ------
@@ -45,7 +81,7 @@ def say(*lines: str) -> None:
 
 def say_written(folder: Path, files: Iterable[str]) -> None:
     """Name the files that were written, below their folder."""
-    say("", f"written:   {folder}", *(f"           {file}" for file in files))
+    say_as_is("", f"written:   {folder}", *(f"           {file}" for file in files))
 
 
 def drop_output() -> None:
@@ -56,7 +92,16 @@ def drop_output() -> None:
 def log_to_stderr(*, verbose: bool) -> None:
     """Show log messages on standard error: warnings, and with `verbose` what is being done."""
     level = logging.INFO if verbose else logging.WARNING
-    logging.basicConfig(stream=sys.stderr, level=level, format="%(message)s", force=True)
+    logging.basicConfig(stream=sys.stderr, level=level, force=True)
+    for handler in logging.getLogger().handlers:
+        handler.setFormatter(_Told("%(message)s"))
+
+
+class _Told(logging.Formatter):
+    """Log messages in the units of the project."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        return as_told(super().format(record))
 
 
 def progress() -> Progress:

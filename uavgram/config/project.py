@@ -5,17 +5,18 @@ from __future__ import annotations
 import glob
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from uavgram.config.board_text import parse_board
-from uavgram.config.faults import Fault
+from uavgram.config.faults import Fault, show
 from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import validate
 from uavgram.errors import GeometryError, InputError, near_miss, no_file
 from uavgram.geometry.earth.map_projection import checked_crs
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TIES_FOUND, Project
 from uavgram.model.target_families import BOARD_PLATE
+from uavgram.model.units import SHORT_FORMS
 
 _INPUT_FILES = (
     "log",
@@ -61,7 +62,9 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
     -------
     Project
         With absolute paths and patterns (the folder's own glob characters escaped), and the
-        folder's name where the file gives none.
+        folder's name where the file gives none. `units`: ``metric`` (metres and km/h, the default),
+        ``imperial`` (feet and inches, and mph), or ``{length: m | ft | ft-in, speed: km/h | mph |
+        m/s}``: only what people read is in them, all files keep metres and m/s.
 
     Raises
     ------
@@ -77,8 +80,10 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
         data = {"name": path.parent.name, **data}
         if isinstance(data.get("images"), str):
             data["images"] = [data["images"]]
+        data, wrong_units = _with_units(data)
         keys = [k for k in _INPUT_FILES if not (unfinished and k in PICKED_FILES)]
         missing = _missing_files(data, path.parent, keys) + _unknown_crs(data) + _no_board(data)
+        missing += wrong_units
     project = validate(Project, Document(path, data, document.lines, document.faults), missing)
     return _with_absolute_paths(project, path.parent)
 
@@ -154,6 +159,29 @@ def _unknown_crs(data: dict[str, Plain]) -> tuple[Fault, ...]:
     except GeometryError as fault:
         return (Fault(("crs",), str(fault)),)
     return ()
+
+
+def _with_units(data: dict[str, Plain]) -> tuple[dict[str, Plain], tuple[Fault, ...]]:
+    """Short forms of `units` in full; those that there are not, left out and told."""
+    units = data.get("units")
+    length = units.get("length") if isinstance(units, dict) else units
+    fault = ""
+    if isinstance(length, str) and "survey" in length.lower():
+        fault = (
+            "the US survey foot is not offered, which was given up in 2022 and differs by two "
+            "millionths: write ft, the international foot of 0.3048 m"
+        )
+    elif isinstance(units, str) and units not in SHORT_FORMS:
+        fault = (
+            f"must be metric, imperial, or such as {{length: ft, speed: mph}} (got {show(units)})"
+        )
+    if fault:
+        return {key: value for key, value in data.items() if key != "units"}, (
+            Fault(("units",), fault),
+        )
+    if isinstance(units, str):
+        return {**data, "units": dict(asdict(SHORT_FORMS[units]))}, ()
+    return data, ()
 
 
 def _no_board(data: dict[str, Plain]) -> tuple[Fault, ...]:

@@ -87,6 +87,10 @@ _OPTIONS_HEAD = """
 # What follows are the defaults that matter most; take the # off where yours differ.
 """
 _OPTIONS = {
+    "units": """\
+# units: metric                    # what you read: metric (m, km/h), imperial (ft and in, mph),
+#                                  # or such as {length: ft, speed: mph}; files keep metres
+""",
     "world": """\
 # world:
 #   heights: msl                   # datum of heights in files: msl (mean sea level) or ellipsoid

@@ -17,6 +17,7 @@ from uavgram.model.flight.log import HeightDatum
 from uavgram.model.limits import LARGEST_NUMBER, sigma_fault
 from uavgram.model.survey.survey import DEFAULT_AREA
 from uavgram.model.target_families import BOARD_PLATE, FAMILIES, LARGEST_PLATE_M
+from uavgram.model.units import Units
 
 Auto = Literal["auto"]
 
@@ -321,7 +322,7 @@ class Project(_Options):
     ``unknown`` or a path; `poses` is ``exif`` or a path, or several, and stands in place of
     `log`. `crs` is the projected coordinate system of maps and drawings; ``auto``: the UTM zone.
     `operator` is who answers for the survey; ``auto``: the account that runs it. `ties` is
-    ``auto`` or a path.
+    ``auto`` or a path. `units` are those in which people read; files keep metres.
     """
 
     name: str
@@ -348,6 +349,7 @@ class Project(_Options):
     solve: SolveOptions = field(default_factory=SolveOptions)
     tape: TapeOptions = field(default_factory=TapeOptions)
     targets: TargetOptions | None = None
+    units: Units = field(default_factory=Units)
 
     def _rules(self) -> dict[str, tuple[bool, str]]:
         texts = [

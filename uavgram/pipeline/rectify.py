@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +35,8 @@ from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import in_order
 from uavgram.stages.products.top_view import boxes, choose_view, lay_raster, reductions
+from uavgram.views.unit_words import in_units
+from uavgram.views.units import round_bar, units_of
 
 PICTURE, SHEET, SIGMA = "rectified.tif", "rectified.png", "rectified_sigma.tif"
 SHEET_PX = 3000
@@ -109,7 +112,8 @@ def rectify(
         write_float_geotiff(coarse, {"sigma_m": sigma}, tags | _SIGMA_TAGS, staging / SIGMA)
         picture = read_reduced(staging / PICTURE, SHEET_PX)
         pixel = raster.pixel_m * raster.width / picture.shape[1]
-        sheet = map_sheet(picture, pixel, _caption(view, raster), SHEET_PX)
+        bar = partial(round_bar, units=inputs.project.units)
+        sheet = map_sheet(picture, pixel, _caption(view, raster), SHEET_PX, bar)
         (staging / SHEET).write_bytes(sheet)
     return Rectified(
         folder=folder.absolute(),
@@ -157,7 +161,8 @@ def _other_planes(view: View) -> tuple[Message, ...]:
 
 def _caption(view: View, raster: GroundRaster) -> str:
     where = raster.crs or "local metres, north is arbitrary"
-    return f"{view.result.name}: {where}, pixel {raster.pixel_m:g} m, ground plane"
+    pixel = in_units(f"{raster.pixel_m:.3g} m", units_of(view.result))
+    return f"{view.result.name}: {where}, pixel {pixel}, ground plane"
 
 
 def warped_windows(view: View, raster: GroundRaster) -> Iterator[tuple[Window, Pixels]]:

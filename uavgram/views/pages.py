@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
+from jinja2 import (
+    Environment,
+    PackageLoader,
+    StrictUndefined,
+    pass_context,
+    select_autoescape,
+)
+from jinja2.runtime import Context
 
+from uavgram.model.result.result import Result
+from uavgram.model.units import METRIC
 from uavgram.views import wording
 from uavgram.views.markdown import MOST_ROWS, plain
+from uavgram.views.unit_words import in_units, names_like_lengths
+from uavgram.views.units import column, units_of
 
 WORDS = (
     wording.number,
@@ -23,6 +35,35 @@ WORDS = (
 """What templates call by name, as filters: numbers and texts as everywhere else."""
 
 
+def units_shown(result: Result) -> dict[str, object]:
+    """What a template of a survey must be given: the units in which it is shown.
+
+    Tables have the `length_unit` in their heads, and numbers by the filter `in_length_unit`. What
+    says its unit itself, such as ``1.40 m``, is converted when it is written: see `_told`.
+    """
+    units = units_of(result)
+    return {
+        "units": units,
+        "length_unit": column(units).symbol,
+        "kept_names": names_like_lengths(result),
+    }
+
+
+@pass_context
+def in_length_unit(context: Context, length_m: Any) -> Any:  # noqa: ANN401 (a number or an array)
+    """A length, or an array of them, in the unit of the tables' heads."""
+    return length_m * column(context.get("units", METRIC)).factor
+
+
+@pass_context
+def _told(context: Context, value: object) -> object:
+    """What a template writes: of sentences the lengths in the units of the survey."""
+    if not isinstance(value, str):
+        return value
+    text = in_units(value, context.get("units", METRIC), context.get("kept_names", ()))
+    return value if text is value else type(value)(text)
+
+
 @cache
 def page_environment() -> Environment:
     """Jinja over this package's templates; an unknown name in one is an error.
@@ -35,7 +76,9 @@ def page_environment() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=_told,
     )
     environment.filters.update({word.__name__: word for word in WORDS})
+    environment.filters["in_length_unit"] = in_length_unit
     environment.globals.update(zip=zip, most_rows=MOST_ROWS)
     return environment

@@ -10,11 +10,13 @@ from uavgram.model.flight.geotag import GeoTags
 from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
+from uavgram.model.units import METRIC, Units
 from uavgram.views.survey.verdict import LEVEL_WORDS, STATUS_WORDS, scale_sentence
+from uavgram.views.unit_words import in_units
+from uavgram.views.units import units_of, value_text
 from uavgram.views.wording import (
     LEVEL_RANK,
     NOT_UNIQUE,
-    decimals_for,
     measurement_text,
     number,
     utc,
@@ -56,10 +58,10 @@ def measurement_table(result: Result, most: int = 0) -> str:
     rows = result.measurements
     if not rows.name:
         return "No measurements were asked for (measure: in the project file)."
-    unsure = bool(rows.is_ambiguous.any())
+    unsure, units = bool(rows.is_ambiguous.any()), units_of(result)
     cells: list[tuple[str, ...]] = [(*HEADER, *((OTHERS,) if unsure else ()))]
     for i in worst_first(rows)[: most or None]:
-        row = measurement_text(rows, int(i))
+        row = measurement_text(rows, int(i), units)
         shown = (row.name, row.kind, " ".join(row.points), row.value, row.interval, row.relative)
         status = STATUS_WORDS[rows.status[i]]
         cells.append((*shown, status, *((row.others,) if unsure else ())))
@@ -119,20 +121,20 @@ def aligned(cells: Sequence[tuple[str, ...]], right: tuple[int, ...] = RIGHT_ALI
 
 def truth_table(result: Result, truth: Mapping[str, float]) -> str:
     """Measurements beside their true values, where those are known, in the project's order."""
-    rows = result.measurements
+    rows, units = result.measurements, units_of(result)
     cells = [("measurement", "points", "value ± 1 sigma", "truth", "error", "error/sigma")]
     for i, name in enumerate(rows.name):
         value, sigma, unit = float(rows.value[i]), float(rows.sigma[i]), rows.unit[i]
         known = truth.get(name, float("nan"))
-        decimals = decimals_for(sigma, unit)
+        off = value - known
         cells.append(
             (
                 name,
                 " ".join(rows.points[i]),
-                with_sigma(value, sigma, unit),
-                number(known, decimals),
-                number(value - known, decimals, signed=True),
-                number((value - known) / sigma, 1, signed=True),
+                with_sigma(value, sigma, unit, units),
+                value_text(known, sigma, unit, units),
+                ("+" if off > 0 else "") + value_text(off, sigma, unit, units),
+                number(off / sigma, 1, signed=True),
             )
         )
     return aligned(cells, right=(2, 3, 4, 5))
@@ -171,13 +173,14 @@ def _event_cells(pairing: Pairing | None, row: int) -> tuple[str, str]:
     return which, f"{number(float(pairing.residual_s[row]), 3, signed=True)} s"
 
 
-def geotag_lines(tags: GeoTags, messages: Sequence[Message]) -> list[str]:
+def geotag_lines(tags: GeoTags, messages: Sequence[Message], units: Units = METRIC) -> list[str]:
     """What `uavgram geotag` has to say: one line per photo, the datum, then the messages."""
     datum = "above mean sea level" if tags.datum == "msl" else "above the WGS 84 ellipsoid"
     cells = [("photo", "pose", "latitude", "longitude", "height", "sigma (horizontal, height)")]
     for k, name in enumerate(tags.frame_id):
         sigmas = f"{tags.sigma_horizontal_m[k]:.2f} m, {tags.sigma_vertical_m[k]:.2f} m"
         place = (f"{tags.latitude_deg[k]:.7f}", f"{tags.longitude_deg[k]:.7f}")
-        cells.append((name, tags.pose[k], *place, f"{tags.height_m[k]:.2f} m", sigmas))
+        height, spread = (in_units(t, units) for t in (f"{tags.height_m[k]:.2f} m", sigmas))
+        cells.append((name, tags.pose[k], *place, height, spread))
     notes = message_lines(messages)
     return [*aligned(cells, right=(2, 3, 4, 5)).splitlines(), "", f"heights are {datum}", *notes]

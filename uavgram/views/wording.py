@@ -11,6 +11,8 @@ import numpy as np
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource, MeasurementResults
+from uavgram.model.units import METRIC, Units
+from uavgram.views import units as shown_units
 
 NOT_COMPUTED = "not computed"
 
@@ -217,8 +219,8 @@ def parameter_text(value: float, sigma: float) -> str:
     return plus_minus(value, sigma, max(0, 1 - math.floor(math.log10(sigma))))
 
 
-def with_sigma(value: float, sigma: float, unit: str) -> str:
-    """``12.345 ± 0.021 m``.
+def with_sigma(value: float, sigma: float, unit: str, units: Units = METRIC) -> str:
+    """``12.345 ± 0.021 m``, or in other units.
 
     Parameters
     ----------
@@ -226,14 +228,15 @@ def with_sigma(value: float, sigma: float, unit: str) -> str:
         NaN where it could not be computed.
     unit
         Of both, as in results.json.
+    units
+        In which they are shown.
     """
     if not math.isfinite(value):
         return NOT_COMPUTED
-    places = decimals_for(sigma, unit)
-    return f"{value:.{places}f} ± {sigma:.{places}f} {UNIT_WORDS.get(unit, unit)}"
+    return shown_units.quantity(value, sigma, unit, units)
 
 
-def interval(low: float, high: float, sigma: float, unit: str) -> str:
+def interval(low: float, high: float, sigma: float, unit: str, units: Units = METRIC) -> str:
     """``12.304 to 12.386 m``, or an en dash.
 
     Parameters
@@ -244,20 +247,20 @@ def interval(low: float, high: float, sigma: float, unit: str) -> str:
         Of the value: it says how many decimals are shown.
     unit
         Of all three, as in results.json.
+    units
+        In which they are shown.
     """
     if not (math.isfinite(low) and math.isfinite(high)):
         return "–"
-    places = decimals_for(sigma, unit)
-    return f"{low:.{places}f} to {high:.{places}f} {UNIT_WORDS.get(unit, unit)}"
+    return shown_units.values((low, high), sigma, unit, units, " to ")
 
 
-def alternatives_text(measurements: MeasurementResults, row: int) -> str:
+def alternatives_text(measurements: MeasurementResults, row: int, units: Units = METRIC) -> str:
     """``or 31.25, 44.91 m``: what other solutions that fit as well give; empty where none does."""
     values, unit = measurements.alternative_values[row], measurements.unit[row]
     if not values:
         return ""
-    places = decimals_for(float(measurements.sigma[row]), unit)
-    return f"or {', '.join(number(v, places) for v in values)} {UNIT_WORDS.get(unit, unit)}"
+    return f"or {shown_units.values(values, float(measurements.sigma[row]), unit, units, ', ')}"
 
 
 class MeasurementText(NamedTuple):
@@ -288,18 +291,18 @@ class MeasurementText(NamedTuple):
     others: str
 
 
-def measurement_text(rows: MeasurementResults, row: int) -> MeasurementText:
-    """One measurement in words."""
+def measurement_text(rows: MeasurementResults, row: int, units: Units = METRIC) -> MeasurementText:
+    """One measurement in words, in the units of the project."""
     value, sigma, unit = float(rows.value[row]), float(rows.sigma[row]), rows.unit[row]
     low, high = map(float, rows.interval_95[row])
     return MeasurementText(
         name=rows.name[row],
         kind=KIND_WORDS.get(rows.kind[row], rows.kind[row]),
         points=rows.points[row],
-        value=with_sigma(value, sigma, unit),
-        interval=interval(low, high, sigma, unit),
+        value=with_sigma(value, sigma, unit, units),
+        interval=interval(low, high, sigma, unit, units),
         relative="–" if rows.kind[row] in SIGNED_KINDS else relative(value, sigma, unit),
-        others=alternatives_text(rows, row),
+        others=alternatives_text(rows, row, units),
     )
 
 

@@ -135,7 +135,7 @@ def test_the_major_axis_of_a_flat_ellipsoid_lies_along_its_azimuth(
 def test_measured_lengths_are_labelled_with_value_and_sigma(contents: Contents) -> None:
     labels = contents.static["/survey/labels"]["Points3D:labels"]
 
-    assert "LEAST CERTAIN LENGTH (by 0.19 %): road width 6.310 m ± 0.012 (doubtful)" in labels
+    assert "LEAST CERTAIN LENGTH (by 0.19 %): road width 6.310 ± 0.012 m (doubtful)" in labels
     assert "P24: largest 95 % ellipse, 4.7 cm × 2.8 cm" in labels
     assert "SUSPECT R3 hedge: 11.21 m taped, 11.42 m found" in labels
     assert len(labels) <= 14
@@ -317,7 +317,7 @@ def test_many_measurements_are_thin_lines_of_which_the_least_certain_are_labelle
     path = tmp_path / "recording.rrd"
     write_recording(crowded, (), no_ground, path)
     static = Contents(path).static
-    texts = [t for t in static["/survey/labels"]["Points3D:labels"] if " m ± " in t]
+    texts = [t for t in static["/survey/labels"]["Points3D:labels"] if " ± " in t]
     bold = static["/survey/measured/least_certain"]["LineStrips3D:strips"]
     thin = static["/survey/measured/others"]
 

@@ -180,7 +180,7 @@ def test_the_scale_bar_of_the_close_up_is_as_long_as_it_says(
     west, east = np.array(bar["LineStrips3D:strips"][0])
     largest = result.points.relative.ellipse_95_m[:, 0].max()
 
-    assert bar["LineStrips3D:labels"] == ["5.0 cm"]
+    assert bar["LineStrips3D:labels"] == ["5 cm"]
     assert np.linalg.norm(east - west) == pytest.approx(0.05, abs=1e-5)
     assert 0.05 <= 2 * largest < 0.1
 

@@ -76,7 +76,7 @@ def test_what_is_contradicted_is_dashed_and_its_label_says_so(
     dashes = contents.static["/survey/measured/contradicted"]["LineStrips3D:strips"]
 
     assert len(dashes) == 15
-    assert measured_text(result, 0) == "skid left 39.612 m ± 0.021 (contradicted)"
+    assert measured_text(result, 0) == "skid left 39.612 ± 0.021 m (contradicted)"
     assert contents.static["/survey/measured/doubtful"]
     in_photos = contents.by_frame[f"{PHOTO}/measured/contradicted"]["LineStrips2D:strips"]
     assert max(map(len, in_photos.values())) > 1

@@ -25,7 +25,7 @@ def test_the_drawing_is_to_scale_and_north_is_up() -> None:
     view = drawing(result)
     drawn = np.array(view.dots)
     world = result.points.position_world_m[:, :2]
-    per_metre = view.bar / view.bar_m
+    per_metre = view.bar / float(view.bar_text.split()[0])
 
     np.testing.assert_allclose(np.diff(drawn[:, 0]), np.diff(world[:, 0]) * per_metre, atol=1e-6)
     np.testing.assert_allclose(np.diff(drawn[:, 1]), -np.diff(world[:, 1]) * per_metre, atol=1e-6)
@@ -56,9 +56,10 @@ def test_ellipses_are_those_within_the_survey() -> None:
     result = survey.build()
     view = drawing(result)
     outline = np.array([p.split(",") for p in view.ellipses[3].points.split()], dtype=np.float64)
-    reach = np.linalg.norm(outline - np.array(view.dots[3]), axis=1).max() * view.bar_m / view.bar
+    reach = np.linalg.norm(outline - np.array(view.dots[3]), axis=1).max()
 
-    expected = view.ellipse_factor * result.points.relative.ellipse_95_m[3, 0]
+    per_metre = view.bar / float(view.bar_text.split()[0])
+    expected = per_metre * view.ellipse_factor * result.points.relative.ellipse_95_m[3, 0]
     assert reach == pytest.approx(expected, rel=0.02)
 
 

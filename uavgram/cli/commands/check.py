@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from uavgram.cli.application import DONE, app
-from uavgram.cli.terminal import say
+from uavgram.cli.terminal import say, tell_as
 
 
 @app.command
@@ -20,6 +20,7 @@ def check(project: Path = Path(), /) -> int:
     from uavgram.pipeline.check import check as check_project
     from uavgram.views.terminal import check_lines
 
+    tell_as(project)
     checked = check_project(project)
     posed = checked.posed
     say(*check_lines(checked.inputs.photos, posed.frames, posed.pairing, checked.messages))

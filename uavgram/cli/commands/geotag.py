@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from uavgram.cli.application import DONE, app
-from uavgram.cli.terminal import progress, say, say_written
+from uavgram.cli.terminal import progress, say, say_written, tell_as
 
 
 @app.command
@@ -35,7 +35,8 @@ def geotag(
     from uavgram.pipeline.geotag import geotag as write_tags
     from uavgram.views.terminal import geotag_lines
 
+    units = tell_as(project)
     done = write_tags(project, output, poses, exif=exif, progress=progress())
-    say(*geotag_lines(done.tags, done.messages))
+    say(*geotag_lines(done.tags, done.messages, units))
     say_written(done.folder, done.files)
     return DONE

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from uavgram.cli.application import DONE, Flag, app
-from uavgram.cli.terminal import say
+from uavgram.cli.terminal import say, say_as_is
 
 
 @app.command(name="log")
@@ -38,5 +38,5 @@ def show_log(
         from uavgram.views.flight_log.plot import log_plot_png
 
         replace_bytes(plot, log_plot_png(summary))
-    say(log_summary_json(summary)) if json else say(*log_summary_lines(summary))
+    say_as_is(log_summary_json(summary)) if json else say(*log_summary_lines(summary))
     return DONE

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter, validators
 
 from uavgram.cli.application import DONE, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, say
+from uavgram.cli.terminal import log_to_stderr, say, tell_as
 
 Port = Annotated[int, Parameter(validator=validators.Number(gte=0, lte=65535))]
 
@@ -48,6 +48,7 @@ def pick(
     from uavgram.picking.web.server import serve
 
     log_to_stderr(verbose=verbose)
+    tell_as(project)
     ways: list[RedirectFile] = []
 
     def announce(address: str) -> None:

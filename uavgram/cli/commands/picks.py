@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import App, Parameter, validators
 
 from uavgram.cli.application import DONE, Decimal, Flag, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, progress, say
+from uavgram.cli.terminal import log_to_stderr, progress, say, tell_as
 from uavgram.errors import InputError
 
 Sigma = Annotated[Decimal | None, Parameter(validator=validators.Number(gt=0))]
@@ -118,6 +118,7 @@ def match(
     from uavgram.views.matches import match_lines
 
     log_to_stderr(verbose=verbose)
+    tell_as(project)
     asked = Asked(_names(labels), _names(photos))
     if undo:
         undone = undo_matches(project, asked, dry_run=dry_run)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from uavgram.cli.application import DONE, Flag
 from uavgram.cli.commands.picks import picks
-from uavgram.cli.terminal import progress, say
+from uavgram.cli.terminal import progress, say, tell_as
 
 
 @picks.command
@@ -28,6 +28,7 @@ def ties(project: Path = Path(), /, *, dry_run: Flag = False, undo: Flag = False
     from uavgram.pipeline.picks_ties import take_ties_back, write_ties
     from uavgram.views.terminal import message_lines
 
+    tell_as(project)
     if undo:
         back = take_ties_back(project, dry_run=dry_run)
         verb = "taken" if back.written else "would be taken"

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter, validators
 
 from uavgram.cli.application import DONE, Flag, Seed, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, progress, say
+from uavgram.cli.terminal import log_to_stderr, progress, say, tell_as
 
 TABLE_ROWS = 40
 Rows = Annotated[int, Parameter(validator=validators.Number(gte=0))]
@@ -60,6 +60,7 @@ def run(
     from uavgram.views.terminal import light_line, measurement_table, message_lines, unshown_rows
 
     log_to_stderr(verbose=verbose)
+    tell_as(project)
     sampling = None if monte_carlo is None else Sampling(monte_carlo, seed)
     target = FROM_PROJECT if output is None else output
     result = run_project(project, target, progress(), sampling, pdf)

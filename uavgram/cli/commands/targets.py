@@ -10,7 +10,7 @@ from cyclopts import App, Parameter, validators
 
 from uavgram.cli.application import DONE, Decimal, Flag, app
 from uavgram.cli.commands.picks import picks
-from uavgram.cli.terminal import progress, say
+from uavgram.cli.terminal import progress, say, tell_as
 from uavgram.errors import InputError
 
 
@@ -41,6 +41,7 @@ def find(
     from uavgram.pipeline.targets import find_targets, undo_targets
     from uavgram.views.terminal import message_lines
 
+    tell_as(project)
     if undo:
         undone = undo_targets(project, dry_run=dry_run)
         would = "would be " if dry_run else ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
@@ -11,10 +13,14 @@ from uavgram.imaging.photos.preview import Pixels
 LEAST_WIDTH_PX = 480
 """Narrower top views get paper beside them, so that scale bar and arrow find room."""
 
+Bar = Callable[[float], tuple[float, str]]
+
 _INK, _PAPER = (30, 30, 30), 255
 
 
-def map_sheet(rgba: Pixels, pixel_m: float, caption: str, longest_px: int) -> bytes:
+def map_sheet(
+    rgba: Pixels, pixel_m: float, caption: str, longest_px: int, bar: Bar | None = None
+) -> bytes:
     """PNG of a north-up picture with a foot that holds scale bar, north arrow and caption.
 
     Parameters
@@ -27,6 +33,9 @@ def map_sheet(rgba: Pixels, pixel_m: float, caption: str, longest_px: int) -> by
         One line.
     longest_px
         The picture is made smaller than that.
+    bar
+        Of the most metres that there is room for, how long the scale bar is and what it says; by
+        default a round number of metres.
     """
     share = min(1.0, longest_px / max(rgba.shape[:2]))
     if share < 1.0:
@@ -39,19 +48,22 @@ def map_sheet(rgba: Pixels, pixel_m: float, caption: str, longest_px: int) -> by
     opaque = rgba[..., 3:] > 0
     sheet[:height, :width] = np.where(opaque, rgba[..., :3], _PAPER)
     drawn = Image.fromarray(sheet)
-    _foot(ImageDraw.Draw(drawn), height, unit, pixel_m, caption)
+    _foot(ImageDraw.Draw(drawn), height, unit, pixel_m, caption, bar or _metres)
     encoded = cv2.imencode(".png", np.asarray(drawn)[..., ::-1])[1]
     return bytes(encoded.tobytes())
 
 
-def _foot(pen: ImageDraw.ImageDraw, top: int, unit: float, pixel_m: float, caption: str) -> None:
+def _foot(
+    pen: ImageDraw.ImageDraw, top: int, unit: float, pixel_m: float, caption: str, bar: Bar
+) -> None:
     thick = max(1, round(unit / 6))
     font = ImageFont.load_default(1.6 * unit)
-    bar_m = _nice(25 * unit * pixel_m)
+    bar_m, words = bar(25 * unit * pixel_m)
+    half = f"{float(words.split()[0]) / 2:g}"
     left, right = 3 * unit, 3 * unit + bar_m / pixel_m
     y = top + 3.5 * unit
     pen.rectangle((left, y - thick, right, y + thick), fill=_INK)
-    ticks = ((left, "0"), ((left + right) / 2, f"{bar_m / 2:g}"), (right, f"{bar_m:g} m"))
+    ticks = ((left, "0"), ((left + right) / 2, half), (right, words))
     for x, text in ticks:
         pen.line((x, y - unit, x, y + thick), fill=_INK, width=thick)
         pen.text((x, y - 1.2 * unit), text, fill=_INK, font=font, anchor="ms")
@@ -63,7 +75,8 @@ def _foot(pen: ImageDraw.ImageDraw, top: int, unit: float, pixel_m: float, capti
     pen.text((x, y + 2 * unit), "N", fill=_INK, font=font, anchor="ms")
 
 
-def _nice(wanted_m: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not longer."""
+def _metres(wanted_m: float) -> tuple[float, str]:
+    """The largest of 1, 2, 5 times a power of ten that is not longer, and in words."""
     power = 10.0 ** np.floor(np.log10(wanted_m))
-    return float(max(f for f in (1, 2, 5) if f * power <= wanted_m * (1 + 1e-9)) * power)
+    bar_m = float(max(f for f in (1, 2, 5) if f * power <= wanted_m * (1 + 1e-9)) * power)
+    return bar_m, f"{bar_m:g} m"

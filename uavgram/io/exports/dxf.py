@@ -17,13 +17,15 @@ from ezdxf.filemanagement import new
 from uavgram.geometry.earth.map_projection import map_scale, projected_from_enu
 from uavgram.io.exports.dxf_points import add_point_block, draw_points
 from uavgram.io.exports.dxf_profiles import draw_profiles
-from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Place, Sheet, half_size
+from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Place, Sheet, Words, half_size
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.layers import HIDDEN, Features, Layer
 from uavgram.stages.products.text_places import around
 
+METRIC = Words()
+"""Numbers in metres, as the drawing itself."""
+
 _DIMENSIONS, _NOTES = "DIMENSIONS", "NOTES"
-_UNITS = {"m": "m", "m2": "m²", "m3": "m³", "deg": "°", "m/s": "m/s"}
 _UPRIGHT = {"height", "vertical_distance"}
 """Kinds of measurement that have no length in a plan."""
 _NOT_IN_SPACE = {*_UPRIGHT, "horizontal_distance", "profile"}
@@ -39,15 +41,18 @@ _FAR = 1e6  # heights of a letter: farther than any drawing reaches
 _TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters
 
 
-def write_local_dxf(features: Features, path: Path) -> None:
-    """Write the drawing in local metres: every distance in it is the distance on the ground."""
+def write_local_dxf(features: Features, path: Path, words: Words = METRIC) -> None:
+    """Write the drawing in local metres: every distance in it is the distance on the ground.
+
+    Texts and dimensions are written by `words`.
+    """
     note = "local metres: x east, y north, z up; distances are true ground distances"
     if features.origin is None:
         note = "local metres; position and direction of north are arbitrary, distances are true"
-    _write(features, path, lambda enu: enu, note)
+    _write(features, path, lambda enu: enu, note, words)
 
 
-def write_map_dxf(features: Features, path: Path) -> None:
+def write_map_dxf(features: Features, path: Path, words: Words = METRIC) -> None:
     """Write the drawing in the projected coordinate system of the survey, which it must have.
 
     The texts of dimensions are ground values; what CAD measures is longer or shorter by the
@@ -60,24 +65,24 @@ def write_map_dxf(features: Features, path: Path) -> None:
         f"{crs}; map distance = ground distance x {map_scale(origin, crs):.6f}; "
         "texts of dimensions are ground values"
     )
-    _write(features, path, lambda enu: projected_from_enu(enu, origin, crs), note)
+    _write(features, path, lambda enu: projected_from_enu(enu, origin, crs), note, words)
 
 
-def _write(features: Features, path: Path, place: Place, note: str) -> None:
+def _write(features: Features, path: Path, place: Place, note: str, words: Words) -> None:
     document = new("R2010", setup=["linetypes", "styles"], units=units.M)
     for name, colour in (*LAYERS.values(), (LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
         document.layers.add(name, color=colour)
     for hidden in HIDDEN:
         document.layers.get(LAYERS[hidden][0]).freeze()  # some programs do not know "off"
     text_m = _text_height(features)
-    sheet = Sheet(document, document.modelspace(), place, text_m)
+    sheet = Sheet(document, document.modelspace(), place, text_m, words)
     add_point_block(document, text_m)
     _dimension_style(document, text_m)
     _keep_free_below(sheet, _below(sheet, features))
     # Labels first: they stand at their points, while dimensions can go farther out.
     for layer in sorted(features.layers, key=lambda one: one.name != "points"):
         _draw(sheet, layer)
-    draw_profiles(document, features.profiles, _below(sheet, features), text_m)
+    draw_profiles(document, features.profiles, _below(sheet, features), text_m, words)
     _note(sheet, features, note)
     _look_at_points(sheet, features)
     document.saveas(path)
@@ -178,7 +183,7 @@ def _values(sheet: Sheet, layer: Layer) -> None:
     for row, strip in enumerate(layer.vertices_m):
         one = {key: values[row] for key, values in layer.attributes.items()}
         unit = str(one.get("unit", "m"))
-        text = _value_text(one[value], one[sigma], unit)
+        text = sheet.words.value(float(str(one[value])), float(str(one[sigma])), unit)
         if not is_known and layer.above_ground_m and layer.above_ground_m[row].any():
             text += "" if one["kind"] in _NOT_IN_SPACE or unit != "m" else _IN_SPACE
         text = f"{one['name']}: {text}{_DOUBT if one.get('alternatives') else ''}"
@@ -187,10 +192,6 @@ def _values(sheet: Sheet, layer: Layer) -> None:
         elif len(strip):
             middle = sheet.place(strip.mean(axis=0, keepdims=True))[0]
             _text(sheet, middle, text, _DIMENSIONS)
-
-
-def _value_text(value: object, sigma: object, unit: str) -> str:
-    return f"{float(str(value)):.3f} ±{float(str(sigma)):.3f} {_UNITS.get(unit, unit)}"
 
 
 def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:

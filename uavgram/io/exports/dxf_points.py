@@ -7,7 +7,7 @@ from ezdxf import const
 from ezdxf.document import Drawing
 from ezdxf.enums import TextEntityAlignment
 
-from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Sheet
+from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Sheet, Words
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.layers import Layer
 
@@ -70,7 +70,7 @@ def _named(sheet: Sheet, one: dict[str, str | float], place: Floats) -> tuple[fl
 
 def _height(sheet: Sheet, one: dict[str, str | float], place: Floats) -> None:
     """Write the height of a point beside it."""
-    words, small = _height_text(one), _HEIGHT_SHARE * sheet.text_m
+    words, small = _height_text(one, sheet.words), _HEIGHT_SHARE * sheet.text_m
     at = (*sheet.beside(words, place[:2], small, 0.1 * sheet.text_m), place[2])
     text = sheet.space.add_text(words, height=small, dxfattribs={"layer": LAYERS["verticals"][0]})
     text.set_placement(at, align=TextEntityAlignment.MIDDLE_CENTER)
@@ -82,7 +82,9 @@ def _decimals(value: object) -> str:
     return f"{number:.4f}" if np.isfinite(number) else ""
 
 
-def _height_text(one: dict[str, str | float]) -> str:
+def _height_text(one: dict[str, str | float], words: Words) -> str:
     """How high a point stands over the ground, and how well that is known."""
-    height, sigma = float(one["height_above_ground_m"]), float(one["height_sigma_m"])
-    return f"{height:+.3f} " + (f"±{sigma:.3f}" if sigma > 0 else "stated")
+    height = float(one["height_above_ground_m"]) / words.length_m
+    sigma = float(one["height_sigma_m"]) / words.length_m
+    unit = "" if words.symbol == "m" else f" {words.symbol}"
+    return f"{height:+.3f} " + (f"±{sigma:.3f}{unit}" if sigma > 0 else f"{unit} stated".strip())

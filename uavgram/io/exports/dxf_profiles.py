@@ -14,6 +14,7 @@ from ezdxf.document import Drawing
 from ezdxf.enums import TextEntityAlignment
 from ezdxf.layouts.blocklayout import BlockLayout
 
+from uavgram.io.exports.dxf_sheet import Words
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.profile_sheet import ProfileSheet
 from uavgram.stages.products.profile_sheets import TWO_SIDED_95
@@ -31,7 +32,11 @@ _ROW_SHARE = 6.0  # of the letters is the height of a row: its numbers stand upr
 
 
 def draw_profiles(
-    document: Drawing, sheets: tuple[ProfileSheet, ...], corner: tuple[float, float], text_m: float
+    document: Drawing,
+    sheets: tuple[ProfileSheet, ...],
+    corner: tuple[float, float],
+    text_m: float,
+    words: Words,
 ) -> None:
     """Draw the profiles below the plan, and each on a sheet of A3.
 
@@ -45,6 +50,8 @@ def draw_profiles(
         East and north below which there is room.
     text_m
         Height of the plan's letters.
+    words
+        Unit of the numbers.
     """
     if not sheets:
         return
@@ -53,7 +60,7 @@ def draw_profiles(
     east, top = corner[0], corner[1] - 4.0 * text_m
     for number, sheet in enumerate(sheets, start=1):
         block = document.blocks.new(f"PROFILE_{number}")
-        paper = _Paper.of(sheet, block)
+        paper = _Paper.of(sheet, block, words)
         _draw(paper)
         at = (east + paper.left, top - paper.above)
         document.modelspace().add_blockref(block.name, at, dxfattribs={"layer": _TEXTS[0]})
@@ -73,19 +80,21 @@ class _Paper:
         Height of the letters [m].
     across
         (N,) x of the numbers of each point: they keep clear of each other.
+    words
+        Unit of the numbers.
     """
 
     sheet: ProfileSheet
     block: BlockLayout
     text: float
     across: Floats
+    words: Words
 
     @classmethod
-    def of(cls, sheet: ProfileSheet, block: BlockLayout) -> _Paper:
+    def of(cls, sheet: ProfileSheet, block: BlockLayout, words: Words) -> _Paper:
         text = float(np.ptp(sheet.station_ticks_m)) * _TEXT_SHARE
-        return cls(
-            sheet, block, text, spread(sheet.station_m - sheet.station_ticks_m[0], 1.5 * text)
-        )
+        across = spread(sheet.station_m - sheet.station_ticks_m[0], 1.5 * text)
+        return cls(sheet, block, text, across, words)
 
     @property
     def left(self) -> float:
@@ -153,24 +162,24 @@ def _draw(paper: _Paper) -> None:
 
 
 def _axes(paper: _Paper) -> None:
-    sheet, text = paper.sheet, paper.text
+    sheet, text, unit = paper.sheet, paper.text, paper.words.length_m
     right = paper.x(sheet.station_ticks_m[-1])
     top = paper.y(sheet.height_ticks_m[-1])
     for height in sheet.height_ticks_m:
         y = paper.y(height)
         paper.line([(-0.6 * text, y), (right, y)], _AXES)
-        said = f"{height:.{places_of(sheet.height_ticks_m)}f}"
+        said = f"{height / unit:.{places_of(sheet.height_ticks_m / unit)}f}"
         paper.write(said, (-text, y), TextEntityAlignment.MIDDLE_RIGHT)
     for station in sheet.station_ticks_m:
         x = paper.x(station)
         paper.line([(x, -0.6 * text), (x, top)], _AXES)
-        said = f"{station:.{places_of(sheet.station_ticks_m)}f}"
+        said = f"{station / unit:.{places_of(sheet.station_ticks_m / unit)}f}"
         paper.write(said, (x, -text), TextEntityAlignment.TOP_CENTER)
     larger = f"heights drawn {sheet.exaggeration} times as large as lengths"
     for row, words in enumerate(
         (
             f"PROFILE {sheet.name}",
-            f"metres; stations and heights from {sheet.origin}; "
+            f"{paper.words.name}; stations and heights from {sheet.origin}; "
             + (larger if sheet.exaggeration > 1 else "heights and lengths at one scale")
             + "; bars: 95 %",
         )
@@ -185,7 +194,7 @@ def _band(paper: _Paper) -> None:
     columns = (
         list(sheet.label),
         *(
-            [f"{one:.3f}" for one in values]
+            [f"{one / paper.words.length_m:.3f}" for one in values]
             for values in (
                 *(sheet.station_m, sheet.height_m, sheet.height_sigma_m),
                 *(sheet.ground_m, sheet.ground_sigma_m),

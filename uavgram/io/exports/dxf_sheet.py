@@ -16,6 +16,33 @@ from uavgram.stages.products.text_places import TextPlaces, around
 
 Place = Callable[[Floats], Floats]
 
+_UNITS = {"m2": "m²", "m3": "m³", "deg": "°"}
+
+
+def _metric(value: float, sigma: float, unit: str) -> str:
+    return f"{value:.3f} ±{sigma:.3f} {_UNITS.get(unit, unit)}"
+
+
+@dataclass(frozen=True)
+class Words:
+    """How a drawing, which is in metres, writes its numbers.
+
+    Attributes
+    ----------
+    value
+        Value, its standard deviation and its unit as in results.json, as text.
+    length_m
+        Unit of lengths that stand alone, such as those of axes.
+    symbol, name
+        Of that unit.
+    """
+
+    value: Callable[[float, float, str], str] = _metric
+    length_m: float = 1.0
+    symbol: str = "m"
+    name: str = "metres"
+
+
 LABELS = "LABELS"
 # Name in the drawing, and colour of AutoCAD's index.
 LAYERS = {
@@ -34,12 +61,13 @@ LAYERS = {
 
 @dataclass(frozen=True)
 class Sheet:
-    """A drawing under way: where local metres go, the height of letters [m], and places taken."""
+    """A drawing under way: where local metres go, height of letters [m], words, places taken."""
 
     document: Drawing
     space: Modelspace
     place: Place
     text_m: float
+    words: Words = Words()
     places: TextPlaces = field(default_factory=TextPlaces)
 
     def beside(self, text: str, at: Floats, height_m: float, gap_m: float) -> Floats:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import asdict
 
 from uavgram.errors import OutputError
 from uavgram.imaging.photos.cache import LruCache
@@ -143,6 +144,7 @@ class PickSession:
         inputs, posed = self.survey.inputs, self.survey.posed
         return {
             "t": "initial-state",
+            "units": asdict(inputs.project.units),
             "project": inputs.project.name,
             "tile_px": TILE_PX,
             "pick_sigma_px": inputs.project.picks_sigma_px,

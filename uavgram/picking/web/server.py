@@ -20,6 +20,7 @@ from uavgram.errors import UavgramError
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.protocol.encode_units import names_to_keep, told
 from uavgram.picking.protocol.parse import LONGEST_MESSAGE, parse_message
 from uavgram.picking.session.project import Keep, OpenProject, Run
 from uavgram.picking.session.session import PickSession
@@ -133,7 +134,9 @@ class PickServer:
     async def _send(self, page: WebSocket, waiting: asyncio.Queue[Json]) -> None:
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while waiting in self._pages:
-                await page.send_json(await waiting.get())
+                message = await waiting.get()
+                units = self.picking.survey.inputs.project.units
+                await page.send_json(told(message, units, names_to_keep(self.picking.state)))
             await page.close(TRY_AGAIN_LATER)  # it missed something: it is to begin anew
 
     async def _answered(self, text: str, own: asyncio.Queue[Json]) -> Json:

@@ -31,7 +31,7 @@ LENGTH_COLUMNS = ("length_m", "sigma_m", "adjusted_m", "adjusted_sigma_m", "resi
 """Numbers of a known length that maps and drawings carry."""
 
 
-def features_of(result: Result, crs: str | None) -> Features:
+def features_of(result: Result, crs: str | None, unit_m: float = 1.0) -> Features:
     """All layers of a result.
 
     Parameters
@@ -40,6 +40,8 @@ def features_of(result: Result, crs: str | None) -> Features:
         What a run computed.
     crs
         Projected coordinate system for maps; None where nothing ties the survey to the earth.
+    unit_m
+        Length in which numbers at the axes of drawings are round.
     """
     world, points = result.world, result.points
     return Features(
@@ -58,7 +60,7 @@ def features_of(result: Result, crs: str | None) -> Features:
         origin=world.origin,
         height_datum=world.height_datum,
         crs=crs if world.origin is not None else None,
-        profiles=profile_sheets(result.profiles),
+        profiles=profile_sheets(result.profiles, unit_m),
     )
 
 

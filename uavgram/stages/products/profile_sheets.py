@@ -17,17 +17,31 @@ _LEAST_SHARE = 0.06  # and so much it is at least
 _STATION_TICKS, _HEIGHT_TICKS = 8, 5
 
 
-def profile_sheets(profiles: ProfileResults) -> tuple[ProfileSheet, ...]:
-    """All profiles, each with axes that show its points and the intervals of their heights."""
+def profile_sheets(profiles: ProfileResults, unit_m: float = 1.0) -> tuple[ProfileSheet, ...]:
+    """All profiles, each with axes that show its points and the intervals of their heights.
+
+    Parameters
+    ----------
+    profiles
+        As measured.
+    unit_m
+        Length in which the numbers at the axes are round.
+    """
     return tuple(
         _sheet(
-            name, [profiles.label[i] for i in rows], profiles.place_m[rows], profiles.sigma_m[rows]
+            name,
+            [profiles.label[i] for i in rows],
+            profiles.place_m[rows],
+            profiles.sigma_m[rows],
+            unit_m,
         )
         for name, rows in profiles.each()
     )
 
 
-def _sheet(name: str, label: list[str], place_m: Floats, sigma_m: Floats) -> ProfileSheet:
+def _sheet(
+    name: str, label: list[str], place_m: Floats, sigma_m: Floats, unit_m: float
+) -> ProfileSheet:
     station, _, height, ground = place_m.T
     station_sigma, _, height_sigma, ground_sigma = sigma_m.T
     bounds = np.concatenate(
@@ -50,8 +64,9 @@ def _sheet(name: str, label: list[str], place_m: Floats, sigma_m: Floats) -> Pro
         station_sigma_m=station_sigma,
         height_sigma_m=height_sigma,
         ground_sigma_m=ground_sigma,
-        station_ticks_m=ticks(float(station.min()), float(station.max()), _STATION_TICKS),
-        height_ticks_m=ticks(low, high, _HEIGHT_TICKS),
+        station_ticks_m=unit_m
+        * ticks(float(station.min()) / unit_m, float(station.max()) / unit_m, _STATION_TICKS),
+        height_ticks_m=unit_m * ticks(low / unit_m, high / unit_m, _HEIGHT_TICKS),
         exaggeration=exaggeration,
     )
 

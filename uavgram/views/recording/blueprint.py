@@ -48,6 +48,8 @@ from uavgram.views.recording.world.profiles import GAP, PROFILES, shown_height
 from uavgram.views.style import Rgb
 from uavgram.views.survey.frame_states import frame_counts
 from uavgram.views.survey.profiles import WIDTH
+from uavgram.views.unit_words import in_units
+from uavgram.views.units import column, units_of
 from uavgram.views.wording import axes_text
 
 BACKGROUND: Rgb = (13, 16, 17)
@@ -219,20 +221,21 @@ def _plots(result: Result, curves: Curves, poses: PoseCurves) -> rrb.Tabs:
 
 
 def _pose_plots(result: Result, curves: Curves, poses: PoseCurves) -> list[rrb.TimeSeriesView]:
-    plots = []
+    plots, one = [], column(units_of(result))
     variance = [p.covariance[:, 2, 2] for p in (result.frames.seed, result.frames.refined)]
     heights = np.concatenate([curves.seed_height_m, curves.refined_height_m])
     attitude = np.concatenate([poses.seed_attitude_deg, poses.refined_attitude_deg])
     position = np.concatenate([poses.seed_position_m, poses.refined_position_m])
     corrections = np.concatenate([poses.tilt_deg, poses.turn_deg, poses.seed_attitude_deg])
     if np.isfinite(heights).any():
-        upper = heights + np.sqrt(np.concatenate(variance))
-        plots.append(plot(HEIGHT, "Height, ±1 σ [m]", upper))
+        upper = one.factor * (heights + np.sqrt(np.concatenate(variance)))
+        plots.append(plot(HEIGHT, f"Height, ±1 σ [{one.symbol}]", upper))
     if np.isfinite(poses.tilt_deg).any():
         plots.append(plot(CORRECTION, "Tilted, turned, σ of log [°]", corrections))
     if np.isfinite(attitude).any():
         plots.append(plot(ATTITUDE_SIGMA, "σ of attitude [°]", attitude))
-        plots.append(plot(POSITION_SIGMA, "σ of position [m]", position))
+        title = f"σ of position [{one.symbol}]"
+        plots.append(plot(POSITION_SIGMA, title, one.factor * position))
     return plots
 
 
@@ -279,7 +282,8 @@ def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
     position = spot + np.array([0.0, 0.0, EYE_ABOVE * axes[0]])
     shown = ("ground/**", "points/picked", "point_names/**", "points/ellipse_95_true_size/**")
     contents = [*(f"+ /survey/{one}" for one in shown), f"+ /{CLOSE_UP}/**"]
-    name = f"Worst point {result.points.label[row]}, true scale: {axes_text(axes)}"
+    size = in_units(axes_text(axes), units_of(result))
+    name = f"Worst point {result.points.label[row]}, true scale: {size}"
     return space_view(name, contents, position, spot)
 
 

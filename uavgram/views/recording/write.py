@@ -29,6 +29,7 @@ from uavgram.views.recording.world.legend import log_legend
 from uavgram.views.recording.world.points import log_close_up, log_tie_points
 from uavgram.views.recording.world.profiles import log_profiles
 from uavgram.views.recording.world.survey import log_survey
+from uavgram.views.units import units_of
 
 log = logging.getLogger(__name__)
 
@@ -106,7 +107,7 @@ def _log_everything(
         log_tie_points(recorder, ties)
     log_footprints(recorder, result, PHOTO)
     log_plots(recorder, result, curves)
-    log_pose_plots(recorder, poses)
+    log_pose_plots(recorder, poses, units_of(result))
     log_status(recorder, result)
     log_documents(recorder, result, scene, picks, curves, poses)
     log_map(recorder, result)

@@ -7,11 +7,10 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.result.result import Result
+from uavgram.views.units import spread_text, units_of, value_text
 from uavgram.views.wording import (
     KNOWN_STATUS_WORDS,
     KNOWN_WORDS,
-    UNIT_WORDS,
-    decimals_for,
     number,
     with_sigma,
     worst_fit_first,
@@ -40,27 +39,29 @@ def known_table(result: Result) -> tuple[KnownRow, ...]:
 
 
 def _row(result: Result, i: int) -> KnownRow:
-    known = result.known
+    known, units = result.known, units_of(result)
     unit, sigma = known.unit[i], float(known.sigma[i])
-    places = decimals_for(sigma, unit)
-    shown, is_condition = UNIT_WORDS.get(unit, unit), bool(np.isnan(known.value[i]))
-    found = number(float(known.adjusted[i]), places)
+    is_condition = bool(np.isnan(known.value[i]))
+    found = value_text(float(known.adjusted[i]), sigma, unit, units)
     if known.adjusted_sigma[i] > 0 and not is_condition:
-        found = with_sigma(float(known.adjusted[i]), float(known.adjusted_sigma[i]), unit)
+        found = with_sigma(float(known.adjusted[i]), float(known.adjusted_sigma[i]), unit, units)
     return KnownRow(
         name=known.name[i],
         what=KNOWN_WORDS.get(known.kind[i], known.kind[i]),
         points=known.points[i],
-        given=f"± {sigma:.{places}f} {shown}"
+        given=f"± {spread_text(sigma, unit, units)}"
         if is_condition
-        else with_sigma(float(known.value[i]), sigma, unit),
+        else with_sigma(float(known.value[i]), sigma, unit, units),
         found="–" if is_condition else found,
         difference="–"
         if np.isnan(known.residual[i])
-        else f"{number(float(known.residual[i]), places, signed=True)} {shown}",
+        else ("+" if known.residual[i] > 0 else "")
+        + value_text(float(known.residual[i]), sigma, unit, units),
         w=number(float(known.w[i]), 1, signed=True),
         redundancy=number(float(known.redundancy[i]), 2),
-        least=number(float(known.mdb[i]), places),
+        least="–"
+        if np.isnan(known.mdb[i])
+        else value_text(float(known.mdb[i]), sigma, unit, units),
         status=KNOWN_STATUS_WORDS[known.status[i]],
         is_bad=known.status[i] in ("suspect", "removed"),
     )

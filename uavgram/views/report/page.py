@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from uavgram.errors import OutputError
 from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.result import Result
-from uavgram.views.pages import page_environment
+from uavgram.views.pages import page_environment, units_shown
 from uavgram.views.report.budget import budget_table
 from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.gauge import gauge
@@ -49,15 +50,14 @@ from uavgram.views.survey.sources import (
 )
 from uavgram.views.survey.top_view import INK, top_view
 from uavgram.views.survey.verdict import STATUS_WORDS, THREE_SIGMA, verdict_words
+from uavgram.views.units import spread_text, units_of, value_text
 from uavgram.views.wording import (
     FRAME_STATUS_WORDS,
     GROUP_WORDS,
     LINE_STATUS_WORDS,
     NOT_UNIQUE,
-    UNIT_WORDS,
     WHY_TWO_ELLIPSES,
     computed_first,
-    decimals_for,
     height_text,
     interval,
     measurement_text,
@@ -88,19 +88,18 @@ def write_report(result: Result, path: str | os.PathLike[str]) -> None:
 
 def render_report(result: Result) -> str:
     """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
+    units = units_of(result)
     position_m, attitude_deg = largest_sigmas(result.frames.refined)
     return (
         page_environment()
         .get_template("report.html")
         .render(
             result=result,
-            decimals_for=decimals_for,
             effect_words=effect_words,
             gauge=gauge,
-            interval=interval,
-            measurement_text=measurement_text,
+            interval=partial(interval, units=units),
+            measurement_text=partial(measurement_text, units=units),
             option_text=option_text,
-            unit_words=UNIT_WORDS,
             group_words=GROUP_WORDS,
             line_words=LINE_STATUS_WORDS,
             frame_words=FRAME_STATUS_WORDS,
@@ -111,6 +110,8 @@ def render_report(result: Result) -> str:
             not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
             relief=relief_notes(result),
             shift_text=shift_text,
+            value_text=partial(value_text, units=units),
+            spread_text=partial(spread_text, units=units),
             learnt=learnt_words(result),
             uneven=departures(result),
             height_text=height_text,
@@ -140,6 +141,7 @@ def render_report(result: Result) -> str:
             azimuth_deg=np.degrees(result.points.relative.ellipse_azimuth_rad),
             method=method_facts(result),
             **_made_by(result),
+            **units_shown(result),
         )
     )
 

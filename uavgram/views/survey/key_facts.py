@@ -6,6 +6,7 @@ import numpy as np
 
 from uavgram.model.result.result import Result
 from uavgram.views.survey.frame_states import frame_counts
+from uavgram.views.units import units_of
 from uavgram.views.wording import (
     SIGNED_KINDS,
     alternatives_text,
@@ -51,8 +52,9 @@ def _least_certain(result: Result) -> str:
     if row is None:
         return ""
     value, sigma, unit = float(rows.value[row]), float(rows.sigma[row]), rows.unit[row]
-    why = alternatives_text(rows, row) or f"({relative(value, sigma, unit)})"
-    return f"{rows.name[row]}: {with_sigma(value, sigma, unit)} {why}"
+    units = units_of(result)
+    why = alternatives_text(rows, row, units) or f"({relative(value, sigma, unit)})"
+    return f"{rows.name[row]}: {with_sigma(value, sigma, unit, units)} {why}"
 
 
 def _worst_fit(result: Result) -> str:

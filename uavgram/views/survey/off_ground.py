@@ -10,6 +10,8 @@ from uavgram.geometry.ground.ellipse import ELLIPSOID_95, error_ellipsoid
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource, PointResults
+from uavgram.model.units import METRIC, Units
+from uavgram.views.unit_words import in_units
 from uavgram.views.wording import height_text, number, with_sigma
 
 
@@ -61,10 +63,12 @@ def height_of(points: PointResults, row: int) -> str:
     return height_text(height, sigma, points.height_source[row] or "free")
 
 
-def height_label(points: PointResults, row: int) -> str:
+def height_label(points: PointResults, row: int, units: Units = METRIC) -> str:
     """``V21 1.40 ± 0.03 m``, short enough for pictures; and where it was not left free."""
     height, sigma = float(points.height_above_ground_m[row]), float(points.height_sigma_m[row])
     source = points.height_source[row]
-    value = with_sigma(height, sigma, "m") if sigma > 0 else f"{number(height, 2)} m"
+    value = with_sigma(height, sigma, "m", units)
+    if not sigma > 0:
+        value = in_units(f"{number(height, 2)} m", units)
     word = {"stated": ", stated", "found": ", not free in the picks"}.get(source, "")
     return f"{points.label[row]} {value}{word}"

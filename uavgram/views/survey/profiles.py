@@ -10,6 +10,7 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.profiles import COLUMNS
 from uavgram.model.result.result import Result
 from uavgram.views.survey.drawing import nice_factor, round_length, uncovered
+from uavgram.views.units import Shown, column, round_bar, units_of
 from uavgram.views.wording import decimals_for, number
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 900.0, 70.0, 30.0, 34.0, 30.0
@@ -46,8 +47,8 @@ class ProfileDrawing:
         y of level lines, and their heights over the first point as texts.
     exaggeration
         Of heights against stations.
-    bar_m, bar
-        Length of the scale bar in the world and in the drawing.
+    bar_text, bar
+        Length of the scale bar in words, and in the drawing.
     rows
         Of the table: label, then a cell for each of `COLUMNS`.
     """
@@ -62,7 +63,7 @@ class ProfileDrawing:
     names: tuple[tuple[Place, str], ...]
     grid: tuple[tuple[float, str], ...]
     exaggeration: int
-    bar_m: float
+    bar_text: str
     bar: float
     rows: tuple[tuple[str, ...], ...]
 
@@ -102,7 +103,8 @@ def _drawn(result: Result, name: str, rows: Ints) -> ProfileDrawing:
     in_order = np.argsort(station, kind="stable")
     bars = (x, sheet.y(up + reach), sheet.y(up - reach))
     off = up != ground
-    bar_m = round_length(run / 4.0)
+    units = units_of(result)
+    bar_m, bar_text = round_bar(run / 4.0, units)
     return ProfileDrawing(
         name=name,
         width=WIDTH,
@@ -112,9 +114,9 @@ def _drawn(result: Result, name: str, rows: Ints) -> ProfileDrawing:
         bars=_uprights(*bars),
         rulers=_uprights(x[off], y[off], below[off]),
         names=_names([profiles.label[i] for i in rows], *bars[:2]),
-        grid=_grid(sheet, low, high),
+        grid=_grid(sheet, low, high, column(units)),
         exaggeration=factor,
-        bar_m=bar_m,
+        bar_text=bar_text,
         bar=bar_m * scale,
         rows=tuple((profiles.label[i], *_cells(result, int(i))) for i in rows),
     )
@@ -128,11 +130,16 @@ def _names(labels: list[str], x: Floats, top: Floats) -> tuple[tuple[Place, str]
     return tuple(((float(anchors[i, 0]), float(anchors[i, 1])), labels[i]) for i in shown)
 
 
-def _grid(sheet: _Sheet, low: float, high: float) -> tuple[tuple[float, str], ...]:
+def _grid(sheet: _Sheet, low: float, high: float, one: Shown) -> tuple[tuple[float, str], ...]:
+    """Level lines at round heights in the unit that is shown."""
+    low, high = low * one.factor, high * one.factor
     step = round_length(max(high - low, 1e-6) / GRID_LINES * 2.0)
     levels = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)
     places = max(0, int(np.ceil(-np.log10(step))))
-    return tuple((float(sheet.y(level)), number(float(level), places)) for level in levels)
+    return tuple(
+        (float(sheet.y(level / one.factor)), f"{number(float(level), places)} {one.symbol}")
+        for level in levels
+    )
 
 
 def _places(x: Floats, y: Floats) -> tuple[Place, ...]:
@@ -145,10 +152,10 @@ def _uprights(x: Floats, top: Floats, bottom: Floats) -> tuple[tuple[float, floa
 
 def _cells(result: Result, row: int) -> tuple[str, ...]:
     """Place and sigma of each of `COLUMNS`; what is so by definition has no sigma."""
-    cells = []
-    for column in range(len(COLUMNS)):
-        place = float(result.profiles.place_m[row, column])
-        sigma = float(result.profiles.sigma_m[row, column])
+    cells, factor = [], column(units_of(result)).factor
+    for k in range(len(COLUMNS)):
+        place = factor * float(result.profiles.place_m[row, k])
+        sigma = factor * float(result.profiles.sigma_m[row, k])
         places = decimals_for(sigma) if sigma > 0 else 3
         known = f" ± {number(sigma, places)}" if sigma > 0 else ""
         cells.append(f"{number(place, places)}{known}")

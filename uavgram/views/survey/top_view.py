@@ -12,8 +12,10 @@ from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import ellipse_outlines, measured_strips, reference_strips
 from uavgram.views.style import ABOVE, BELOW, hex_colour
 from uavgram.views.survey.departures import Departures, departures
-from uavgram.views.survey.drawing import longest_middle, nice_factor, round_length, uncovered
-from uavgram.views.wording import UNIT_WORDS, decimals_for, number, worst_first
+from uavgram.views.survey.drawing import longest_middle, nice_factor, uncovered
+from uavgram.views.unit_words import in_units
+from uavgram.views.units import INCH_M, round_bar, units_of, value_text
+from uavgram.views.wording import number, worst_first
 
 # Width of the drawing in its own units; letters are 11 of them high.
 WIDTH = 900.0
@@ -91,8 +93,10 @@ class TopView:
         Names and lengths that do not cover each other.
     ellipse_factor, fill_ellipses
         Exaggeration of the ellipses within the survey; whether they are small enough to be filled.
-    bar_m, bar
-        Length of the scale bar in the world and in the drawing.
+    bar_text, bar
+        Length of the scale bar in words, and in the drawing.
+    small_unit
+        Of the numbers under points off their plane, in words.
     north_known
         False with gauge ``plane``, where north is a free choice.
     """
@@ -108,8 +112,9 @@ class TopView:
     texts: tuple[Text, ...]
     ellipse_factor: int
     fill_ellipses: bool
-    bar_m: float
+    bar_text: str
     bar: float
+    small_unit: str
     north_known: bool
 
 
@@ -147,7 +152,8 @@ def top_view(result: Result) -> TopView | None:
         north_m=float(high[1]),
         scale=float(scale),
     )
-    bar_m = round_length(extent_m / 5)
+    units = units_of(result)
+    bar_m, bar_text = round_bar(extent_m / 5, units)
     uneven = departures(result)
     return TopView(
         width=WIDTH,
@@ -161,8 +167,9 @@ def top_view(result: Result) -> TopView | None:
         texts=tuple(_texts(result, sheet, uneven)),
         ellipse_factor=factor,
         fill_ellipses=factor * float(np.median(major)) <= FILL_SHARE * extent_m,
-        bar_m=bar_m,
+        bar_text=bar_text,
         bar=bar_m * sheet.scale,
+        small_unit="centimetres" if units.length == "m" else "inches",
         north_known=result.world.gauge == "world",
     )
 
@@ -219,17 +226,19 @@ def _over_ground(result: Result, sheet: _Sheet) -> Iterator[Text]:
     off, spots = np.flatnonzero(points.is_off_ground), sheet(points.position_world_m)
     height, sigma = points.height_above_ground_m, points.height_sigma_m
     for k in off[np.argsort(-np.abs(height[off]), kind="stable")]:
-        places = decimals_for(float(sigma[k]))
-        text = f"{number(float(height[k]), places, signed=True)} m"
-        yield Text(float(spots[k, 0]), float(spots[k, 1]) + NUMBER_BELOW, text, "off_ground")
+        sign = "+" if height[k] > 0 else ""
+        text = value_text(float(height[k]), float(sigma[k]), "m", units_of(result))
+        at = float(spots[k, 0]), float(spots[k, 1]) + NUMBER_BELOW
+        yield Text(*at, sign + text, "off_ground")
 
 
 def _off_their_plane(result: Result, sheet: _Sheet, uneven: Departures) -> Iterator[Text]:
-    """How far points lie off their plane [cm], the farthest first."""
+    """How far points lie off their plane [cm or in], the farthest first."""
+    small_m = 0.01 if units_of(result).length == "m" else INCH_M
     spots = sheet(result.points.position_world_m[uneven.rows])
     for k in np.argsort(-np.abs(uneven.value_m), kind="stable"):
         places = int(uneven.sigma_m[k] < WELL_KNOWN_M)
-        text = number(100 * float(uneven.value_m[k]), places, signed=True)
+        text = number(float(uneven.value_m[k]) / small_m, places, signed=True)
         yield Text(float(spots[k, 0]), float(spots[k, 1]) + NUMBER_BELOW, text, "off_plane")
 
 
@@ -239,20 +248,18 @@ def _texts(result: Result, sheet: _Sheet, uneven: Departures | None) -> list[Tex
     Then names of points, how high they stand over the ground, and how far the ground lies off its
     plane there.
     """
-    rows, words = result.measurements, []
+    rows, words, units = result.measurements, [], units_of(result)
     for i, strips in measured_strips(result).items():
         if strips:
-            places = decimals_for(float(rows.sigma[i]), rows.unit[i])
-            unit = UNIT_WORDS.get(rows.unit[i], rows.unit[i])
-            doubt = " ?" if rows.is_ambiguous[i] else ""
-            text = f"{rows.name[i]} {rows.value[i]:.{places}f} {unit}{doubt}"
+            value = value_text(float(rows.value[i]), float(rows.sigma[i]), rows.unit[i], units)
+            text = f"{rows.name[i]} {value}{' ?' if rows.is_ambiguous[i] else ''}"
             words.append((int(i), Text(*_at(sheet(longest_middle(strips))), text, "measured")))
     rank = {int(i): r for r, i in enumerate(worst_first(rows))}
     texts = [text for _, text in sorted(words, key=lambda word: rank[word[0]])]
     if len(texts) > MANY_LINES:
         texts = texts[:MOST_MEASURED]
     for i, strip in reference_strips(result).items():
-        text = f"{result.lines.name[i]} {result.lines.length_m[i]:.2f} m"
+        text = f"{result.lines.name[i]} {in_units(f'{result.lines.length_m[i]:.2f} m', units)}"
         texts.append(Text(*_at(sheet(longest_middle([strip]))), text, "known"))
     for label, spot in zip(result.points.label, sheet(result.points.position_world_m), strict=True):
         texts.append(Text(float(spot[0]), float(spot[1]) - NAME_ABOVE, label, "name"))

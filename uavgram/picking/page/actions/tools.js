@@ -255,9 +255,9 @@ export class Tools {
   }
 
   // A number that was typed into a field: null where it is empty, nothing where it is none.
-  /** @param {HTMLInputElement} input @param {(value: number | null) => void} act */
-  number(input, act) {
-    const value = input.value.trim() ? parse(input.value) : null;
+  /** @param {HTMLInputElement} input @param {(value: number | null) => void} act @param {(text: string) => number} read */
+  number(input, act, read = parse) {
+    const value = input.value.trim() ? read(input.value) : null;
     if (value !== null && !Number.isFinite(value)) {
       this.notice.show(noNumber(input.value));
       input.value = input.defaultValue;

@@ -76,9 +76,10 @@ export type FullLive = Exclude<Live, Linearised>;
 
 // From the server.
 
+export interface Units { length: "m" | "ft" | "ft-in"; speed: "km/h" | "mph" | "m/s" }
 export interface Standing { version: number; undo: number; redo: number }
 export interface InitialState extends Standing {
-  t: "initial-state"; project: string; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null;
+  t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null;
   control: string[]; check: string[]; expected: Predicted[]; recovered: boolean; messages: Remark[];
   state: { picks: Pick[]; lines: Line[]; measurements: Measurement[] };
   live: FullLive | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;

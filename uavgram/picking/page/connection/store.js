@@ -1,5 +1,7 @@
 // What the server sent: the picked state, and what the adjustment makes of it.
 
+import { useUnits } from "../elements/units.js";
+
 /** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, Fit, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Predicted, Proposal, Proposals, Remark, ServerMessage, Standing } from "./protocol.js" */
 
 /**
@@ -96,8 +98,9 @@ export function receive(message, moved) {
 }
 
 /** @param {InitialState} message */
-function begin({ project, photos, camera, control, check, recovered, clock, expected, outputs, outside, aside, calibration, ...message }) {
+function begin({ project, units, photos, camera, control, check, recovered, clock, expected, outputs, outside, aside, calibration, ...message }) {
   const { picks, lines, measurements } = message.state;
+  useUnits(units);
   Object.assign(store, {
     begun: true, project, photos, camera, control, check, recovered, clock, expected, outputs, outside, aside, calibration, lines, measurements,
     tilePx: message.tile_px,

@@ -1,5 +1,7 @@
 // Numbers as people read them.
 
+import { lengthUnit, quantity, sizeText } from "./units.js";
+
 /** @import { Measured } from "../connection/protocol.js" */
 
 export const missing = "\u2013";
@@ -11,16 +13,18 @@ export function fixed(value, digits) {
   return Number(words) === 0 ? words.replace("-", "") : words;
 }
 
-// A value with as many digits as its sigma deserves: two digits of the sigma, no more than 3 places.
+// A number with as many digits as its sigma deserves: two digits of the sigma, no more than 3 places.
 /** @param {number | null | undefined} sigma */
 export function places(sigma) {
   if (!sigma || !(sigma > 0)) return 3;
   return Math.min(Math.max(1 - Math.floor(Math.log10(sigma)), 0), 3);
 }
 
+// With a unit as the server says it ("m", "m2", "m/s"...), in the units of the project.
 /** @param {number | null | undefined} value @param {number | null | undefined} sigma @param {string} unit */
 export function withSigma(value, sigma, unit = "") {
   if (value === null || value === undefined) return missing;
+  if (unit && unit !== "%") return quantity(value, sigma, unit);
   const digits = places(sigma);
   const error = sigma === null || sigma === undefined ? "" : ` \u00b1 ${sigma.toFixed(digits)}`;
   return `${fixed(value, digits)}${error}${unit && ` ${unit}`}`;
@@ -31,15 +35,19 @@ export function withSigma(value, sigma, unit = "") {
 export function heightText({ height, sigma }) {
   const order = sigma ? Math.floor(Math.log10(sigma)) : -3;
   const digits = sigma && sigma < 2 * 10 ** order ? 1 - order : -order;
-  const spread = sigma ? `, \u00b1 ${sizeText(Number(sigma.toFixed(Math.max(digits, 0))))}` : "";
-  return `${fixed(Math.abs(height), Math.min(Math.max(digits, 0), 3))} m ${height < 0 ? "below" : "above"} the ground${spread}`;
+  const round = sigma && Number(sigma.toFixed(Math.max(digits, 0)));
+  const spread = round ? `, \u00b1 ${sizeText(round)}` : "";
+  const high = lengthUnit() === "m" ? `${fixed(Math.abs(height), Math.min(Math.max(digits, 0), 3))} m` : valueOnly(Math.abs(height), sigma, "m");
+  return `${high} ${height < 0 ? "below" : "above"} the ground${spread}`;
 }
 
-/** @param {number} metres */
-function sizeText(metres) {
-  if (metres >= 1) return `${metres} m`;
-  return metres >= 0.01 ? `${Number((100 * metres).toPrecision(3))} cm` : `${Number((1000 * metres).toPrecision(3))} mm`;
-}
+// A value without its sigma, which says how many digits it deserves.
+/** @param {number} value @param {number | null} sigma @param {string} unit */
+export const valueOnly = (value, sigma, unit) => {
+  const [told, ...rest] = quantity(value, sigma, unit).split(" \u00b1 ");
+  const symbol = rest.join().split(" ").at(-1) ?? "";
+  return rest.length && !/[a-z]/.test(told) ? `${told} ${symbol}` : told;
+};
 
 const METRES_OF_A_DEGREE = 111_320; // of a great circle
 
@@ -50,12 +58,9 @@ export function degrees(value, sigma) {
   return `${value.toFixed(Math.min(Math.max(digits, 4), 8))}\u00b0`;
 }
 
-// A measurement as the page shows it: speeds as on a speedometer.
+// A measurement as the page shows it.
 /** @param {Measured} found */
-export function valueText({ value, sigma, unit }) {
-  const pace = paceOf(unit);
-  return withSigma(value === null ? null : pace * value, sigma === null ? null : pace * sigma, UNITS[unit] ?? unit);
-}
+export const valueText = ({ value, sigma, unit }) => withSigma(value, sigma, unit);
 
 // A slope as on a road sign.
 /** @param {Measured} found its angle [deg] */
@@ -68,13 +73,6 @@ export function gradeText({ value, sigma }) {
 // What other solutions, that fit as well, make of a value; empty where there is none.
 /** @param {Measured} found */
 export function alternativesText({ alternatives, sigma, unit }) {
-  const pace = paceOf(unit);
-  const words = alternatives.map((value) => fixed(value === null ? null : pace * value, places(sigma === null ? null : pace * sigma)));
+  const words = alternatives.map((value) => (value === null ? missing : valueOnly(value, sigma, unit)));
   return words.length ? `or ${words.join(", ")}` : "";
 }
-
-/** @type {Record<string, string | undefined>} */
-const UNITS = { m2: "m\u00b2", m3: "m\u00b3", deg: "\u00b0", "m/s": "km/h" };
-
-/** @param {string} unit */
-const paceOf = (unit) => (unit === "m/s" ? 3.6 : 1);

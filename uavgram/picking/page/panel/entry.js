@@ -2,12 +2,14 @@
 
 import { as, fillIfNew, node } from "../elements/dom.js";
 import { drop, keep } from "../elements/table.js";
+import { fieldText, fieldUnit, parseLength, understood } from "../elements/units.js";
 import { placeText, speedFacts } from "./speed.js";
 
 /** @import { Entry } from "../actions/page_state.js" */
 /** @import { Tools } from "../actions/tools.js" */
 /** @import { Measurement, SetLine, SetMeasurement } from "../connection/protocol.js" */
 /** @import { Attribute } from "../elements/dom.js" */
+/** @import { Sort } from "../elements/units.js" */
 
 /** @type {Record<string, string>} */
 export const KINDS = {
@@ -36,7 +38,7 @@ function entryForm(entry, tools) {
   const name = field("name", "Name", entry.name, { maxlength: 200 });
   const title = entry.t === "line" ? `Taped length ${entry.start} \u2013 ${entry.end}` : `${KINDS[entry.kind]} ${entry.points.join(" \u2013 ")}`;
   const fields = entry.t === "line" ? [
-    field("length_m", "Length, metres", entry.length_m ?? "", number), field("sigma_m", "Sigma, metres", entry.sigma_m, number), name,
+    lengthField(field, "length_m", "Length", entry.length_m, "length"), lengthField(field, "sigma_m", "Sigma", entry.sigma_m, "small"), name,
     node("label", {}, "Use", node("select", { name: "use" }, node("option", { value: "adjust", selected: entry.adjust !== false }, "to adjust"),
       node("option", { value: "check", selected: entry.adjust === false }, "only judged"))),
   ] : [name, ...(entry.kind === "skid_speed" ? [
@@ -51,11 +53,30 @@ function entryForm(entry, tools) {
     node("button", { type: "button", onclick: () => tools.cancel() }, "Cancel (Esc)")));
 }
 
+/** @typedef {(name: string, caption: string, value: Attribute, more?: Record<string, Attribute>) => HTMLElement} Field */
+
+// A field for a length in the unit of the project, or in the one that is written behind it.
+/** @param {Field} field @param {string} name @param {string} caption @param {number | null | undefined} metres @param {Sort} sort @param {Record<string, Attribute>} more */
+function lengthField(field, name, caption, metres, sort, more = {}) {
+  const words = node("span", { class: "dim understood", role: "status" });
+  const unit = fieldUnit(sort);
+  const made = field(name, `${caption}, ${WORDS[unit]}`, fieldText(metres, sort), {
+    inputmode: unit === "m" ? "decimal" : "text", ...more,
+    oninput: ({ target }) => { words.textContent = understood(as(HTMLInputElement, target).value, sort); },
+  });
+  words.textContent = understood(fieldText(metres, sort), sort);
+  made.append(words);
+  return made;
+}
+
+/** @type {Record<string, string>} */
+const WORDS = { m: "metres", ft: "feet", in: "inches" };
+
 // What a volume stands on, and whether its points are all around it.
-/** @param {Measurement} entry @param {(name: string, caption: string, value: Attribute, more?: Record<string, Attribute>) => HTMLElement} field */
+/** @param {Measurement} entry @param {Field} field */
 function volumeFields({ parameters = {} }, field) {
   const base = "plane" in parameters ? "plane" : "level" in parameters ? "level" : "ground";
-  const level = field("level", "Level, height in metres", parameters.level ?? "", { inputmode: "decimal", required: false });
+  const level = lengthField(field, "level", "Level, height", parameters.level, "length", { required: false });
   level.hidden = base !== "level";
   /** @param {string} value @param {string} words */
   const option = (value, words) => node("option", { value, selected: value === base }, words);
@@ -98,6 +119,15 @@ export function parse(text) {
   return NUMBER.test(pointed) ? Number(pointed) : NaN;
 }
 
+/** A length in metres, as it was written or with a decimal comma. @param {string} text @param {Sort} [sort] */
+export function readLength(text, sort = "length") {
+  const bare = parse(text); // with what it takes for a number
+  return parseLength(Number.isNaN(bare) ? text : `${bare}`, sort);
+}
+
+/** @param {string} text */
+export const readSmall = (text) => readLength(text, "small");
+
 // Why a text is no number, or what it is asked to mean.
 /** @param {string} text @param {string} example */
 export function noNumber(text, example = "") {
@@ -137,7 +167,7 @@ export function entryMessage(entry, form, taken) {
   return { message: { t: "measure", was, name, kind: entry.kind, points: entry.points, parameters: { ...found, ...flagsOf(entry, form) } } };
 }
 
-/** @typedef {{ field: string, caption: string, example: string, zero?: boolean, any?: boolean }} Wanted a number: `zero`, `any`: which ones will do beside those greater than 0 */
+/** @typedef {{ field: string, caption: string, example: string, zero?: boolean, any?: boolean, sort?: Sort }} Wanted a number, of which `sort` a length is; `zero`, `any`: which ones will do beside those greater than 0 */
 
 /** @param {Entry} entry @param {FormData} form */
 const wantedOf = (entry, form) => NUMBERS[entry.t === "line" ? "line" : entry.kind === "volume" ? textIn(form, "base") : entry.kind] ?? [];
@@ -146,9 +176,9 @@ const wantedOf = (entry, form) => NUMBERS[entry.t === "line" ? "line" : entry.ki
 function numbersIn(form, wanted) {
   /** @type {Record<string, number>} */
   const found = {};
-  for (const { field, caption, example, zero, any } of wanted) {
-    const value = parse(textIn(form, field));
-    if (Number.isNaN(value)) return { why: `${caption}: ${noNumber(textIn(form, field), example)}`, field };
+  for (const { field, caption, example, zero, any, sort } of wanted) {
+    const value = sort ? readLength(textIn(form, field), sort) : parse(textIn(form, field));
+    if (Number.isNaN(value)) return { why: `${caption}: ${noNumber(textIn(form, field), (sort && EXAMPLES[fieldUnit(sort)]) || example)}`, field };
     if (!any && (value < 0 || (value === 0 && !zero))) return { why: `${caption}: ${textIn(form, field)} is not greater than 0.`, field };
     found[field] = value;
   }
@@ -162,9 +192,12 @@ function flagsOf(entry, form) {
   return { ...(textIn(form, "top") && { top: 1 }), ...(textIn(form, "base") === "plane" && { plane: 1 }) };
 }
 
+/** @type {Record<string, string | undefined>} */
+const EXAMPLES = { ft: "in feet, such as 13.2 or 13 ft 2 1/2 in, or with its unit, such as 4.01 m", in: "in inches, such as 0.5, or with its unit, such as 1 cm" };
+
 /** @type {Record<string, Wanted[] | undefined>} */
 const NUMBERS = {
-  line: [{ field: "length_m", caption: "Length", example: "in metres, such as 11.52" }, { field: "sigma_m", caption: "Sigma", example: "in metres, such as 0.01" }],
-  level: [{ field: "level", caption: "Level", example: "in metres, such as 1.5", any: true }],
+  line: [{ field: "length_m", caption: "Length", example: "in metres, such as 11.52", sort: "length" }, { field: "sigma_m", caption: "Sigma", example: "in metres, such as 0.01", sort: "small" }],
+  level: [{ field: "level", caption: "Level", example: "in metres, such as 1.5", any: true, sort: "length" }],
   skid_speed: [{ field: "mu", caption: "Friction", example: "such as 0.7" }, { field: "mu_sigma", caption: "Sigma of the friction", example: "such as 0.05", zero: true }],
 };

@@ -2,8 +2,9 @@
 
 import { adjusted, picksIn, store } from "../connection/store.js";
 import { node } from "../elements/dom.js";
-import { fixed, missing } from "../elements/numbers.js";
+import { fixed, missing, withSigma } from "../elements/numbers.js";
 import { about, fill, keep, list, table, titled } from "../elements/table.js";
+import { inLength, lengthUnit } from "../elements/units.js";
 
 /** @import { Adjusted, ClockOffset, Photo, Remark } from "../connection/protocol.js" */
 /** @typedef {{ photo: Photo, k: number, picks: number, found: Adjusted["frames"][number] }} Facts of a photo */
@@ -38,15 +39,15 @@ function framesPart(facts, show) {
     const status = found?.status ?? (photo.matched ? "matched" : "unmatched");
     const utc = photo.time_utc_s === null ? missing : new Date(photo.time_utc_s * 1000).toISOString().slice(11, 22);
     const words = [photo.time_utc_s === null ? "" : `${utc} UTC`, photo.reason, photo.event ? `event ${photo.event.status}, ${fixed(photo.event.residual_s, 3)} s off` : "",
-      photo.seed ? `seed: ${photo.seed.up_m} m up, direction \u00b1 ${photo.seed.turn_sigma_deg}\u00b0` : "", found?.moved_m ? `moved by ${fixed(found.moved_m, 2)} m` : ""];
+      photo.seed ? `seed: ${withSigma(photo.seed.up_m, null, "m")} up, direction \u00b1 ${photo.seed.turn_sigma_deg}\u00b0` : "", found?.moved_m ? `moved by ${withSigma(found.moved_m, null, "m")}` : ""];
     return node("tr", { title: words.filter(Boolean).join("; "), "data-row": `frame ${k}` },
       node("td", { class: "named ended", title: photo.name }, node("button", { class: "link", name: "show", "aria-label": `Show ${photo.name}`, onclick: () => show(k) }, node("bdi", {}, photo.name))),
-      node("td", {}, `${picks}`), node("td", {}, status), node("td", {}, fixed(seed, 2)), node("td", { class: "value" }, fixed(refined, 2)),
+      node("td", {}, `${picks}`), node("td", {}, status), node("td", {}, fixed(inLength(seed), 2)), node("td", { class: "value" }, fixed(inLength(refined), 2)),
       node("td", { class: "wide-only" }, utc));
   });
   const matched = facts.filter(({ photo }) => photo.matched).length;
-  return titled(`Frames (${matched} of ${facts.length} matched)`, node("p", { class: "dim" }, "How well the camera's place is known, \u03c3 in metres: from the flight alone (seed), and now."),
-    table("Frames", ["photo", "picks", "status", about("seed \u03c3", "before any pick, from the flight log or the given poses"), about("now", "\u03c3 in metres, with all picks and lengths"), node("span", { class: "wide-only" }, "UTC")], rows));
+  return titled(`Frames (${matched} of ${facts.length} matched)`, node("p", { class: "dim" }, `How well the camera's place is known, \u03c3 in ${lengthUnit() === "m" ? "metres" : "feet"}: from the flight alone (seed), and now.`),
+    table("Frames", ["photo", "picks", "status", about("seed \u03c3", "before any pick, from the flight log or the given poses"), about("now", "\u03c3 with all picks and lengths"), node("span", { class: "wide-only" }, "UTC")], rows));
 }
 
 /** @param {Facts[]} facts */

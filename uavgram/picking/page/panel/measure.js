@@ -5,7 +5,8 @@ import { adjusted, labels, remarks, standsAt, store } from "../connection/store.
 import { as, node } from "../elements/dom.js";
 import { alternativesText, degrees, fixed, gradeText, missing, valueText, withSigma } from "../elements/numbers.js";
 import { about, drop, fill, keep, list, remove, table, titled, wCell, withValues } from "../elements/table.js";
-import { entryPart, KINDS } from "./entry.js";
+import { fieldText, fieldUnit, inLength, lengthUnit, smallUnit } from "../elements/units.js";
+import { entryPart, KINDS, readLength } from "./entry.js";
 import { pointPart } from "./point.js";
 import { proposalParts } from "./proposals.js";
 import { placeText } from "./speed.js";
@@ -71,7 +72,7 @@ function pointsPart(selected, tools) {
   const count = countsOfPicks();
   const facts = all.map((label) => {
     const point = now?.points[label];
-    const sigmaMm = point && all.length > 1 ? Math.max(...point.sigma_m.map(Number)) * 1000 : null; // within the survey: one alone has none
+    const sigmaMm = point && all.length > 1 ? Math.max(...point.sigma_m.map(Number)) / smallUnit().metres : null; // within the survey: one alone has none
     const stands = standsAt(label);
     return { label, fit: worst.get(label), sigmaMm, count: count.get(label) ?? 0, up: stands ? ` \u2191${withSigma(stands.height, stands.sigma, "m")}` : "" };
   });
@@ -86,9 +87,9 @@ function pointsTable(facts, selected, tools) {
     const chosen = selected === label;
     return node("tr", { class: chosen ? "selected" : "", "data-row": `point ${label}` },
       node("td", { class: "named", title: label }, node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => tools.select(label) }, label), node("span", { class: "dim", title: up && "over the ground" }, `${kind}${up}`)),
-      node("td", {}, `${count}`), node("td", { class: "value" }, fixed(sigmaMm, Number(sigmaMm) < 10 ? 1 : 0)), node("td", { class: "value" }, wCell(fit?.w, fit?.status)));
+      node("td", {}, `${count}`), node("td", { class: "value" }, fixed(sigmaMm, smallUnit().symbol === "in" ? 2 : Number(sigmaMm) < 10 ? 1 : 0)), node("td", { class: "value" }, wCell(fit?.w, fit?.status)));
   });
-  return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about("\u03c3 mm", `within the survey; ${SIGMA}`), about("worst w", W)], rows));
+  return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about(`\u03c3 ${smallUnit().symbol}`, `within the survey; ${SIGMA}`), about("worst w", W)], rows));
 }
 
 const SIGMA = "standard deviation: the true value lies within twice as much 19 times out of 20";
@@ -99,9 +100,9 @@ function lengthsPart(tools) {
   if (!store.lines.length) return null;
   const now = adjusted();
   const part = keep("lengths", store.lines, () => titled(`Lengths (${store.lines.length})`,
-    table("Known lengths", ["name", "taped m", about("adjusted", "in metres, as all observations together have it"), about("\u03c3", SIGMA), about("w", W), ""], store.lines.map((line) => lengthRow(line, tools)))));
+    table("Known lengths", ["name", `taped ${lengthUnit()}`, about("adjusted", "as all observations together have it"), about("\u03c3", SIGMA), about("w", W), ""], store.lines.map((line) => lengthRow(line, tools)))));
   const fits = store.lines.map((line) => now?.lines[line.name]);
-  return withValues(part, fits.flatMap((fit) => [[fixed(fit?.adjusted_m, 3)], [fixed(fit?.sigma_m, 3)], [wCell(fit?.w, fit?.status, fit?.why)]]));
+  return withValues(part, fits.flatMap((fit) => [[fixed(inLength(fit?.adjusted_m), 3)], [fixed(inLength(fit?.sigma_m), 3)], [wCell(fit?.w, fit?.status, fit?.why)]]));
 }
 
 /** @param {Line} line @param {Tools} tools */
@@ -114,11 +115,11 @@ function lengthRow(line, tools) {
     node("td", { class: "named" }, node("button", { class: "link", name: "change", "aria-label": `Change length ${line.name}, ${line.start} to ${line.end}`, onclick: () => tools.changeLine(line) }, line.name),
       line.adjust ? null : node("span", { class: "dim" }, " check")),
     node("td", {}, node("input", {
-      name: "length", value: line.length_m, inputmode: "decimal", autocomplete: "off", "aria-label": `${line.name}, taped length in metres`,
+      name: "length", value: fieldText(line.length_m), inputmode: fieldUnit() === "m" ? "decimal" : "text", autocomplete: "off", "aria-label": `${line.name}, taped length in ${fieldUnit()}`,
       onchange: ({ target }) => {
         const input = as(HTMLInputElement, target);
-        tools.number(input, (length_m) => { if (length_m !== null) change({ length_m }); });
-        input.value = `${line.length_m}`; // until it is confirmed, and the table made anew
+        tools.number(input, (length_m) => { if (length_m !== null) change({ length_m }); }, readLength);
+        input.value = fieldText(line.length_m); // until it is confirmed, and the table made anew
       },
     })),
     value(), value(), value(),
@@ -174,7 +175,7 @@ function unmeasured(name) {
   return node("span", { class: "bad", title: why?.text }, "not measured");
 }
 
-const ON_EARTH = "East and north of the survey's origin in metres; latitude and longitude in degrees (WGS 84) where it is tied to the earth";
+const ON_EARTH = "East and north of the survey's origin; latitude and longitude in degrees (WGS 84) where it is tied to the earth";
 
 /** @param {Measurement} one @param {Tools} tools */
 function measurementRow(one, tools) {
@@ -190,7 +191,7 @@ function measurementRow(one, tools) {
 function advicePart(tools) {
   const advice = adjusted()?.advice;
   if (!advice) return null;
-  const text = `Tape ${advice.start} \u2013 ${advice.end} (about ${advice.length_m} m) next: distances between the points would be known to `
+  const text = `Tape ${advice.start} \u2013 ${advice.end} (about ${withSigma(advice.length_m, null, "m")}) next: distances between the points would be known to `
     + `${percent(advice.relative_sigma_after)} instead of ${percent(advice.relative_sigma)}. `;
   return keep("advice", advice, () => titled("What a further length would bring", node("p", { class: "value" }, text),
     node("button", { onclick: () => tools.askLength(advice.start, advice.end) }, "Enter it")));
@@ -213,12 +214,12 @@ function knownPart(tools) {
   const off = new Map((adjusted()?.checks ?? []).map((check) => [check.label, check]));
   const picked = countsOfPicks();
   const sign = [known, [...off.values()], known.map(([label]) => picked.get(label) ?? 0)];
-  return keep("known", sign, () => titled("Known points", node("p", { class: "dim" }, "Control points take part; check points are withheld, and judged: metres off."),
+  return keep("known", sign, () => titled("Known points", node("p", { class: "dim" }, `Control points take part; check points are withheld, and judged: ${lengthUnit() === "m" ? "metres" : "feet"} off.`),
     table("Known points", ["label", "use", "photos", "east", "north", "up"], known.map(([label, use]) => {
       const { error_m, sigma_m } = off.get(label) ?? { error_m: [null, null, null], sigma_m: [] };
       return node("tr", { "data-row": `known ${label}` },
         node("td", { title: label }, node("button", { class: "link", name: "name", "aria-label": `Pick ${label}`, onclick: () => tools.name(label) }, label)),
         node("td", {}, use), node("td", {}, `${picked.get(label) ?? 0}`),
-        ...error_m.map((value, k) => node("td", { class: "value", title: value === null ? "" : withSigma(value, sigma_m[k], "m") }, fixed(value, 3))));
+        ...error_m.map((value, k) => node("td", { class: "value", title: value === null ? "" : withSigma(value, sigma_m[k], "m") }, fixed(inLength(value), 3))));
     }))));
 }

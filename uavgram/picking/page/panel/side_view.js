@@ -4,6 +4,7 @@ import { adjusted, store } from "../connection/store.js";
 import { node, shape } from "../elements/dom.js";
 import { fixed, places, withSigma } from "../elements/numbers.js";
 import { keep, table, titled } from "../elements/table.js";
+import { inLength, lengthUnit } from "../elements/units.js";
 import { KINDS } from "./entry.js";
 
 /** @import { Link } from "../connection/link.js" */
@@ -100,8 +101,8 @@ function drawing({ name, kind, points: order }, points) {
   const path = (some, what) => some.map((point) => `${x(known(point.station_m)[0]).toFixed(1)},${y(known(point[what])[0]).toFixed(1)}`).join(" ");
   const drawn = kind === "profile" ? along : order.flatMap((label) => points.filter((point) => point.label === label));
   const closed = ["area", "volume"].includes(kind) ? [...drawn, drawn[0]] : drawn;
-  const up = `${fixed(most - least, 2)} m from the lowest to the highest${times > 1 ? `, heights \u00d7${times}` : ""}`;
-  return shape("svg", { class: "side", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, width: WIDTH, height: HEIGHT, role: "img", "aria-label": `${name} from the side: ${fixed(length, 2)} m long, ${up}` },
+  const up = `${fixed(inLength(most - least), 2)} ${lengthUnit()} from the lowest to the highest${times > 1 ? `, heights \u00d7${times}` : ""}`;
+  return shape("svg", { class: "side", viewBox: `0 0 ${WIDTH} ${HEIGHT}`, width: WIDTH, height: HEIGHT, role: "img", "aria-label": `${name} from the side: ${fixed(inLength(length), 2)} ${lengthUnit()} long, ${up}` },
     shape("polyline", { class: "earth", points: path(along, "ground_m") }), shape("polyline", { class: "along", points: path(closed, "height_m") }),
     ...axis(scales, along[0].label), ...along.map((point) => pointShape(point, scales)), ...labelShapes(along, scales));
 }
@@ -118,8 +119,8 @@ function axis({ y, times, least, most, length }, first) {
   const digits = Math.min(Math.max(2 - Math.floor(Math.log10(Math.max(most - least, LEAST_HEIGHT_M))), 0), 3) - 1;
   const ticks = most - least > LEAST_HEIGHT_M / 2 ? [least, most] : [(least + most) / 2];
   return [
-    ...ticks.map((height) => textShape(fixed(height, Math.max(digits, 1)), LEFT - 4, y(height) + 4, "end")),
-    textShape(`${fixed(length, places(length / 1000))} m`, WIDTH - RIGHT, HEIGHT - 4, "end"),
+    ...ticks.map((height) => textShape(fixed(inLength(height), Math.max(digits, 1)), LEFT - 4, y(height) + 4, "end")),
+    textShape(`${fixed(inLength(length), places(length / 1000))} ${lengthUnit()}`, WIDTH - RIGHT, HEIGHT - 4, "end"),
     textShape(`heights over ${first}${times > 1 ? `, drawn \u00d7${times}` : ""}; bars 95\u00a0%`, LEFT - 30, HEIGHT - 4, "start"),
   ];
 }
@@ -153,7 +154,7 @@ function labelShapes(along, { x, y }) {
 /** @param {SidePoint[]} points */
 function numbersPart(points) {
   const along = [...points].sort((a, b) => known(a.station_m)[0] - known(b.station_m)[0]);
-  return node("details", {}, node("summary", {}, "Numbers"), table("Points from the side", ["point", "along m", "height m", "ground m"], along.map(({ label, station_m, height_m, ground_m }) => node("tr", {},
-    node("td", { class: "named", title: label }, label), node("td", { class: "value", title: withSigma(...station_m, "m") }, fixed(station_m[0], 2)),
-    node("td", { class: "value" }, withSigma(height_m[0], height_m[1] || null)), node("td", { class: "value", title: withSigma(...ground_m, "m") }, fixed(ground_m[0], places(ground_m[1])))))));
+  return node("details", {}, node("summary", {}, "Numbers"), table("Points from the side", ["point", ...["along", "height", "ground"].map((what) => `${what} ${lengthUnit()}`)], along.map(({ label, station_m, height_m, ground_m }) => node("tr", {},
+    node("td", { class: "named", title: label }, label), node("td", { class: "value", title: withSigma(...station_m, "m") }, fixed(inLength(station_m[0]), 2)),
+    node("td", { class: "value" }, withSigma(inLength(height_m[0]), inLength(height_m[1] || null))), node("td", { class: "value", title: withSigma(...ground_m, "m") }, fixed(inLength(ground_m[0]), places(ground_m[1])))))));
 }

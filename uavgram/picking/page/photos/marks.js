@@ -2,7 +2,8 @@
 
 import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, proposalAt, proposals, standsAt, store } from "../connection/store.js";
 import { put, shape } from "../elements/dom.js";
-import { fixed, heightText, missing, places, valueText, withSigma } from "../elements/numbers.js";
+import { fixed, heightText, missing, valueOnly, valueText, withSigma } from "../elements/numbers.js";
+import { shortText } from "../elements/units.js";
 import { showTag } from "./labels.js";
 import { madeBy, SHAPES, sourceOf } from "./sources.js";
 
@@ -134,7 +135,7 @@ function pickGroup(pick, tag, fit, selected, shown, pulled) {
 // A label, and how high its point stands where it is off the ground.
 /** @param {string} label @param {ReturnType<typeof standsAt>} stands */
 function tagText(label, stands) {
-  return stands ? `${label} ${stands.height < 0 ? "\u2193" : "\u2191"}${fixed(Math.abs(stands.height), Math.min(places(stands.sigma), 2))} m` : label;
+  return stands ? `${label} ${stands.height < 0 ? "\u2193" : "\u2191"}${shortText(Math.abs(stands.height), stands.sigma)}` : label;
 }
 
 /** @param {string} label @returns {"control" | "check" | ""} */
@@ -234,7 +235,7 @@ function place(group, view, u, v) {
 /** @param {number} image @param {Line} line */
 function lengthPath(image, line) {
   const now = adjusted()?.lines[line.name];
-  const words = now?.adjusted_m ? withSigma(now.adjusted_m, now.sigma_m, "m") : `${line.length_m} m taped`;
+  const words = now?.adjusted_m ? withSigma(now.adjusted_m, now.sigma_m, "m") : `${valueOnly(line.length_m, line.sigma_m, "m")} taped`;
   const kind = `length${line.adjust ? "" : " withheld"}${isSuspect(now?.status) ? " suspect" : ""}`;
   return pathOf(image, [line.start, line.end], kind, `${line.name} ${words}`, false);
 }

@@ -16,6 +16,7 @@ from uavgram.views.style import BAD, FRAME_COLOURS, OBSERVED, REFINED, SEED, Rgb
 from uavgram.views.survey.drawing import largest_known
 from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.survey.limits import pick_limit
+from uavgram.views.units import column, units_of
 from uavgram.views.wording import FRAME_STATE_WORDS
 
 RESIDUAL_REFINED = "plots/residual"
@@ -100,25 +101,25 @@ def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
     ):
         recorder.curve(path, values, name, colour)
     frames = result.frames
+    one = column(units_of(result))
     for path, height, poses, name, colour in (
-        (f"{HEIGHT}/flight_log", curves.seed_height_m, frames.seed, "flight log [m]", SEED),
-        (f"{HEIGHT}/refined", curves.refined_height_m, frames.refined, "refined [m]", REFINED),
+        (f"{HEIGHT}/flight_log", curves.seed_height_m, frames.seed, "flight log", SEED),
+        (f"{HEIGHT}/refined", curves.refined_height_m, frames.refined, "refined", REFINED),
     ):
-        _heights(recorder, path, height, poses.covariance[:, 2, 2], name, colour)
+        variance = one.factor**2 * poses.covariance[:, 2, 2]
+        _heights(recorder, path, one.factor * height, variance, f"{name} [{one.symbol}]", colour)
 
 
 def _heights(
-    recorder: Recorder, path: str, height_m: Floats, variance_m2: Floats, name: str, colour: Rgb
+    recorder: Recorder, path: str, height: Floats, variance: Floats, name: str, colour: Rgb
 ) -> None:
-    known = np.flatnonzero(np.isfinite(height_m) & np.isfinite(variance_m2))
+    known = np.flatnonzero(np.isfinite(height) & np.isfinite(variance))
     if len(known):
         recorder.static(path, rr.Measurements.from_fields(colors=colour, names=name, widths=2.0))
         recorder.rows(
             path,
             known,
-            lambda some: rr.Measurements.columns(
-                values=height_m[some], variances=variance_m2[some]
-            ),
+            lambda some: rr.Measurements.columns(values=height[some], variances=variance[some]),
         )
 
 

@@ -8,9 +8,11 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
+from uavgram.model.units import METRIC, Units
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import MEASURED, OBSERVED, REFINED, SEED
 from uavgram.views.survey.drawing import largest_sigmas
+from uavgram.views.units import column
 
 CORRECTION = "plots/attitude_correction"
 ATTITUDE_SIGMA = "plots/attitude_sigma"
@@ -59,15 +61,19 @@ def pose_curves(result: Result) -> PoseCurves:
     )
 
 
-def log_pose_plots(recorder: Recorder, curves: PoseCurves) -> None:
-    """Log every curve."""
+def log_pose_plots(recorder: Recorder, curves: PoseCurves, units: Units = METRIC) -> None:
+    """Log every curve, lengths in the units of the project."""
+    one = column(units)
     for path, values, name, colour in (
         (f"{CORRECTION}/tilt", curves.tilt_deg, "optical axis tilted [°]", REFINED),
         (f"{CORRECTION}/turn", curves.turn_deg, "photo turned [°]", MEASURED),
         (f"{CORRECTION}/log_sigma", curves.seed_attitude_deg, "σ of the flight log [°]", OBSERVED),
         (f"{ATTITUDE_SIGMA}/flight_log", curves.seed_attitude_deg, "flight log [°]", SEED),
         (f"{ATTITUDE_SIGMA}/refined", curves.refined_attitude_deg, "refined [°]", REFINED),
-        (f"{POSITION_SIGMA}/flight_log", curves.seed_position_m, "flight log [m]", SEED),
-        (f"{POSITION_SIGMA}/refined", curves.refined_position_m, "refined [m]", REFINED),
     ):
         recorder.curve(path, values, name, colour)
+    for path, values, name, colour in (
+        (f"{POSITION_SIGMA}/flight_log", curves.seed_position_m, "flight log", SEED),
+        (f"{POSITION_SIGMA}/refined", curves.refined_position_m, "refined", REFINED),
+    ):
+        recorder.curve(path, one.factor * values, f"{name} [{one.symbol}]", colour)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.model.result.result import Result
-from uavgram.views.pages import page_environment
+from uavgram.views.pages import page_environment, units_shown
 from uavgram.views.recording.curves.plots import Curves
 from uavgram.views.recording.curves.pose_curves import PoseCurves
 from uavgram.views.recording.photo.frame_picks import FramePicks
@@ -34,9 +34,10 @@ def frame_sheets(
     sigma = np.sqrt(np.diagonal(frames.refined.covariance, axis1=1, axis2=2))
     moved = np.linalg.norm(frames.refined.center_world_m - frames.seed.center_world_m, axis=1)
     w = np.nan_to_num(np.abs(result.picks.w))
-    made = frames_made(result)
+    made, shown = frames_made(result), units_shown(result)
     for i, rows in enumerate(picks.rows):
         sheet = template.render(
+            **shown,
             result=result,
             frames=frames,
             frame_words=FRAME_STATUS_WORDS,

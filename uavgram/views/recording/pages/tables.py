@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from functools import partial
 
 import numpy as np
 
 from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.result import Result
-from uavgram.views.pages import page_environment
+from uavgram.views.pages import page_environment, units_shown
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.world.points import has_outlines
 from uavgram.views.survey.departures import departures
@@ -31,6 +32,7 @@ from uavgram.views.survey.sources import (
     ties_text,
 )
 from uavgram.views.survey.verdict import STATUS_WORDS, THREE_SIGMA, VerdictWords, headline
+from uavgram.views.units import units_of
 from uavgram.views.wording import (
     LEVEL_RANK,
     LINE_STATUS_WORDS,
@@ -53,7 +55,8 @@ def _page(name: str, result: Result, **shown: object) -> str:
     text = template.render(
         result=result,
         effect_words=effect_words,
-        measurement_text=measurement_text,
+        measurement_text=partial(measurement_text, units=units_of(result)),
+        **units_shown(result),
         line_words=LINE_STATUS_WORDS,
         status_words=STATUS_WORDS,
         not_unique=NOT_UNIQUE,

@@ -37,6 +37,8 @@ from uavgram.views.survey.drawing import in_photo, project_from, sampled, uncove
 from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.survey.off_ground import OffGround
 from uavgram.views.survey.verdict import named_picks
+from uavgram.views.unit_words import in_units
+from uavgram.views.units import units_of
 from uavgram.views.wording import FRAME_STATE_WORDS, number, worst_first
 
 # Pixel and text of a label.
@@ -250,7 +252,7 @@ def _with_heights(result: Result) -> dict[str, str]:
     rows = np.flatnonzero(points.is_off_ground).tolist()
     heights = [number(points.height_above_ground_m[row], 2, signed=True) for row in rows]
     return {
-        points.label[row]: f"{points.label[row]} {height} m"
+        points.label[row]: f"{points.label[row]} {in_units(f'{height} m', units_of(result))}"
         for row, height in zip(rows, heights, strict=True)
     }
 

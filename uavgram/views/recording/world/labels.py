@@ -15,12 +15,13 @@ from uavgram.views.survey.drawing import longest_middle, uncovered
 from uavgram.views.survey.key_facts import least_certain_length
 from uavgram.views.survey.off_ground import height_label
 from uavgram.views.survey.verdict import STATUS_WORDS
+from uavgram.views.unit_words import in_units
+from uavgram.views.units import units_of
 from uavgram.views.wording import (
-    UNIT_WORDS,
     alternatives_text,
     axes_text,
-    decimals_for,
     relative,
+    with_sigma,
     worst_first,
 )
 
@@ -61,20 +62,20 @@ def line_width(count: int) -> float:
 def reference_text(result: Result, row: int) -> str:
     """``R1 lane: 34.00 m (known)``."""
     lines = result.lines
-    taped = f"{lines.name[row]}: {lines.length_m[row]:.2f} m"
+    units = units_of(result)
+    taped = f"{lines.name[row]}: {in_units(f'{lines.length_m[row]:.2f} m', units)}"
     if lines.status[row] in ("suspect", "removed"):
-        return f"{lines.status[row].upper()} {taped} taped, {lines.adjusted_m[row]:.2f} m found"
+        found = in_units(f"{lines.adjusted_m[row]:.2f} m", units)
+        return f"{lines.status[row].upper()} {taped} taped, {found} found"
     return f"{taped} (withheld)" if lines.status[row] == "checked" else f"{taped} (known)"
 
 
 def measured_text(result: Result, row: int) -> str:
-    """``road width 6.31 m ± 0.02 (contradicted)``; also ``or 7.25 m`` where that fits as well."""
-    rows = result.measurements
-    unit, sigma = rows.unit[row], float(rows.sigma[row])
-    places = decimals_for(sigma, unit)
-    value = f"{rows.value[row]:.{places}f} {UNIT_WORDS.get(unit, unit)} ± {sigma:.{places}f}"
+    """``road width 6.31 ± 0.02 m (contradicted)``; also ``or 7.25 m`` where that fits as well."""
+    rows, units = result.measurements, units_of(result)
+    value = with_sigma(float(rows.value[row]), float(rows.sigma[row]), rows.unit[row], units)
     status = "" if rows.status[row] == "ok" else f"({STATUS_WORDS[rows.status[row]]})"
-    words = (rows.name[row], value, alternatives_text(rows, row), status)
+    words = (rows.name[row], value, alternatives_text(rows, row, units), status)
     return " ".join(filter(None, words))
 
 
@@ -120,10 +121,11 @@ def _heights(result: Result, scene: Scene) -> list[Candidate]:
     """Heights of points off the ground, the highest first."""
     if scene.off_ground is None:
         return []
-    points, rows = result.points, scene.off_ground.rows
+    points, rows, units = result.points, scene.off_ground.rows, units_of(result)
     highest = rows[np.argsort(-points.height_above_ground_m[rows], kind="stable")]
     return [
-        (points.position_world_m[row], height_label(points, row), -1) for row in highest.tolist()
+        (points.position_world_m[row], height_label(points, row, units), -1)
+        for row in highest.tolist()
     ]
 
 
@@ -140,7 +142,9 @@ def _worst_point(
     if row is None:
         return []
     axes, spot = points.relative.ellipse_95_m[row], points.position_world_m[row]
-    text = f"{points.label[row]}: largest 95 % ellipse, {axes_text(axes)}"
+    text = (
+        f"{points.label[row]}: largest 95 % ellipse, {in_units(axes_text(axes), units_of(result))}"
+    )
     aside = np.array([0.0, scene.ellipse_factor * axes[0] + LABEL_GAP * scene.size_m, 0.0])
     for side in (0, 1, -1):
         place: Candidate = (spot + side * aside, text, -1)

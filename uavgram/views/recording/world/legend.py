@@ -32,6 +32,8 @@ from uavgram.views.style import (
 )
 from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.survey.verdict import STATUS_WORDS, headline
+from uavgram.views.unit_words import in_units
+from uavgram.views.units import units_of
 from uavgram.views.wording import size_text
 
 LEGEND = "legend"
@@ -195,11 +197,12 @@ def _scale(
     pen.text((left, ROWS_PX[0]), words, fill=TEXT, font=font)
     end = left + int(pen.textlength(words, font=font))
     y = ROWS_PX[1] + 6
-    first = size_text(low)
+    units = units_of(result)
+    first = in_units(size_text(low), units)
     pen.text((left, ROWS_PX[1]), first, fill=TEXT, font=font)
     x = left + int(pen.textlength(first, font=font)) + 16
     for k, colour in enumerate(colours):
         pen.line([(x + k, y), (x + k, y + 26)], fill=tuple(int(c) for c in colour))
-    last = size_text(high)
+    last = in_units(size_text(high), units)
     pen.text((x + 316, ROWS_PX[1]), last, fill=TEXT, font=font)
     return max(end, x + 316 + int(pen.textlength(last, font=font))) + GAP_PX

@@ -16,8 +16,7 @@ from uavgram.views.recording.world.heights import MOST_ELLIPSOIDS, log_heights
 from uavgram.views.recording.world.marks import polylines, texts
 from uavgram.views.style import OBSERVED, TIE_FAINT, scale_colours
 from uavgram.views.survey.departures import Departures
-from uavgram.views.survey.drawing import round_length
-from uavgram.views.wording import size_text
+from uavgram.views.units import round_bar, units_of
 
 # Outlines are heavy on the viewer.
 MOST_OUTLINES = 5_000
@@ -149,7 +148,7 @@ def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
     if scene.worst_point is None:
         return
     major = float(result.points.relative.ellipse_95_m[scene.worst_point, 0])
-    length = round_length(2 * major)
+    length, words = round_bar(2 * major, units_of(result))
     middle = result.points.position_world_m[scene.worst_point] - [0.0, BAR_BELOW * major, 0.0]
     ends = middle + np.array([[-0.5, 0, 0], [0.5, 0, 0]]) * length
     recorder.static(
@@ -158,7 +157,7 @@ def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
             [ends],
             colors=OBSERVED,
             radii=rr.Radius.ui_points(2.0),
-            labels=[size_text(length)],
+            labels=[words],
             show_labels=True,
         ),
     )

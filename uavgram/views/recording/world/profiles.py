@@ -89,8 +89,8 @@ def _words(drawing: ProfileDrawing) -> list[Word]:
     scale = "to one scale" if factor == 1 else f"heights {factor} times too large"
     words: list[Word] = [
         ((WIDTH / 2, -TITLE_UP), f"{drawing.name}: 95 % intervals, {scale}"),
-        ((LEFT + drawing.bar / 2, drawing.height + BAR_UP), f"{drawing.bar_m:g} m"),
-        *(((NUMBER_AT, y), f"{text} m") for y, text in drawing.grid),
+        ((LEFT + drawing.bar / 2, drawing.height + BAR_UP), drawing.bar_text),
+        *(((NUMBER_AT, y), text) for y, text in drawing.grid),
         *drawing.names,
     ]
     anchors = np.array([at for at, _ in words])
