@@ -24,6 +24,8 @@ CHANGES = st.one_of(
     st.builds(c.Unpick, image=IMAGES, label=LABELS),
     st.builds(c.Forget, label=LABELS),
     st.builds(c.Rename, label=LABELS, new=LABELS),
+    st.builds(c.Merge, label=LABELS, into=LABELS, keep=st.just("") | LABELS),
+    st.builds(c.Split, label=LABELS, new=LABELS, images=st.lists(IMAGES).map(tuple)),
     st.builds(
         c.SetHeight,
         label=LABELS,

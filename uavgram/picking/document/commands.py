@@ -83,6 +83,28 @@ class Rename:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Merge:
+    """Take two labels for one point: all that is said of `label` is said of `into` from now on.
+
+    `keep` is the one of the two whose picks stay in photos in which both are picked; empty where
+    there is no such photo.
+    """
+
+    label: str
+    into: str
+    keep: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Split:
+    """Take the picks of a label in some photos for another point, which is called `new`."""
+
+    label: str
+    new: str
+    images: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class SetSigma:
     """State the standard deviation of one pick; None: the project's own."""
 
@@ -235,6 +257,8 @@ Change = (
     | Unpick
     | Forget
     | Rename
+    | Merge
+    | Split
     | SetSigma
     | SetHeight
     | SetLine

@@ -256,6 +256,13 @@ class _Fields:
             found.append((one.photo().name, one.label()))
         return tuple(found)
 
+    def photos(self, name: str) -> tuple[str, ...]:
+        """Names of photos, given by their numbers."""
+        values = self._take(name)
+        if not isinstance(values, list) or not 0 < len(values) <= len(self._photos):
+            _refuse(f"{name} must be a list of 1 to {len(self._photos)} photos")
+        return tuple(_Fields({"image": value}, self._photos).photo().name for value in values)
+
     def labels(self, name: str) -> tuple[str, ...]:
         values = self._take(name)
         if not isinstance(values, list) or len(values) > MOST_POINTS:
@@ -292,6 +299,9 @@ _READERS: dict[str, Callable[[_Fields], object]] = {
     "from_v_px": lambda f: f.optional_place("from_v_px", f.size.height_px),
     "label": _Fields.label,
     "new": lambda f: f.label("new"),
+    "into": lambda f: f.label("into"),
+    "keep": lambda f: f.label("keep") if f.has("keep") else "",
+    "images": lambda f: f.photos("images"),
     "start": lambda f: f.label("start"),
     "end": lambda f: f.label("end"),
     "was": lambda f: f.text("was", empty=True),
@@ -323,6 +333,8 @@ _KINDS: dict[str, type[c.Command | c.Accept | c.Question | c.ProjectAction]] = {
     "unpick": c.Unpick,
     "forget": c.Forget,
     "rename": c.Rename,
+    "merge": c.Merge,
+    "split": c.Split,
     "sigma": c.SetSigma,
     "height": c.SetHeight,
     "line": c.SetLine,
