@@ -105,6 +105,15 @@ class Split:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Swap:
+    """Exchange two labels where they are picked: in one photo, or, where it is empty, in all."""
+
+    image: str
+    label: str
+    other: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class SetSigma:
     """State the standard deviation of one pick; None: the project's own."""
 
@@ -164,6 +173,13 @@ class RemoveMeasurement:
     """Remove a measurement."""
 
     name: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class All:
+    """Several changes in one step, in this order: all of them, or, where one does not fit, none."""
+
+    changes: tuple[SingleChange, ...]
 
 
 @dataclass(frozen=True)
@@ -251,7 +267,7 @@ class UseCamera:
     """Name the camera file that was made last in the project, and read the project again."""
 
 
-Change = (
+SingleChange = (
     Place
     | PlaceAll
     | Unpick
@@ -259,6 +275,7 @@ Change = (
     | Rename
     | Merge
     | Split
+    | Swap
     | SetSigma
     | SetHeight
     | SetLine
@@ -266,6 +283,7 @@ Change = (
     | SetMeasurement
     | RemoveMeasurement
 )
+Change = SingleChange | All
 Command = Change | Undo | Redo
 ProjectAction = (
     Refuse

@@ -12,15 +12,10 @@ from typing import Any, TypeVar
 
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.labels import (
-    merged,
-    points_fault,
-    renamed,
-    split,
-    without_matches,
-)
+from uavgram.picking.document.labels import forget, rename, swap
+from uavgram.picking.document.merging import merge, points_fault, split
 from uavgram.picking.document.refused import RefusedError
-from uavgram.picking.document.state import Line, Pick, State
+from uavgram.picking.document.state import Line, Pick, State, without_matches
 
 MOST_STEPS = 10_000
 """Steps that can be taken back; older ones are forgotten."""
@@ -169,14 +164,6 @@ def _unpick(state: State, do: c.Unpick) -> State:
     return without_matches(replace(state, picks=kept), there)
 
 
-def _forget(state: State, do: c.Forget) -> State:
-    return State(
-        picks=tuple(pick for pick in state.picks if pick.label != do.label),
-        lines=tuple(line for line in state.lines if do.label not in {line.start, line.end}),
-        requests=tuple(one for one in state.requests if do.label not in one.points),
-    )
-
-
 def _set_sigma(state: State, do: c.SetSigma) -> State:
     there = _required(state, do.image, do.label)
     return _with_pick(state, there, replace(there, sigma_px=do.sigma_px))
@@ -221,20 +208,28 @@ def _remove_measurement(state: State, do: c.RemoveMeasurement) -> State:
     return replace(state, requests=_without_named(state.requests, do.name, "measurement"))
 
 
+def _all(state: State, do: c.All) -> State:
+    for change in do.changes:
+        state = _CHANGES[type(change)](state, change)
+    return state
+
+
 _CHANGES: dict[type, Callable[..., State]] = {
     c.Place: _place,
     c.PlaceAll: _place_all,
     c.Unpick: _unpick,
-    c.Forget: _forget,
-    c.Rename: renamed,
-    c.Merge: merged,
+    c.Forget: forget,
+    c.Rename: rename,
+    c.Merge: merge,
     c.Split: split,
+    c.Swap: swap,
     c.SetSigma: _set_sigma,
     c.SetHeight: _set_height,
     c.SetLine: _set_line,
     c.RemoveLine: _remove_line,
     c.SetMeasurement: _set_measurement,
     c.RemoveMeasurement: _remove_measurement,
+    c.All: _all,
 }
 
 

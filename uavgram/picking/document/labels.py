@@ -1,24 +1,25 @@
-"""Labels that are called otherwise, taken for one point, or taken for two; pure."""
+"""Changes of labels: what stands behind a name, in picks, lengths and measurements; pure."""
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any
 
-from uavgram.io.tables.measure import POINT_COUNTS, THERE_AND_BACK, counted, request_fault
-from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.refused import RefusedError
-from uavgram.picking.document.state import Pick, State, with_label
-
-Stated = dict[str, Any]
-"""What picks say of their label's point, by field: a height, an area."""
+from uavgram.picking.document.state import Pick, State, without_matches
 
 
-def renamed(state: State, do: c.Rename) -> State:
-    """The state with a label called otherwise; raises `RefusedError` where the name is taken."""
+def forget(state: State, do: c.Forget) -> State:
+    """The state without a label."""
+    return State(
+        picks=tuple(pick for pick in state.picks if pick.label != do.label),
+        lines=tuple(line for line in state.lines if do.label not in {line.start, line.end}),
+        requests=tuple(one for one in state.requests if do.label not in one.points),
+    )
+
+
+def rename(state: State, do: c.Rename) -> State:
+    """The state with a label called otherwise; raises `RefusedError` where that name is taken."""
     if do.new != do.label and do.new in all_labels(state):
         raise RefusedError(f"there is a label {do.new!r} already")
     if do.label not in all_labels(state):
@@ -26,69 +27,44 @@ def renamed(state: State, do: c.Rename) -> State:
     return with_label(state, do.label, do.new)
 
 
-def merged(state: State, do: c.Merge) -> State:
-    """The state with two labels taken for one point.
+def swap(state: State, do: c.Swap) -> State:
+    """The state with the picks of two labels exchanged; lengths and measurements stay as written.
+
+    A photo in which only one of them is picked then has the other. What is stated of a label's
+    height stays with the label, as lengths do: people wrote it of the point of that name.
 
     Raises
     ------
     RefusedError
-        They cannot be one point, or it is not said which picks stay.
+        They are one label, one of them is nowhere, or neither is picked there.
     """
-    for label in (do.label, do.into):
+    other = {do.label: do.other, do.other: do.label}
+    if len(other) < 2:
+        raise RefusedError(f"{do.label!r} cannot be exchanged with itself")
+    for label in other:
         if label not in all_labels(state):
             raise RefusedError(f"there is no label {label!r}")
-    if do.label == do.into:
-        raise RefusedError(f"{do.label!r} is that point already: choose another one")
-    stated = _common(state, do.label, do.into)
-    alone = _with_one_pick_each(state, do)
-    after = with_label(alone, do.label, do.into)
-    _refuse_what_has_no_length(alone, after, do)
-    picks = tuple(
-        replace(pick, **stated) if pick.label == do.into else pick for pick in after.picks
-    )
-    return replace(after, picks=picks)
+    taken = [pick for pick in state.picks if pick.label in other and do.image in {pick.image, ""}]
+    if not taken:
+        where = f"in {do.image!r}" if do.image else "in any photo"
+        raise RefusedError(f"neither {do.label!r} nor {do.other!r} is picked {where}")
+    stated = {pick.label: {**pick.height, "area": pick.area} for pick in reversed(state.picks)}
+    swapped = {}
+    for pick in taken:
+        label = other[pick.label]
+        changes = {**stated.get(label, stated[pick.label]), "label": label}
+        swapped[pick.key] = replace(_by_hand(pick) if do.image else pick, **changes)
+        if do.image:
+            state = without_matches(state, pick)
+    picks = tuple(swapped.get(pick.key, pick) for pick in state.picks)
+    return replace(state, picks=picks)
 
 
-def split(state: State, do: c.Split) -> State:
-    """The state with some picks of a label taken for another point.
-
-    What the program found from one of them shows the same, and goes with it. What it found from
-    a pick that stays is no longer a match of that: the person who says what it shows picked it.
-    Lengths and measurements stay with the label.
-
-    Raises
-    ------
-    RefusedError
-        The name is taken, or nothing would be left on one side.
-    """
-    if do.new in all_labels(state):
-        raise RefusedError(f"there is a label {do.new!r} already: choose another name")
-    own = [pick for pick in state.picks if pick.label == do.label]
-    going = _with_matches(own, [pick for pick in own if pick.image in do.images])
-    if not going:
-        raise RefusedError(f"{do.label!r} is not picked in these photos")
-    if len(going) == len(own):
-        raise RefusedError(
-            f"no pick of {do.label!r} would be left: rename it, or choose fewer photos"
-        )
-    stated = _stated(own)
-    picks = []
-    for pick in state.picks:
-        if pick.label != do.label:
-            picks.append(pick)
-        elif pick in going:
-            own_source = pick.source != "match" or any(pick.is_match_of(one) for one in going)
-            moved = pick if own_source else _by_hand(pick)
-            picks.append(replace(moved, label=do.new, **stated))
-        else:
-            picks.append(replace(pick, **stated))
-    return replace(state, picks=tuple(picks))
-
-
-def without_matches(state: State, there: Pick) -> State:
-    """Without what the program found from a pick: it showed what is no longer picked."""
-    kept = tuple(pick for pick in state.picks if not pick.is_match_of(there))
-    return replace(state, picks=kept)
+def _by_hand(pick: Pick) -> Pick:
+    """A pick that a person gave another label: no match any more of the pick it was found from."""
+    if pick.source != "match":
+        return pick
+    return Pick(image=pick.image, label=pick.label, u_px=pick.u_px, v_px=pick.v_px)
 
 
 def all_labels(state: State) -> set[str]:
@@ -99,96 +75,26 @@ def all_labels(state: State) -> set[str]:
     return labels
 
 
-def points_fault(request: MeasurementRequest) -> str:
-    """Say why the labels or parameters of a measurement mean nothing; empty where they do."""
-    kind, points = request.kind, request.points
-    least, most = POINT_COUNTS[kind]
-    if len(points) < least or (most is not None and len(points) > most):
-        return f"a measurement of kind {kind} needs {counted(least, most)} labels"
-    twice = any(a == b for a, b in itertools.pairwise(points))
-    if twice or (kind not in THERE_AND_BACK and len(set(points)) < len(points)):
-        return f"a measurement of kind {kind} needs different labels"
-    return request_fault(request)
+def with_label(state: State, old: str, new: str) -> State:
+    """The state with one label called otherwise, wherever it stands.
 
+    Parameters
+    ----------
+    state
+        Before.
+    old, new
+        The label, and what it is called afterwards.
+    """
 
-def _with_one_pick_each(state: State, do: c.Merge) -> State:
-    """With one pick of the two labels in each photo, and without what was found from the others."""
-    keys = {pick.key for pick in state.picks}
-    both = {image for image, label in keys if label == do.label and (image, do.into) in keys}
-    if both and do.keep not in {do.label, do.into}:
-        raise RefusedError(
-            f"{do.label!r} and {do.into!r} are both picked in {_some(sorted(both))}: say whose "
-            "picks stay there, or remove one of them"
-        )
-    going = do.label if do.keep == do.into else do.into
-    lost = [pick for pick in state.picks if pick.label == going and pick.image in both]
-    for pick in lost:
-        state = without_matches(state, pick)
-    return replace(state, picks=tuple(pick for pick in state.picks if pick not in lost))
+    def named(label: str) -> str:
+        return new if label == old else label
 
-
-def _refuse_what_has_no_length(before: State, after: State, do: c.Merge) -> None:
-    lost = [line.name for line in after.lines if line.start == line.end]
-    asked = zip(before.requests, after.requests, strict=True)
-    lost += [new.name for old, new in asked if points_fault(new) and not points_fault(old)]
-    if lost:
-        raise RefusedError(
-            f"{do.label!r} and {do.into!r} stand as two points in {_some(lost)}: as one they leave "
-            "nothing to measure there. Remove that first, if they are one point"
-        )
-
-
-def _common(state: State, one: str, other: str) -> Stated:
-    """What is stated of two labels that are to be one point; what nobody stated gives way."""
-    sides = [
-        _stated([pick for pick in state.picks if pick.label == label]) for label in (one, other)
-    ]
-    for group, words in ((_HEIGHT, "height"), (("area",), "area")):
-        said = [{name: side[name] for name in group if name in side} for side in sides]
-        if all(said) and said[0] != said[1]:
-            raise RefusedError(
-                f"{one!r} and {other!r} have not the same {words}: state the same of both first, "
-                "if they are one point"
-            )
-    return sides[0] | sides[1]
-
-
-_HEIGHT = ("height_m", "height_sigma_m", "is_free")
-
-
-def _stated(picks: list[Pick]) -> Stated:
-    """What picks of one label state of its point: one that does speaks for all."""
-    heights: Stated = {
-        "height_m": _first(pick.height_m for pick in picks),
-        "height_sigma_m": _first(pick.height_sigma_m for pick in picks),
-        "is_free": any(pick.is_free for pick in picks),
-    }
-    area = _first(pick.area or None for pick in picks)
-    is_stated = heights["is_free"] or heights["height_m"] is not None
-    return (heights if is_stated else {}) | ({} if area is None else {"area": area})
-
-
-def _first(values: Iterable[Any]) -> Any:  # noqa: ANN401  (of whatever these are)
-    return next((value for value in values if value is not None), None)
-
-
-def _with_matches(own: list[Pick], going: list[Pick]) -> list[Pick]:
-    """Picks, with what was found from them, and from that."""
-    more = [pick for pick in own if pick not in going and any(map(pick.is_match_of, going))]
-    return _with_matches(own, [*going, *more]) if more else going
-
-
-def _by_hand(pick: Pick) -> Pick:
-    """A pick as if a person had placed it there; the sigma of a match is the matching's."""
-    return Pick(
-        **{name: getattr(pick, name) for name in ("image", "label", "u_px", "v_px", "area")},
-        **pick.height,
+    return State(
+        picks=tuple(replace(pick, label=named(pick.label)) for pick in state.picks),
+        lines=tuple(
+            replace(line, start=named(line.start), end=named(line.end)) for line in state.lines
+        ),
+        requests=tuple(
+            replace(request, points=tuple(map(named, request.points))) for request in state.requests
+        ),
     )
-
-
-_MOST_NAMED = 3
-
-
-def _some(names: list[str]) -> str:
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    return f"{', '.join(names[:_MOST_NAMED])}{more}"
