@@ -78,7 +78,7 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], Arrow
 export function listenToKeys(acted) {
   window.addEventListener("keydown", (event) => {
     if (ARROWS[event.key] || MOVING.includes(event.key)) document.body.classList.add("keyed");
-    if (!isTyped(event) && handle(acted, event)) event.preventDefault();
+    if (!isTyped(event) && (acted.tools.question.answers(event) || handle(acted, event))) event.preventDefault();
   });
   window.addEventListener("keyup", ({ key }) => { if (key === " ") acted.state.spaceHeld = false; });
   window.addEventListener("blur", () => { acted.state.spaceHeld = false; });

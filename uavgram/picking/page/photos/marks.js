@@ -3,6 +3,7 @@
 import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, proposalAt, proposals, standsAt, store } from "../connection/store.js";
 import { put, shape } from "../elements/dom.js";
 import { fixed, heightText, missing, places, valueText, withSigma } from "../elements/numbers.js";
+import { askedParts } from "./asked.js";
 import { showTag } from "./labels.js";
 import { madeBy, SHAPES, sourceOf } from "./sources.js";
 
@@ -57,7 +58,7 @@ export function residualScale(image) {
 
 // Everything that is drawn in a photo.
 /** @param {number} image @param {PageState} state @returns {Part[]} */
-export function buildMarks(image, { selected, shown, draft }) {
+export function buildMarks(image, { selected, shown, draft, asked }) {
   const paths = shown.lines ? linesIn(image, selected) : [];
   const drawn = draft.length ? pathOf(image, draft, "draft", "", false) : null;
   const scale = residualScale(image);
@@ -68,6 +69,7 @@ export function buildMarks(image, { selected, shown, draft }) {
     ...(shown.predicted ? predictedIn(image).map((one) => predictedPart(one, selected, shown)) : []),
     ...(shown.predicted ? proposals().filter((one) => one.image === image).map((one) => proposalPart(one, selected, shown)) : []),
     ...picksIn(image).map((pick) => pickPart(pick, selected, shown, scale)),
+    ...askedParts(asked, image),
   ];
 }
 
