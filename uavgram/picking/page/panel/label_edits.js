@@ -1,6 +1,6 @@
 // What can be said of the selected point and another one: they are one, they are mixed up, or one is two.
 
-import { labels, picksOf, store } from "../connection/store.js";
+import { labels, picksOf, placeOf, store } from "../connection/store.js";
 import { as, node } from "../elements/dom.js";
 
 /** @import { PageState } from "../actions/page_state.js" */
@@ -21,13 +21,26 @@ export function editsPart(label, image, state, tools) {
 
 /** @param {string} label @param {string[]} others @param {number} image @param {Tools} tools */
 function withOther(label, others, image, { edits }) {
-  const choice = node("select", { name: "other" }, ...others.map((one) => node("option", { value: one }, one)));
+  const nearest = nearestTo(label, others, image);
+  const choice = node("select", { name: "other" }, ...others.map((one) => node("option", { value: one, selected: one === nearest }, one)));
   /** @param {string} name @param {string} words @param {string} title @param {(other: string) => void} act */
   const button = (name, words, title, act) => node("button", { type: "button", name, title, onclick: () => act(choice.value) }, words);
   return node("div", { class: "edit" }, node("label", {}, `${label} and`, choice),
     button("merge", "are one point: merge", "All that is said of this point is said of the other one from now on", (other) => edits.merge(label, other)),
     button("swap-here", "are mixed up in this photo: swap", "Exchange the two labels in the photo that is shown", (other) => edits.swap(image, label, other)),
     button("swap-all", "are mixed up everywhere: swap", "Exchange the two labels in all photos; lengths and measurements stay as they are", (other) => edits.swap(null, label, other)));
+}
+
+// The point that is mixed up with another one as a rule stands near it.
+/** @param {string} label @param {string[]} others @param {number} image */
+function nearestTo(label, others, image) {
+  const here = placeOf(image, label);
+  /** @param {string} other */
+  const away = (other) => {
+    const there = placeOf(image, other);
+    return here && there ? Math.hypot(here.u - there.u, here.v - there.v) : Infinity;
+  };
+  return others.reduce((best, one) => (away(one) < away(best) ? one : best));
 }
 
 /** @param {string} label @param {number[]} photos @param {number} image @param {Tools} tools */
