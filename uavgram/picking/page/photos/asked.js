@@ -13,7 +13,7 @@ export function askedParts(asked, image) {
   return [{
     key: "asked",
     sign: "",
-    make: () => shape("g", { class: "asked", "aria-hidden": "true" }, shape("path", { class: "halo wide", d: RING }), shape("path", { class: "thin", d: RING })),
+    make: () => shape("g", { class: "questioned", "aria-hidden": "true" }, shape("path", { class: "halo wide", d: RING }), shape("path", { class: "thin", d: RING })),
     move: (group, view) => {
       const [x, y] = view.toScreen(...asked.at);
       put(group, "transform", `translate(${x} ${y})`);
