@@ -141,6 +141,12 @@ def test_a_click_where_a_point_is_expected_is_of_that_point_whatever_is_selected
     form = opened.page.get_by_role("form", name=f"New length {first} to {second}")
     expect(form).to_be_visible()
     eventually(opened.page, lambda: opened.is_picked(first) and opened.is_picked(second))
+    opened.page.get_by_role("button", name="No, a new point").click()
+    eventually(opened.page, lambda: not opened.is_picked(second))
+    new = f"P{LABELS + 1}"
+    expect(opened.page.get_by_role("form", name=f"New length {first} to {new}")).to_be_visible()
+    assert opened.is_picked(new)
+    assert second in opened.state.labels
 
 
 def test_a_click_elsewhere_is_a_new_point_though_an_old_one_is_selected(opened: Opened) -> None:

@@ -68,6 +68,18 @@ export class LabelEdits {
     this.notice.show(`${wanted} is a point of its own now, in ${some(images.map((image) => store.photos[image].name))}. Lengths and measurements stay with ${label}. Undo: Ctrl+Z.`, true);
   }
 
+  // What was clicked last is another point than it was taken for; what is being drawn goes there, too.
+  /** @param {string} label @param {string} name @param {number} image */
+  another(label, name, image) {
+    const { state } = this.tools;
+    /** @param {string} one */
+    const now = (one) => (one === label ? name : one);
+    state.draft = state.draft.map(now);
+    if (state.entry?.t === "line") Object.assign(state.entry, { start: now(state.entry.start), end: now(state.entry.end) });
+    else if (state.entry) state.entry.points = state.entry.points.map(now);
+    this.split(label, name, [image]);
+  }
+
   /** @param {number | null} image null: in all photos @param {string} label @param {string} other */
   swap(image, label, other) {
     const where = image === null ? "in all photos" : `in ${store.photos[image].name}`;

@@ -1,7 +1,7 @@
 // Which label a click places: that of the point that is expected there, else a new one. A name that
 // somebody typed is taken, and asked about where it does not fit.
 
-import { adjusted, freeName, labels, pickAt, predictedIn, store } from "../connection/store.js";
+import { adjusted, freeName, labels, pickAt, predictedIn, stale, store } from "../connection/store.js";
 import { aside, meant, nearness } from "../photos/regions.js";
 import { TOOLS } from "./keys.js";
 
@@ -10,7 +10,10 @@ import { TOOLS } from "./keys.js";
 /** @import { PageState } from "./page_state.js" */
 
 /** @typedef {{ u: number, v: number, scale: number, image: number }} Click */
-/** @typedef {{ label: string, say?: string, choices?: undefined }} Given a label, and what is to be said of it */
+/**
+ * A label, and what is to be said of it; `instead`: the name of a new point, which may have been meant.
+ * @typedef {{ label: string, say?: string, instead?: string, choices?: undefined }} Given
+ */
 /** @typedef {{ words: string, choices: { label: string, words: string }[] }} Unclear */
 
 const MOST_CHOICES = 4;
@@ -45,9 +48,9 @@ export class LabelsByPlace {
   // another place in each photo, so there each place has a label of its own.
   /** @param {number} image @param {string} label */
   taken(image, label) {
-    const coming = this.coming.filter((one) => one.label === label);
-    if (pickAt(image, label) || coming.some((one) => one.image === image)) return "in this photo";
-    return this.isApart && (coming.length || labels().includes(label)) ? "in another photo" : "";
+    if (pickAt(image, label) || this.coming.some((one) => one.image === image && one.label === label)) return "in this photo";
+    const moves = this.isApart || store.measurements.some(({ kind, points }) => kind === "speed" && points.includes(label));
+    return moves && this.isThere(label) ? "in another photo" : "";
   }
 
   get isApart() {
@@ -70,7 +73,7 @@ export class LabelsByPlace {
     const here = this.expectedIn(click.image).map((one) => nearness(one, click.u, click.v, click.scale));
     const likely = meant(here);
     if (this.state.typed && name === given) return this.typed(click, name, here, likely);
-    if (likely.length === 1) return { label: likely[0], say: likely[0] === given ? "" : `This is ${likely[0]}: it was expected here. Undo: Ctrl+Z; another name: F2.` };
+    if (likely.length === 1) return likely[0] === given ? { label: given } : { label: likely[0], say: `This is ${likely[0]}: it was expected here.`, instead: this.free() };
     if (likely.length) return { words: "Which point is this? More than one is expected here.", choices: this.choices(likely) };
     return this.outside(click, name, here, say);
   }
@@ -107,11 +110,10 @@ export class LabelsByPlace {
     return labels().includes(label) || this.coming.some((one) => one.label === label);
   }
 
-  // Where points are expected that may still be picked there. What moves is no longer where it was.
+  // Where points are expected that may still be picked there.
   /** @param {number} image @returns {Predicted[]} */
   expectedIn(image) {
-    const moving = store.measurements.flatMap(({ kind, points }) => (kind === "speed" ? points : []));
-    return predictedIn(image).filter(({ label }) => !moving.includes(label) && !this.taken(image, label));
+    return predictedIn(image).filter(({ label }) => !this.taken(image, label));
   }
 }
 
@@ -120,7 +122,7 @@ export class LabelsByPlace {
 function whereExpected(image, label, here) {
   const region = here.find((one) => one.label === label);
   if (region) return aside(region.away);
-  const now = adjusted();
+  const now = stale() || store.mode !== "adjusted" ? null : adjusted(); // of the picks as they are
   const isPosed = now?.frames[image]?.status === "refined" || now?.predicted.some((one) => one.image === image);
   return isPosed && now?.points[label] ? "outside this photo" : "";
 }

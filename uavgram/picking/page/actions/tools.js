@@ -19,6 +19,7 @@ import { showTool } from "./tool_menu.js";
 /** @import { Pane } from "../photos/pane.js" */
 /** @import { Panes } from "../photos/panes.js" */
 /** @import { ToolName } from "./keys.js" */
+/** @import { Given } from "./labels_by_place.js" */
 /** @import { Entry, PageState } from "./page_state.js" */
 
 const ASKED = ["skid_speed", "speed", "volume"]; // kinds that take more than their points
@@ -84,9 +85,9 @@ export class Tools {
 
   /** @param {string} label */
   select(label) {
-    if (this.state.selected === label) return;
+    const isNew = this.state.selected !== label;
     this.choose(label);
-    this.rebuild();
+    if (isNew) this.rebuild();
   }
 
   /** @param {string} label */
@@ -114,8 +115,13 @@ export class Tools {
       this.rebuild();
     } else {
       take(found.label);
-      this.say(found.say);
+      this.tell(pane.image, found);
     }
+  }
+
+  /** @param {number} image @param {Given} given */
+  tell(image, { label, say, instead }) {
+    if (say) this.notice.show(say, true, instead ? { words: `No, a new point: ${instead}`, act: () => this.edits.another(label, instead, image) } : undefined);
   }
 
   // A question is no longer open.
@@ -283,7 +289,7 @@ export class Tools {
     } else this.proposals.refuse([[active.image, label]]);
   }
 
-  /** @param {string} [words] */
+  /** @param {string} words */
   say(words) {
     if (words) this.notice.show(words, true);
   }
