@@ -58,7 +58,7 @@ export class LabelEdits {
   /** The picks in some photos are another point. @param {string} label @param {string} name @param {number[]} images */
   split(label, name, images) {
     const wanted = name.trim();
-    const why = splitFault(label, wanted, images);
+    const why = splitFault(wanted, images);
     if (why) {
       this.notice.show(why);
       return;
@@ -95,12 +95,11 @@ export class LabelEdits {
 /** @param {string} label */
 const isKnown = (label) => store.control.includes(label) || store.check.includes(label);
 
-/** @param {string} label @param {string} name @param {number[]} images */
-function splitFault(label, name, images) {
+/** @param {string} name @param {number[]} images */
+function splitFault(name, images) {
   if (!name) return "Type a name for the other point.";
   if (labels().includes(name)) return `There is a point ${name} already: choose another name, or merge the two afterwards.`;
-  if (!images.length) return "Choose the photos that show the other point.";
-  return images.length === picksOf(label).length ? `No photo of ${label} would be left: rename it, or choose fewer photos.` : "";
+  return images.length ? "" : "Choose the photos that show the other point.";
 }
 
 const MOST_NAMES = 3;

@@ -3,6 +3,7 @@
 import { node } from "./dom.js";
 
 const SHOWN_MS = 8000; // what went well is shown for half of it
+const OFFERED_MS = 20_000; // time to read what else may have been meant, and to reach it
 
 /** @typedef {{ words: string, act: () => void }} Instead */
 
@@ -19,7 +20,7 @@ export class Notice {
     this.box.classList.toggle("info", good);
     this.box.hidden = false;
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.hide(), good && !instead ? SHOWN_MS / 2 : SHOWN_MS);
+    this.timer = setTimeout(() => this.hide(), instead ? OFFERED_MS : good ? SHOWN_MS / 2 : SHOWN_MS);
   }
 
   /** What a question ended with instead of an answer. @param {unknown} fault */
