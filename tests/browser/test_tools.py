@@ -179,7 +179,10 @@ def test_what_is_wrong_is_said_beside_its_field_and_nothing_else_is_changed(
         page.keyboard.press("F2")
         page.keyboard.type("B")
         page.keyboard.press("Enter")
-        expect(page.locator("#notice")).to_contain_text("there is a label 'B' already")
+        question = page.get_by_role("alertdialog", name="There is a point B already")
+        expect(question.get_by_role("button", name="one point: merge them")).to_be_focused()
+        page.keyboard.press("Escape")
+        expect(question).to_have_count(0)
         expect(page.locator('.mark.selected[data-label="C"]')).to_have_count(1)
         expect(page.locator("#label")).to_have_value("C")
         lines = [(line.name, line.end, line.length_m) for line in server.picking.state.lines]

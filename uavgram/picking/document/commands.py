@@ -83,6 +83,37 @@ class Rename:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Merge:
+    """Take two labels for one point: all that is said of `label` is said of `into` from now on.
+
+    `keep` is the one of the two whose picks stay in photos in which both are picked; empty where
+    there is no such photo.
+    """
+
+    label: str
+    into: str
+    keep: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Split:
+    """Take the picks of a label in some photos for another point, which is called `new`."""
+
+    label: str
+    new: str
+    images: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Swap:
+    """Exchange two labels where they are picked: in one photo, or, where it is empty, in all."""
+
+    image: str
+    label: str
+    other: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class SetSigma:
     """State the standard deviation of one pick; None: the project's own."""
 
@@ -142,6 +173,13 @@ class RemoveMeasurement:
     """Remove a measurement."""
 
     name: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class All:
+    """Several changes in one step, in this order: all of them, or, where one does not fit, none."""
+
+    changes: tuple[SingleChange, ...]
 
 
 @dataclass(frozen=True)
@@ -229,12 +267,15 @@ class UseCamera:
     """Name the camera file that was made last in the project, and read the project again."""
 
 
-Change = (
+SingleChange = (
     Place
     | PlaceAll
     | Unpick
     | Forget
     | Rename
+    | Merge
+    | Split
+    | Swap
     | SetSigma
     | SetHeight
     | SetLine
@@ -242,6 +283,7 @@ Change = (
     | SetMeasurement
     | RemoveMeasurement
 )
+Change = SingleChange | All
 Command = Change | Undo | Redo
 ProjectAction = (
     Refuse

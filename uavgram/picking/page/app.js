@@ -114,7 +114,7 @@ class App {
   // What was typed and refused is not shown as if it held.
   /** @param {Change | null} change */
   refused(change) {
-    if (change?.t === "rename") this.tools.select(change.label);
+    if (change?.t === "rename" || change?.t === "merge" || change?.t === "split") this.tools.select(change.label);
     for (const part of ["pick", "lengths"]) drop(part);
     this.refreshSoon(ALL);
   }
@@ -169,6 +169,7 @@ class App {
     const { active } = this.panes;
     this.filmstrip.show();
     if (!active) return;
+    if (!this.panes.all.some(({ view, image }) => view === this.state.asked?.view && image === this.state.asked.image)) this.tools.question.cancel();
     this.filmstrip.bring(active.image);
     this.panel.show();
     this.panes.viewed(active);

@@ -32,9 +32,9 @@ export const KEYS = [
     ["Ctrl+1  2  4", "panes"], ["K", "all panes show the same ground"], ["E R O T U", "ellipses, residuals, predictions, labels, lines"], ["M", "magnifier"],
   ]],
   ["Points", [
-    ["click, Enter", "place the label (Enter: in the middle of the photo)"], ["drag, Shift + drag", "move; ten times finer"],
+    ["click, Enter", "the point that is expected there, else a new one (Enter: in the middle of the photo)"], ["drag, Shift + drag", "move; ten times finer"],
     ["arrows, Shift, Alt", "nudge by 0.1, 1, 10 px"], ["G", "go to where the label is expected"], ["S, Shift+S", "snap to a corner, to a round target"],
-    ["Q", "height: free (found from photos), or on the ground"], ["N, B, Tab", "next, previous point"], ["/", "to the label: type one, Enter selects it"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
+    ["Q", "height: free (found from photos), or on the ground"], ["N, B, Tab", "next, previous point"], ["/", "to the label: type the name of the next point; Enter selects it"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
     [".   Delete", "a hollow mark (P1?): accept, refuse"], ["Shift, Ctrl + Enter", "accept all of the point, all in the photo"],
   ]],
   ["Lengths and measurements", [
@@ -78,7 +78,7 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], Arrow
 export function listenToKeys(acted) {
   window.addEventListener("keydown", (event) => {
     if (ARROWS[event.key] || MOVING.includes(event.key)) document.body.classList.add("keyed");
-    if (!isTyped(event) && handle(acted, event)) event.preventDefault();
+    if (!isTyped(event) && (acted.tools.question.answers(event) || handle(acted, event))) event.preventDefault();
   });
   window.addEventListener("keyup", ({ key }) => { if (key === " ") acted.state.spaceHeld = false; });
   window.addEventListener("blur", () => { acted.state.spaceHeld = false; });

@@ -1,6 +1,7 @@
 // What this page alone knows: what is selected, which tool is in hand, what is shown.
 
 /** @import { Folder, Measurement } from "../connection/protocol.js" */
+/** @import { View } from "../photos/view.js" */
 /** @import { ToolName } from "./keys.js" */
 
 /** @typedef {"ellipses" | "residuals" | "predicted" | "labels" | "lines"} ShownKind */
@@ -10,6 +11,11 @@
 /**
  * A length or measurement whose form is open; `was`: its name, where it is there already.
  * @typedef {{ t: "line", name: string, start: string, end: string, sigma_m: number, length_m?: number, adjust?: boolean, was?: string } | Measurement & { t: "measure", was?: string }} Entry
+ */
+
+/**
+ * The place in a photo that a question is about, and what follows it when the view moves.
+ * @typedef {{ image: number, at: [number, number], view: View, moved: (x: number, y: number, view: View) => void }} AskedPlace
  */
 
 export class PageState {
@@ -27,6 +33,9 @@ export class PageState {
     this.magnifies = true;
     this.spaceHeld = false; // a drag pans
     this.typed = false; // the label was typed since the last point was placed
+    /** @type {AskedPlace | null} */
+    this.asked = null;
+    this.edits = false; // whether merging, swapping and splitting is unfolded
     this.lastSigmaM = 0.01; // of a taped length
     /** @type {Tab} */
     this.tab = "measure";

@@ -18,7 +18,11 @@ export async function snap(tools, target) {
     const found = await link.ask({ t: "snap", image: pane.image, u_px, v_px, target, ...expected });
     if (found.why !== undefined) notice.show(found.why);
     else {
-      const label = pick ? pick.label : expected.expected ?? tools.labelFor(pane.image);
+      const label = pick?.label ?? expected.expected;
+      if (!label) {
+        tools.clicked(pane, found.u_px, found.v_px, found.sigma_px);
+        return;
+      }
       tools.placeAt(pane, label, found.u_px, found.v_px, found.sigma_px);
       notice.show(`${label}: ${target} at u ${found.u_px.toFixed(2)}, v ${found.v_px.toFixed(2)}, sigma ${found.sigma_px.toFixed(2)} px`, true);
     }

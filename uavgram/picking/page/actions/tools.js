@@ -1,13 +1,16 @@
-// Tools: what a click makes, and which names are free.
+// Tools: what a click makes.
 
 import { freeName, labels, pickAt, pickKey, store } from "../connection/store.js";
 import { as, byId } from "../elements/dom.js";
+import { Question } from "../elements/question.js";
 import { entryMessage, noNumber, parse, showFault } from "../panel/entry.js";
 import { placeFault } from "../panel/speed.js";
 import { byHand, goneWith } from "../photos/sources.js";
 import { Heights } from "./heights.js";
 import { Proposals } from "./proposals.js";
 import { TOOLS } from "./keys.js";
+import { LabelEdits } from "./label_edits.js";
+import { LabelsByPlace } from "./labels_by_place.js";
 import { showTool } from "./tool_menu.js";
 
 /** @import { Change, Kind, Line, Measurement } from "../connection/protocol.js" */
@@ -16,6 +19,7 @@ import { showTool } from "./tool_menu.js";
 /** @import { Pane } from "../photos/pane.js" */
 /** @import { Panes } from "../photos/panes.js" */
 /** @import { ToolName } from "./keys.js" */
+/** @import { Given } from "./labels_by_place.js" */
 /** @import { Entry, PageState } from "./page_state.js" */
 
 const ASKED = ["skid_speed", "speed", "volume"]; // kinds that take more than their points
@@ -43,7 +47,9 @@ export class Tools {
     this.proposals = new Proposals({ state, link, notice, panes, tools: this });
     this.box = as(HTMLInputElement, byId("label")); // of the label that the next click places
     this.box.addEventListener("keydown", ({ key }) => { if (key === "Enter") this.name(this.label); });
-    this.box.addEventListener("input", () => { state.typed = true; });
+    this.names = new LabelsByPlace({ state, link, box: this.box });
+    this.question = new Question(() => this.answered());
+    this.edits = new LabelEdits({ tools: this, question: this.question, notice });
   }
 
   /** @param {Change} change */
@@ -53,44 +59,18 @@ export class Tools {
 
   /** @param {ToolName} tool */
   setTool(tool) {
+    this.question.cancel();
     Object.assign(this.state, { tool, draft: [], entry: null });
     showTool(tool);
     this.rebuild();
   }
 
   get label() {
-    return this.box.value.trim();
+    return this.names.inBox;
   }
 
-  // The label that a click places: the one in the box, or the next free one where that is taken.
-  /** @param {number} image */
-  labelFor(image) {
-    const given = this.label;
-    const taken = this.taken(image, given);
-    if (given && !given.includes(";") && !taken) return given;
-    const free = this.freeLabel(given);
-    if (taken && this.state.typed) this.notice.show(`${given} is picked ${taken} already: this point is called ${free}.`, true);
-    return free;
-  }
-
-  // Where a label stands that cannot be placed in a photo; empty where it can. What moves is at
-  // another place in each photo, so there each place has a label of its own.
-  /** @param {number} image @param {string} label */
-  taken(image, label) {
-    const coming = this.coming.filter((one) => one.label === label);
-    if (pickAt(image, label) || coming.some((one) => one.image === image)) return "in this photo";
-    return TOOLS[this.state.tool].apart && (coming.length || labels().includes(label)) ? "in another photo" : "";
-  }
-
-  /** @param {string} given */
-  freeLabel(given) {
-    const prefix = given.replace(/\d*$/, "") || "P";
-    return freeName(prefix, new Set([...labels(), ...this.coming.map(({ label }) => label)]));
-  }
-
-  // Picks that were sent and are not confirmed yet: their labels are taken, too.
   get coming() {
-    return this.link.unconfirmed.filter((one) => one.t === "place");
+    return this.names.coming;
   }
 
   /** Names that lengths or measurements have, or will have. @param {"line" | "measure"} t */
@@ -100,34 +80,62 @@ export class Tools {
   }
 
   suggest() {
-    if (!this.label) this.box.value = this.freeLabel("P1");
+    if (!this.label) this.names.put(this.names.free("P1"));
   }
 
   /** @param {string} label */
   select(label) {
-    if (this.state.selected === label) return;
+    const isNew = this.state.selected !== label;
     this.choose(label);
-    this.rebuild();
+    if (isNew) this.rebuild();
   }
 
   /** @param {string} label */
   choose(label) {
     this.state.selected = label;
-    this.box.value = label;
+    this.names.put(label);
   }
 
-  /** @param {Pane} pane @param {number} u @param {number} v */
-  clicked(pane, u, v) {
-    const label = this.labelFor(pane.image);
-    this.placeAt(pane, label, u, v);
-    if (this.state.tool !== "pick") this.extend(label);
+  // A place in a photo: of the point that is expected there, or of a new one; what is not clear is asked.
+  /** @param {Pane} pane @param {number} u @param {number} v @param {number | null} sigma_px */
+  clicked(pane, u, v, sigma_px = null) {
+    if (this.question.isOpen) {
+      this.question.cancel();
+      return;
+    }
+    const found = this.names.at({ image: pane.image, u, v, scale: pane.view.scale });
+    /** @param {string} label */
+    const take = (label) => {
+      this.placeAt(pane, label, u, v, sigma_px);
+      if (this.state.tool !== "pick") this.extend(label);
+    };
+    if (found.choices) {
+      this.state.asked = { image: pane.image, at: [u, v], view: pane.view, moved: (x, y, view) => this.question.stand(x, y, view) };
+      this.question.ask(found.words, found.choices.map(({ label, words }) => ({ words, act: () => take(label) })), pane.box);
+      this.rebuild();
+    } else {
+      take(found.label);
+      this.tell(pane.image, found);
+    }
+  }
+
+  /** @param {number} image @param {Given} given */
+  tell(image, { label, say, instead }) {
+    if (say) this.notice.show(say, true, instead ? { words: `No, a new point: ${instead}`, act: () => this.edits.another(label, instead, image) } : undefined);
+  }
+
+  // A question is no longer open.
+  answered() {
+    this.state.asked = null;
+    this.rebuild();
+    this.panes.active?.focus();
   }
 
   /** @param {Pane} pane @param {string} label @param {number} u_px @param {number} v_px @param {number | null} sigma_px */
   placeAt(pane, label, u_px, v_px, sigma_px = null) {
     this.send({ t: "place", image: pane.image, label, u_px, v_px, sigma_px });
-    this.choose(label);
-    this.state.typed = false;
+    this.state.selected = label;
+    this.names.put(label, true);
   }
 
   /** @param {number} image @param {string} label @param {[number, number]} at @param {number} step @param {boolean} final */
@@ -143,6 +151,7 @@ export class Tools {
 
   /** @param {string} label */
   clickedMark(label) {
+    this.question.cancel();
     this.select(label);
     if (this.state.tool !== "pick") this.extend(label);
   }
@@ -162,6 +171,7 @@ export class Tools {
       return;
     }
     draft.push(label);
+    this.state.typed = false; // what was typed is taken
     if (draft.length === most) this.finish();
     else this.rebuild();
   }
@@ -264,14 +274,6 @@ export class Tools {
       return;
     }
     act(value);
-  }
-
-  /** @param {string} label @param {string} name */
-  rename(label, name) {
-    const wanted = name.trim();
-    if (!wanted || wanted === label) return;
-    this.send({ t: "rename", label, new: wanted });
-    this.choose(wanted);
   }
 
   /** @param {boolean} everywhere */

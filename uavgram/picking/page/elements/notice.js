@@ -1,6 +1,11 @@
-// One sentence over the page, for a while.
+// One sentence over the page, for a while; with a button where something else may have been meant.
+
+import { node } from "./dom.js";
 
 const SHOWN_MS = 8000; // what went well is shown for half of it
+const OFFERED_MS = 20_000; // time to read what else may have been meant, and to reach it
+
+/** @typedef {{ words: string, act: () => void }} Instead */
 
 export class Notice {
   /** @param {HTMLElement} box */
@@ -9,13 +14,13 @@ export class Notice {
     this.timer = 0;
   }
 
-  /** @param {string} words @param {boolean} good */
-  show(words, good = false) {
-    this.box.textContent = words;
+  /** @param {string} words @param {boolean} good @param {Instead} [instead] */
+  show(words, good = false, instead) {
+    this.box.replaceChildren(words, ...(instead ? [node("button", { type: "button", onclick: () => { this.hide(); instead.act(); } }, instead.words)] : []));
     this.box.classList.toggle("info", good);
     this.box.hidden = false;
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.hide(), good ? SHOWN_MS / 2 : SHOWN_MS);
+    this.timer = setTimeout(() => this.hide(), instead ? OFFERED_MS : good ? SHOWN_MS / 2 : SHOWN_MS);
   }
 
   /** What a question ended with instead of an answer. @param {unknown} fault */

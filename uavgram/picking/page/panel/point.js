@@ -9,23 +9,26 @@ import { keep } from "../elements/table.js";
 import { fieldText, fieldUnit } from "../elements/units.js";
 import { madeBy } from "../photos/sources.js";
 import { readLength, readSmall } from "./entry.js";
+import { editsPart, editsSign } from "./label_edits.js";
 
 /** @import { PageState } from "../actions/page_state.js" */
 /** @import { Tools } from "../actions/tools.js" */
 /** @import { Height, Pick } from "../connection/protocol.js" */
 
 /** @param {PageState} state @param {number | undefined} image @param {Tools} tools */
-export function pointPart({ selected: label, entry }, image, tools) {
+export function pointPart(state, image, tools) {
+  const { selected: label, entry } = state;
   if (!label || entry || image === undefined || !picksOf(label).length) return null;
   const pick = pickAt(image, label);
   const height = heightOf(label);
-  const form = keep("pick", [pick?.image, label, pick && madeBy(pick), height.height_m, height.height_sigma_m, height.is_free], () => pointForm(label, pick, height, tools));
+  const form = keep("pick", [image, label, pick && madeBy(pick), height.height_m, height.height_sigma_m, height.is_free, editsSign(label)],
+    () => pointForm(label, pick, height, tools, editsPart(label, image, state, tools)));
   showHeight(as(HTMLElement, form.querySelector(".stands")), label, tools);
   return form;
 }
 
-/** @param {string} label @param {Pick | undefined} pick @param {Height} height @param {Tools} tools */
-function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, tools) {
+/** @param {string} label @param {Pick | undefined} pick @param {Height} height @param {Tools} tools @param {HTMLElement | null} edits */
+function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, tools, edits) {
   const { heights } = tools;
   /** @param {string} name @param {string} caption @param {number | string | null} value @param {string} usual @param {(value: number | null) => void} act @param {(text: string) => number} [read] */
   const field = (name, caption, value, usual, act, read) => node("label", {}, caption, node("input", {
@@ -39,14 +42,21 @@ function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, to
     choice("As stated", "Its height over the ground was measured: type it", height_m !== null, () => as(HTMLElement, stated.lastChild).focus()),
     choice("Free", "Its height is found from two or more photos (Q)", Boolean(is_free), () => heights.free([label])));
   roving(choices);
-  return node("form", { class: "entry", "data-row": "pick", "aria-label": `Point ${label}`, onsubmit: (event) => { event.preventDefault(); tools.panes.active?.focus(); } },
-    node("label", { class: "both" }, "Label", node("input", { name: "rename", value: label, maxlength: 200, autocomplete: "off", onchange: ({ target }) => tools.rename(label, as(HTMLInputElement, target).value) })),
+  return node("form", { class: "entry", "data-row": "pick", "aria-label": `Point ${label}`, onsubmit: (event) => { event.preventDefault(); if (!tools.question.isOpen) tools.panes.active?.focus(); } },
+    node("label", { class: "both" }, "Label", node("input", { name: "rename", value: label, maxlength: 200, autocomplete: "off", onchange: ({ target }) => renamed(label, as(HTMLInputElement, target), tools) })),
     pick && field("sigma", "Sigma here, px", pick.sigma_px, `${store.pickSigmaPx}`, (sigma_px) => tools.send({ t: "sigma", image: pick.image, label, sigma_px })),
     pick?.source ? node("p", { class: "both dim made" }, `${madeBy(pick)}. Move it, and it is yours.`) : null,
     stated,
     height_m === null ? null : field("height_sigma", `Sigma of the height, ${fieldUnit("small")}`, fieldText(height_sigma_m, "small"), "exact", (sigma) => heights.set(label, height_m, sigma), readSmall),
-    choices, node("div", { class: "both stands", role: "status", "aria-label": "How high it stands" }),
+    choices, edits, node("div", { class: "both stands", role: "status", "aria-label": "How high it stands" }),
     node("button", { type: "submit", hidden: true }, "Done")); // without it Enter would not end the form
+}
+
+// The field shows what holds until it is confirmed.
+/** @param {string} label @param {HTMLInputElement} field @param {Tools} tools */
+function renamed(label, field, { edits }) {
+  edits.rename(label, field.value);
+  Object.assign(field, { value: label });
 }
 
 // How high the point stands as adjusted, or why nothing tells it.

@@ -4,6 +4,7 @@ import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, proposalAt, 
 import { put, shape } from "../elements/dom.js";
 import { fixed, heightText, missing, valueOnly, valueText, withSigma } from "../elements/numbers.js";
 import { shortText } from "../elements/units.js";
+import { askedParts } from "./asked.js";
 import { showTag } from "./labels.js";
 import { madeBy, SHAPES, sourceOf } from "./sources.js";
 
@@ -58,7 +59,7 @@ export function residualScale(image) {
 
 // Everything that is drawn in a photo.
 /** @param {number} image @param {PageState} state @returns {Part[]} */
-export function buildMarks(image, { selected, shown, draft }) {
+export function buildMarks(image, { selected, shown, draft, asked }) {
   const paths = shown.lines ? linesIn(image, selected) : [];
   const drawn = draft.length ? pathOf(image, draft, "draft", "", false) : null;
   const scale = residualScale(image);
@@ -69,6 +70,7 @@ export function buildMarks(image, { selected, shown, draft }) {
     ...(shown.predicted ? predictedIn(image).map((one) => predictedPart(one, selected, shown)) : []),
     ...(shown.predicted ? proposals().filter((one) => one.image === image).map((one) => proposalPart(one, selected, shown)) : []),
     ...picksIn(image).map((pick) => pickPart(pick, selected, shown, scale)),
+    ...askedParts(asked, image),
   ];
 }
 

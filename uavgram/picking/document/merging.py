@@ -1,0 +1,172 @@
+"""Two labels taken for one point, and one label taken for two; pure."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import Any
+
+from uavgram.io.tables.measure import POINT_COUNTS, THERE_AND_BACK, counted, request_fault
+from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.picking.document import commands as c
+from uavgram.picking.document.labels import all_labels, with_label
+from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.state import Pick, State, without_matches
+
+Stated = dict[str, Any]
+"""What picks say of their label's point, by field: a height, an area."""
+
+
+def merge(state: State, do: c.Merge) -> State:
+    """The state with two labels taken for one point.
+
+    Raises
+    ------
+    RefusedError
+        They cannot be one point, or it is not said which picks stay.
+    """
+    for label in (do.label, do.into):
+        if label not in all_labels(state):
+            raise RefusedError(f"there is no label {label!r}")
+    if do.label == do.into:
+        raise RefusedError(f"{do.label!r} is that point already: choose another one")
+    stated = _common(state, do.label, do.into)
+    alone = _with_one_pick_each(state, do)
+    after = with_label(alone, do.label, do.into)
+    _refuse_what_has_no_length(alone, after, do)
+    picks = tuple(
+        replace(pick, **stated) if pick.label == do.into else pick for pick in after.picks
+    )
+    return replace(after, picks=picks)
+
+
+def split(state: State, do: c.Split) -> State:
+    """The state with some picks of a label taken for another point.
+
+    What the program found from one of them shows the same, and goes with it. What it found from
+    a pick that stays is no longer a match of that: the person who says what it shows picked it.
+    Lengths and measurements stay with the label.
+
+    Raises
+    ------
+    RefusedError
+        The name is taken, or nothing would be left on one side.
+    """
+    if do.new in all_labels(state):
+        raise RefusedError(f"there is a label {do.new!r} already: choose another name")
+    own = [pick for pick in state.picks if pick.label == do.label]
+    going = _with_matches(own, [pick for pick in own if pick.image in do.images])
+    if not going:
+        raise RefusedError(f"{do.label!r} is not picked in these photos")
+    if len(going) == len(own):
+        raise RefusedError(
+            f"no pick of {do.label!r} would be left: rename it, or choose fewer photos"
+        )
+    stated = _stated(own)
+    picks = []
+    for pick in state.picks:
+        if pick.label != do.label:
+            picks.append(pick)
+        elif pick in going:
+            own_source = pick.source != "match" or any(pick.is_match_of(one) for one in going)
+            moved = pick if own_source else _by_hand(pick)
+            picks.append(replace(moved, label=do.new, **stated))
+        else:
+            picks.append(replace(pick, **stated))
+    return replace(state, picks=tuple(picks))
+
+
+def points_fault(request: MeasurementRequest) -> str:
+    """Say why the labels or parameters of a measurement mean nothing; empty where they do."""
+    kind, points = request.kind, request.points
+    least, most = POINT_COUNTS[kind]
+    if len(points) < least or (most is not None and len(points) > most):
+        return f"a measurement of kind {kind} needs {counted(least, most)} labels"
+    twice = any(a == b for a, b in itertools.pairwise(points))
+    if twice or (kind not in THERE_AND_BACK and len(set(points)) < len(points)):
+        return f"a measurement of kind {kind} needs different labels"
+    return request_fault(request)
+
+
+def _with_one_pick_each(state: State, do: c.Merge) -> State:
+    """With one pick of the two labels in each photo, and without what was found from the others."""
+    keys = {pick.key for pick in state.picks}
+    both = {image for image, label in keys if label == do.label and (image, do.into) in keys}
+    if both and do.keep not in {do.label, do.into}:
+        raise RefusedError(
+            f"{do.label!r} and {do.into!r} are both picked in {_some(sorted(both))}: say whose "
+            "picks stay there, or remove one of them"
+        )
+    going = do.label if do.keep == do.into else do.into
+    lost = [pick for pick in state.picks if pick.label == going and pick.image in both]
+    for pick in lost:
+        state = without_matches(state, pick)
+    return replace(state, picks=tuple(pick for pick in state.picks if pick not in lost))
+
+
+def _refuse_what_has_no_length(before: State, after: State, do: c.Merge) -> None:
+    lost = [line.name for line in after.lines if line.start == line.end]
+    asked = zip(before.requests, after.requests, strict=True)
+    lost += [new.name for old, new in asked if points_fault(new) and not points_fault(old)]
+    if lost:
+        raise RefusedError(
+            f"{do.label!r} and {do.into!r} stand as two points in {_some(lost)}: as one they leave "
+            "nothing to measure there. Remove that first, if they are one point"
+        )
+
+
+def _common(state: State, one: str, other: str) -> Stated:
+    """What is stated of two labels that are to be one point; what nobody stated gives way."""
+    sides = [
+        _stated([pick for pick in state.picks if pick.label == label]) for label in (one, other)
+    ]
+    for group, words in ((_HEIGHT, "height"), (("area",), "area")):
+        said = [{name: side[name] for name in group if name in side} for side in sides]
+        if all(said) and said[0] != said[1]:
+            raise RefusedError(
+                f"{one!r} and {other!r} have not the same {words}: state the same of both first, "
+                "if they are one point"
+            )
+    return sides[0] | sides[1]
+
+
+_HEIGHT = ("height_m", "height_sigma_m", "is_free")
+
+
+def _stated(picks: list[Pick]) -> Stated:
+    """What picks of one label state of its point: one that does speaks for all."""
+    heights: Stated = {
+        "height_m": _first(pick.height_m for pick in picks),
+        "height_sigma_m": _first(pick.height_sigma_m for pick in picks),
+        "is_free": any(pick.is_free for pick in picks),
+    }
+    area = _first(pick.area or None for pick in picks)
+    is_stated = heights["is_free"] or heights["height_m"] is not None
+    return (heights if is_stated else {}) | ({} if area is None else {"area": area})
+
+
+def _first(values: Iterable[Any]) -> Any:  # noqa: ANN401  (of whatever these are)
+    return next((value for value in values if value is not None), None)
+
+
+def _with_matches(own: list[Pick], going: list[Pick]) -> list[Pick]:
+    """Picks, with what was found from them, and from that."""
+    more = [pick for pick in own if pick not in going and any(map(pick.is_match_of, going))]
+    return _with_matches(own, [*going, *more]) if more else going
+
+
+def _by_hand(pick: Pick) -> Pick:
+    """A pick as if a person had placed it there; the sigma of a match is the matching's."""
+    return Pick(
+        **{name: getattr(pick, name) for name in ("image", "label", "u_px", "v_px", "area")},
+        **pick.height,
+    )
+
+
+_MOST_NAMED = 3
+
+
+def _some(names: list[str]) -> str:
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return f"{', '.join(names[:_MOST_NAMED])}{more}"

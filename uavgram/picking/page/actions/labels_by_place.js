@@ -1,0 +1,128 @@
+// Which label a click places: that of the point that is expected there, else a new one. A name that
+// somebody typed is taken, and asked about where it does not fit.
+
+import { adjusted, freeName, labels, pickAt, predictedIn, stale, store } from "../connection/store.js";
+import { aside, meant, nearness } from "../photos/regions.js";
+import { TOOLS } from "./keys.js";
+
+/** @import { Predicted } from "../connection/protocol.js" */
+/** @import { Link } from "../connection/link.js" */
+/** @import { PageState } from "./page_state.js" */
+
+/** @typedef {{ u: number, v: number, scale: number, image: number }} Click */
+/**
+ * A label, and what is to be said of it; `instead`: the name of a new point, which may have been meant.
+ * @typedef {{ label: string, say?: string, instead?: string, choices?: undefined }} Given
+ */
+/** @typedef {{ words: string, choices: { label: string, words: string }[] }} Unclear */
+
+const MOST_CHOICES = 4;
+
+export class LabelsByPlace {
+  /** @param {{ state: PageState, link: Link, box: HTMLInputElement }} needs */
+  constructor({ state, link, box }) {
+    this.state = state;
+    this.link = link;
+    this.box = box; // of the label that the next click places
+    this.isLeft = false; // whether what stands in the box was left there by the last click
+    box.addEventListener("input", () => { state.typed = true; this.isLeft = false; });
+  }
+
+  get inBox() {
+    return this.box.value.trim();
+  }
+
+  /** Puts a label into the box. @param {string} label @param {boolean} isLeft */
+  put(label, isLeft = false) {
+    this.box.value = label;
+    this.state.typed = false;
+    this.isLeft = isLeft;
+  }
+
+  // Picks that were sent and are not confirmed yet: their labels are taken, too.
+  get coming() {
+    return this.link.unconfirmed.filter((one) => one.t === "place");
+  }
+
+  // Where a label stands that cannot be placed in a photo; empty where it can. What moves is at
+  // another place in each photo, so there each place has a label of its own.
+  /** @param {number} image @param {string} label */
+  taken(image, label) {
+    if (pickAt(image, label) || this.coming.some((one) => one.image === image && one.label === label)) return "in this photo";
+    const moves = this.isApart || store.measurements.some(({ kind, points }) => kind === "speed" && points.includes(label));
+    return moves && this.isThere(label) ? "in another photo" : "";
+  }
+
+  get isApart() {
+    return Boolean(TOOLS[this.state.tool].apart);
+  }
+
+  /** A name that no point has. @param {string} given */
+  free(given = this.inBox) {
+    const prefix = given.replace(/\d*$/, "") || "P";
+    return freeName(prefix, new Set([...labels(), ...this.coming.map(({ label }) => label)]));
+  }
+
+  /** @param {Click} click @returns {Given | Unclear} */
+  at(click) {
+    const given = this.inBox;
+    const taken = this.taken(click.image, given);
+    const name = given && !given.includes(";") && !taken ? given : this.free(given);
+    const say = taken && this.state.typed ? `${given} is picked ${taken} already: this point is called ${name}.` : "";
+    if (this.isApart) return { label: name, say };
+    const here = this.expectedIn(click.image).map((one) => nearness(one, click.u, click.v, click.scale));
+    const likely = meant(here);
+    if (this.state.typed && name === given) return this.typed(click, name, here, likely);
+    if (likely.length === 1) return likely[0] === given ? { label: given } : { label: likely[0], say: `This is ${likely[0]}: it was expected here.`, instead: this.free() };
+    if (likely.length) return { words: "Which point is this? More than one is expected here.", choices: this.choices(likely) };
+    return this.outside(click, name, here, say);
+  }
+
+  // A click where nothing is expected is a new point; where nothing tells what is expected, a point that was
+  // chosen for this click is meant, and one that was merely placed last is asked about.
+  /** @param {Click} click @param {string} name @param {ReturnType<typeof nearness>[]} here @param {string} say @returns {Given | Unclear} */
+  outside({ image }, name, here, say) {
+    if (!this.isThere(name)) return { label: name, say };
+    const where = whereExpected(image, name, here);
+    const free = this.free(name);
+    if (where) return { label: free, say: this.isLeft ? "" : `This is a new point, ${free}: ${name} was expected ${where}. To place ${name} here, type its name.` };
+    if (!this.isLeft) return { label: name };
+    return { words: `Is this ${name} again? Nothing tells yet where it is in this photo.`, choices: this.choices([name]) };
+  }
+
+  /** @param {Click} click @param {string} name @param {ReturnType<typeof nearness>[]} here @param {string[]} likely @returns {Given | Unclear} */
+  typed({ image }, name, here, likely) {
+    const region = here.find(({ label }) => label === name);
+    const where = region?.inside || !(region || this.isThere(name)) ? "" : whereExpected(image, name, here);
+    if (!where) return { label: name };
+    const choices = [{ label: name, words: `It is ${name} all the same` }, ...this.choices(likely)];
+    return { words: `${name} was expected ${where}. Which point is this?`, choices };
+  }
+
+  /** @param {string[]} likely */
+  choices(likely) {
+    const free = this.free();
+    return [...likely.slice(0, MOST_CHOICES).map((label) => ({ label, words: label })), { label: free, words: `A new point, ${free}` }];
+  }
+
+  /** @param {string} label */
+  isThere(label) {
+    return labels().includes(label) || this.coming.some((one) => one.label === label);
+  }
+
+  // Where points are expected that may still be picked there.
+  /** @param {number} image @returns {Predicted[]} */
+  expectedIn(image) {
+    return predictedIn(image).filter(({ label }) => !this.taken(image, label));
+  }
+}
+
+// Where a point is expected, in words; empty where nothing tells.
+/** @param {number} image @param {string} label @param {ReturnType<typeof nearness>[]} here */
+function whereExpected(image, label, here) {
+  const region = here.find((one) => one.label === label);
+  if (region) return aside(region.away);
+  const now = stale() || store.mode !== "adjusted" ? null : adjusted(); // of the picks as they are
+  const isPosed = now?.frames[image]?.status === "refined" || now?.predicted.some((one) => one.image === image);
+  return isPosed && now?.points[label] ? "outside this photo" : "";
+}

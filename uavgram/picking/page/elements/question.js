@@ -1,0 +1,87 @@
+// A question with buttons, beside what it is about. It keeps nobody from anything else: whoever goes on
+// without an answer has cancelled it.
+
+import { node } from "./dom.js";
+
+/** @typedef {{ words: string, act: () => void }} Choice */
+
+const CANCEL = "Cancel (Esc)";
+
+export class Question {
+  /** @param {() => void} ended it was answered or cancelled */
+  constructor(ended) {
+    this.ended = ended;
+    /** @type {HTMLElement | null} */
+    this.box = null;
+  }
+
+  get isOpen() {
+    return this.box !== null;
+  }
+
+  /** @param {string} words @param {Choice[]} choices the first is what Enter does @param {Element} place in which it stands */
+  ask(words, choices, place = document.body) {
+    this.cancel();
+    const buttons = choices.map((choice, k) => node("button", {
+      type: "button", "aria-keyshortcuts": `${k + 1}`, title: k ? `${k + 1}` : "1, or Enter", onclick: () => this.end(choice.act),
+    }, node("kbd", { "aria-hidden": "true" }, `${k + 1} `), choice.words));
+    this.box = node("div", { class: "question", role: "alertdialog", "aria-labelledby": "question" },
+      node("p", { id: "question" }, words),
+      node("div", { class: "answers" }, ...buttons, node("button", { type: "button", onclick: () => this.cancel() }, CANCEL)));
+    this.box.addEventListener("keydown", (event) => this.within(event));
+    place.append(this.box);
+    buttons[0].focus({ preventScroll: true });
+  }
+
+  /** @param {(() => void) | null} act */
+  end(act) {
+    if (!this.box) return;
+    this.box.remove();
+    this.box = null;
+    this.ended();
+    act?.();
+  }
+
+  cancel() {
+    this.end(null);
+  }
+
+  // A key that answers it, wherever the focus is.
+  /** @param {KeyboardEvent} event */
+  answers({ key, repeat, ctrlKey, altKey, metaKey }) {
+    if (!this.box || ctrlKey || altKey || metaKey) return false;
+    const buttons = [...this.box.querySelectorAll("button")];
+    const button = key === "Escape" ? buttons.at(-1) : buttons.slice(0, -1)[key === "Enter" ? 0 : Number(key) - 1];
+    if (!repeat) button?.click();
+    return Boolean(button);
+  }
+
+  // Within it, Enter is of the button that has the focus, and the arrows go from one to the next.
+  /** @param {KeyboardEvent} event */
+  within(event) {
+    const { key, repeat, target } = event;
+    const step = { ArrowLeft: -1, ArrowUp: -1, ArrowRight: 1, ArrowDown: 1 }[key] ?? 0;
+    const ofButton = key === "Enter" || key === " ";
+    const buttons = [...this.box?.querySelectorAll("button") ?? []];
+    const at = buttons.findIndex((button) => button === target);
+    if (step) buttons[(at + step + buttons.length) % buttons.length].focus();
+    const isAnswer = !ofButton && this.answers(event);
+    if (step || isAnswer || ofButton) event.stopPropagation();
+    if (step || isAnswer || (ofButton && repeat)) event.preventDefault();
+  }
+
+  // Brings it beside a place of the box in which it stands, and keeps it within that.
+  /** @param {number} x @param {number} y @param {{ width: number, height: number }} view */
+  stand(x, y, view) {
+    if (!this.box) return;
+    const { offsetWidth: width, offsetHeight: height } = this.box;
+    const left = x + GAP_PX + width <= view.width ? x + GAP_PX : x - GAP_PX - width;
+    Object.assign(this.box.style, { left: `${within(left, view.width - width)}px`, top: `${within(y + GAP_PX, view.height - height)}px` });
+  }
+}
+
+const GAP_PX = 16; // so that the place itself is seen
+
+/** @param {number} value @param {number} most */
+const within = (value, most) => Math.max(Math.min(value, most - EDGE_PX), EDGE_PX);
+const EDGE_PX = 6;

@@ -1,0 +1,49 @@
+// The region in which a point is expected in a photo, and which point a click in it means. Geometry
+// alone: nothing here knows the page.
+
+/** @import { Predicted, Spread } from "../connection/protocol.js" */
+
+/**
+ * How a click fits the place where a point is expected.
+ * @typedef {object} Nearness
+ * @property {string} label
+ * @property {boolean} inside whether it is in the region
+ * @property {number} cost minus twice the logarithm of its likelihood: the smaller the likelier
+ * @property {[number, number]} away from the click to where the point is expected [px of the photo]
+ */
+
+const REGION = 13.8155; // chi-square of a plane: 99.9 % of all clicks that mean the point are inside
+const LEAST_PX = 8; // half the size of a region on the screen, however well the place is known
+const CLEARLY = 2 * Math.log(100); // a point is meant where it is 100 times likelier than the next one
+
+// How a click fits a region: the ellipse of the expected place, widened by what a click on the screen needs.
+/** @param {Predicted} expected @param {number} u @param {number} v @param {number} scale CSS pixels for each of the photo @returns {Nearness} */
+export function nearness({ label, pixel_px, spread }, u, v, scale) {
+  const away = /** @type {[number, number]} */ ([pixel_px[0] - u, pixel_px[1] - v]);
+  const [major, minor] = axes(spread, LEAST_PX / Math.sqrt(REGION) / scale);
+  const turn = ((spread.turn_deg ?? 0) * Math.PI) / 180;
+  const along = (away[0] * Math.cos(turn) + away[1] * Math.sin(turn)) / major;
+  const across = (away[1] * Math.cos(turn) - away[0] * Math.sin(turn)) / minor;
+  const off = along * along + across * across;
+  return { label, inside: off <= REGION, cost: off + 2 * Math.log(major * minor), away };
+}
+
+/** @param {Spread} spread @param {number} least @returns {number[]} NaN where nothing is known: no click is inside */
+const axes = ({ major_px, minor_px }, least) => [major_px, minor_px].map((axis) => (axis === null ? NaN : Math.hypot(axis, least)));
+
+// The points that a click may mean, likeliest first: one where that is clear, none outside all regions.
+/** @param {Nearness[]} all */
+export function meant(all) {
+  const inside = all.filter((one) => one.inside).sort((a, b) => a.cost - b.cost);
+  return inside.filter(({ cost }) => cost <= inside[0].cost + CLEARLY).map(({ label }) => label);
+}
+
+const ASIDE = ["to the right", "to the lower right", "below", "to the lower left", "to the left", "to the upper left", "above", "to the upper right"];
+
+// Where the expected place lies, seen from the click.
+/** @param {[number, number]} away */
+export function aside([du, dv]) {
+  const eighth = Math.round((4 * Math.atan2(dv, du)) / Math.PI + 8) % 8;
+  const words = ASIDE[eighth];
+  return `${Math.round(Math.hypot(du, dv))} px ${words}${words.startsWith("to") ? " of" : ""} here`;
+}
