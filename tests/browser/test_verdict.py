@@ -59,7 +59,7 @@ def test_the_light_the_rows_and_the_drawing_follow_the_verdict(
         page = open_page(server)
         place(page, "New", 700.0, 500.0)
         light, why = page.locator("#light"), page.locator("#why")
-        expect(light).to_have_text("Red: the observations contradict each other: do not use")
+        expect(light).to_have_text("Do not use: the observations contradict each other")
         expect(page.locator("#verdict")).to_have_attribute("data-level", "red")
         expect(page.locator("#first")).to_have_text(SWAPPED.text)
         standing = {name: row(page, name) for name in ("D1", "D2", "D3", "D4")}
@@ -85,7 +85,7 @@ def test_the_light_the_rows_and_the_drawing_follow_the_verdict(
 
         judged = in_order
         page.keyboard.press("Control+z")
-        expect(light).to_have_text("Green: everything fits")
+        expect(light).to_have_text("In order: everything fits")
         wait_until_adjusted(page)
         expect(page.locator(".standing, .is-contradicted, #first > *")).to_have_count(0)
         expect(why).to_be_hidden()

@@ -10,7 +10,6 @@ from standings import with_status
 from uavgram.model.message import Message
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.picking.protocol.encode_verdict import (
-    length_whys,
     measurement_standings,
     verdict_json,
 )
@@ -29,7 +28,7 @@ def test_the_first_reason_stands_alone_and_behind_it_what_says_more() -> None:
     told = verdict_json(replace(survey.build(), verdict=verdict, messages=messages))
 
     assert told["level"] == "red"
-    assert told["words"].startswith("Red: ")
+    assert told["words"].startswith("Do not use: ")
     assert (told["first"]["text"], told["first"]["code"]) == (SWAPPED.text, "labels-swapped")
     assert [one["text"] for one in told["why"]] == [AT_LENGTH.text, "Something else.", ALSO.text]
 
@@ -45,7 +44,7 @@ def test_what_the_first_reason_says_already_is_not_said_again() -> None:
 def test_green_has_words_and_no_reason() -> None:
     told = verdict_json(replace(survey.build(clean=True), messages=()))
 
-    assert told["words"] == "Green: everything fits"
+    assert told["words"] == "In order: everything fits"
     assert (told["first"]["text"], told["why"]) == ("", [])
 
 
@@ -54,7 +53,7 @@ def test_nothing_checked_is_said_of_what() -> None:
     verdict = Verdict(level="amber", reasons=(Reason(cause="nothing-checks", text="Tape more."),))
 
     words = verdict_json(replace(made, verdict=verdict))["words"]
-    assert words == "Amber: nothing checks 'skid left' and 'skid right'"
+    assert words == "Check: nothing would show an error in 'skid left' and 'skid right'"
 
 
 def test_each_measurement_has_its_own_reason() -> None:
@@ -69,14 +68,3 @@ def test_each_measurement_has_its_own_reason() -> None:
     assert standings[2]["why"] == OTHER.text  # named itself
     assert standings[3]["why"] == ""
     assert standings[-1]["words"] == ""  # without a value, which says it all
-
-
-def test_a_length_says_from_what_error_on_it_would_tell() -> None:
-    made = survey.build()
-    lines = made.lines
-    seen = length_whys(made)[lines.status.index("used")]
-    blind = replace(made, lines=replace(lines, mdb_m=lines.mdb_m * float("nan")))
-
-    assert seen.startswith("An error shows from ")
-    assert "nothing checks it" in length_whys(blind)[lines.status.index("used")]
-    assert length_whys(made)[lines.status.index("unseen")] == ""

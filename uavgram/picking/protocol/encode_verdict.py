@@ -13,7 +13,6 @@ from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.views.survey.reliability import weakest_links
 from uavgram.views.survey.verdict import STATUS_WORDS, headline
-from uavgram.views.wording import UNIT_WORDS, number, size_text
 
 Json = dict[str, Any]
 
@@ -86,28 +85,3 @@ def _reason(verdict: Verdict, name: str, points: tuple[str, ...]) -> str:
         if name in reason.measurements or not set(points).isdisjoint(reason.labels):
             return reason.text
     return verdict.reasons[0].text if verdict.reasons else ""
-
-
-def length_whys(result: Result) -> list[str]:
-    """Of each known length the first reason that names it, and the smallest error that shows."""
-    lines, evidence, unit_of = result.lines, result.evidence, _units(result)
-    whys = []
-    for i, name in enumerate(lines.name):
-        named = next((r.text for r in result.verdict.reasons if name in r.lengths), "")
-        smallest = ""
-        if lines.status[i] in ("used", "suspect"):
-            smallest = "No error in it would show: nothing checks it."
-            if math.isfinite(lines.mdb_m[i]):
-                smallest = f"An error shows from {size_text(float(lines.mdb_m[i]))} on"
-                on = "" if evidence is None else evidence.lines.on[i]
-                if evidence is not None and on:
-                    by = number(abs(float(evidence.lines.change[i])))
-                    smallest += f", and would move {on!r} by {by} {unit_of[on]}"
-                smallest += "."
-        whys.append("\n".join(filter(None, (named, smallest))))
-    return whys
-
-
-def _units(result: Result) -> dict[str, str]:
-    rows = result.measurements
-    return {n: UNIT_WORDS.get(unit, unit) for n, unit in zip(rows.name, rows.unit, strict=True)}
