@@ -24,6 +24,7 @@ CHANGES = st.one_of(
     st.builds(c.Unpick, image=IMAGES, label=LABELS),
     st.builds(c.Forget, label=LABELS),
     st.builds(c.Rename, label=LABELS, new=LABELS),
+    st.builds(c.Swap, image=st.just("") | IMAGES, label=LABELS, other=LABELS),
     st.builds(
         c.SetHeight,
         label=LABELS,
@@ -278,3 +279,13 @@ def test_two_lengths_of_one_name_are_refused_and_a_change_by_name_is_not() -> No
     with pytest.raises(RefusedError, match="already"):
         line(session)
     assert line(session, name="L2", was="L1").state.lines[0].name == "L2"
+
+
+def test_several_changes_are_one_step_and_where_one_does_not_fit_none_is_made() -> None:
+    before = place(place(Session(state=State()), "A"), "B")
+    moves = (c.Rename(label="A", new="C"), c.Unpick(image="1.jpg", label="B"))
+    after = apply(before, c.All(changes=moves))
+    assert after.state.labels == ("C",)
+    assert apply(after, c.Undo()).state == before.state
+    with pytest.raises(RefusedError, match="not picked"):
+        apply(before, c.All(changes=(*moves, c.Unpick(image="1.jpg", label="B"))))

@@ -83,6 +83,15 @@ class Rename:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Swap:
+    """Exchange two labels where they are picked: in one photo, or, where it is empty, in all."""
+
+    image: str
+    label: str
+    other: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class SetSigma:
     """State the standard deviation of one pick; None: the project's own."""
 
@@ -142,6 +151,13 @@ class RemoveMeasurement:
     """Remove a measurement."""
 
     name: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class All:
+    """Several changes in one step, in this order: all of them, or, where one does not fit, none."""
+
+    changes: tuple[SingleChange, ...]
 
 
 @dataclass(frozen=True)
@@ -229,12 +245,13 @@ class UseCamera:
     """Name the camera file that was made last in the project, and read the project again."""
 
 
-Change = (
+SingleChange = (
     Place
     | PlaceAll
     | Unpick
     | Forget
     | Rename
+    | Swap
     | SetSigma
     | SetHeight
     | SetLine
@@ -242,6 +259,7 @@ Change = (
     | SetMeasurement
     | RemoveMeasurement
 )
+Change = SingleChange | All
 Command = Change | Undo | Redo
 ProjectAction = (
     Refuse

@@ -14,8 +14,9 @@ from typing import Any, TypeVar
 from uavgram.io.tables.measure import POINT_COUNTS, THERE_AND_BACK, counted, request_fault
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
+from uavgram.picking.document.labels import forget, rename, swap
 from uavgram.picking.document.refused import RefusedError
-from uavgram.picking.document.state import Line, Pick, State, with_label
+from uavgram.picking.document.state import Line, Pick, State, without_matches
 
 MOST_STEPS = 10_000
 """Steps that can be taken back; older ones are forgotten."""
@@ -155,35 +156,13 @@ def _placed_anew(state: State, there: Pick, do: c.Place) -> State:
     # What a person noted of an own pick in columns that the program reads too stays.
     made = {} if there.source == do.source == "hand" else vars(do)
     new = replace(there, **made | {"u_px": do.u_px, "v_px": do.v_px, "sigma_px": sigma})
-    return _with_pick(_without_matches(state, there), there, new)
+    return _with_pick(without_matches(state, there), there, new)
 
 
 def _unpick(state: State, do: c.Unpick) -> State:
     there = _required(state, do.image, do.label)
     kept = tuple(pick for pick in state.picks if pick is not there)
-    return _without_matches(replace(state, picks=kept), there)
-
-
-def _without_matches(state: State, there: Pick) -> State:
-    """Without what the program found from a pick: it showed what is no longer picked."""
-    kept = tuple(pick for pick in state.picks if not pick.is_match_of(there))
-    return replace(state, picks=kept)
-
-
-def _forget(state: State, do: c.Forget) -> State:
-    return State(
-        picks=tuple(pick for pick in state.picks if pick.label != do.label),
-        lines=tuple(line for line in state.lines if do.label not in {line.start, line.end}),
-        requests=tuple(one for one in state.requests if do.label not in one.points),
-    )
-
-
-def _rename(state: State, do: c.Rename) -> State:
-    if do.new != do.label and do.new in _all_labels(state):
-        raise RefusedError(f"there is a label {do.new!r} already")
-    if do.label not in _all_labels(state):
-        raise RefusedError(f"there is no label {do.label!r}")
-    return with_label(state, do.label, do.new)
+    return without_matches(replace(state, picks=kept), there)
 
 
 def _set_sigma(state: State, do: c.SetSigma) -> State:
@@ -236,18 +215,26 @@ def _remove_measurement(state: State, do: c.RemoveMeasurement) -> State:
     return replace(state, requests=_without_named(state.requests, do.name, "measurement"))
 
 
+def _all(state: State, do: c.All) -> State:
+    for change in do.changes:
+        state = _CHANGES[type(change)](state, change)
+    return state
+
+
 _CHANGES: dict[type, Callable[..., State]] = {
     c.Place: _place,
     c.PlaceAll: _place_all,
     c.Unpick: _unpick,
-    c.Forget: _forget,
-    c.Rename: _rename,
+    c.Forget: forget,
+    c.Rename: rename,
+    c.Swap: swap,
     c.SetSigma: _set_sigma,
     c.SetHeight: _set_height,
     c.SetLine: _set_line,
     c.RemoveLine: _remove_line,
     c.SetMeasurement: _set_measurement,
     c.RemoveMeasurement: _remove_measurement,
+    c.All: _all,
 }
 
 
@@ -264,14 +251,6 @@ def _required(state: State, image: str, label: str) -> Pick:
 
 def _with_pick(state: State, old: Pick, new: Pick) -> State:
     return replace(state, picks=tuple(new if pick is old else pick for pick in state.picks))
-
-
-def _all_labels(state: State) -> set[str]:
-    """Labels of picks, lengths and measurements: one name is one physical point."""
-    labels = set(state.labels)
-    labels.update(*((line.start, line.end) for line in state.lines))
-    labels.update(*(request.points for request in state.requests))
-    return labels
 
 
 def _with_named(items: tuple[Named, ...], was: str, new: Named, what: str) -> tuple[Named, ...]:

@@ -178,29 +178,10 @@ def observations_of(state: State) -> tuple[Picks, KnownLines]:
     )
 
 
-def with_label(state: State, old: str, new: str) -> State:
-    """The state with one label called otherwise, wherever it stands.
-
-    Parameters
-    ----------
-    state
-        Before.
-    old, new
-        The label, and what it is called afterwards.
-    """
-
-    def named(label: str) -> str:
-        return new if label == old else label
-
-    return State(
-        picks=tuple(replace(pick, label=named(pick.label)) for pick in state.picks),
-        lines=tuple(
-            replace(line, start=named(line.start), end=named(line.end)) for line in state.lines
-        ),
-        requests=tuple(
-            replace(request, points=tuple(map(named, request.points))) for request in state.requests
-        ),
-    )
+def without_matches(state: State, there: Pick) -> State:
+    """Without what the program found from a pick: it showed what is no longer picked."""
+    kept = tuple(pick for pick in state.picks if not pick.is_match_of(there))
+    return replace(state, picks=kept)
 
 
 def _or_none(value: float) -> float | None:

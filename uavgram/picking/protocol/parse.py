@@ -36,6 +36,7 @@ from uavgram.picking.document.refused import RefusedError
 LONGEST_MESSAGE = 1_000_000
 MOST_POINTS = 256
 MOST_PAIRS = 10_000
+MOST_CHANGES = 10_000
 LARGEST_INTEGER = 2**53
 
 _UNIT = re.compile(r"_(px|m)$")  # of a field; people know the field without it
@@ -43,6 +44,8 @@ _UNIT = re.compile(r"_(px|m)$")  # of a field; people know the field without it
 _TARGETS: tuple[c.Target, ...] = ("corner", "circle")
 
 Choice = TypeVar("Choice", bound=str)
+
+Body = c.Command | c.Accept | c.Question | c.ProjectAction
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,7 @@ class Message:
     seq: int
     step: int
     final: bool
-    body: c.Command | c.Accept | c.Question | c.ProjectAction
+    body: Body
 
 
 def parse_message(text: str | bytes, photos: Sequence[PhotoSize]) -> Message:
@@ -108,11 +111,17 @@ def _parsed(fields: _Fields, seq: int) -> Message:
     step = fields.integer("step", default=0)
     final = fields.flag("final", default=True)
     command = _KINDS[kind]
+    return Message(seq=seq, step=step, final=final, body=_read(command, fields))
+
+
+def _read(command: type[Body], fields: _Fields) -> Body:
+    """A command of what the fields say, and of nothing else."""
+    readers = _READERS | _OWN_READERS.get(command, {})
     given: dict[str, Any] = {
-        one.name: _READERS[one.name](fields) for one in dataclasses.fields(command)
+        one.name: readers[one.name](fields) for one in dataclasses.fields(command)
     }
     fields.nothing_else()
-    return Message(seq=seq, step=step, final=final, body=command(**given))
+    return command(**given)
 
 
 def _refuse(why: str) -> NoReturn:
@@ -256,6 +265,23 @@ class _Fields:
             found.append((one.photo().name, one.label()))
         return tuple(found)
 
+    def changes(self, name: str) -> tuple[c.SingleChange, ...]:
+        """Changes, each as a message has it, without a number of its own."""
+        values = self._take(name)
+        if not isinstance(values, list) or not 0 < len(values) <= MOST_CHANGES:
+            _refuse(f"{name} must be a list of 1 to {MOST_CHANGES} changes")
+        found = []
+        for value in values:
+            if not isinstance(value, dict):
+                _refuse(f"{name} must hold objects")
+            inner = _Fields(value, self._photos)
+            kind = inner.text("t")
+            change = _read(_KINDS[kind], inner) if kind in _KINDS else None
+            if not isinstance(change, c.SingleChange):
+                _refuse(f"{kind!r} is no change that can be made together with others")
+            found.append(change)
+        return tuple(found)
+
     def labels(self, name: str) -> tuple[str, ...]:
         values = self._take(name)
         if not isinstance(values, list) or len(values) > MOST_POINTS:
@@ -292,6 +318,8 @@ _READERS: dict[str, Callable[[_Fields], object]] = {
     "from_v_px": lambda f: f.optional_place("from_v_px", f.size.height_px),
     "label": _Fields.label,
     "new": lambda f: f.label("new"),
+    "other": lambda f: f.label("other"),
+    "changes": lambda f: f.changes("changes"),
     "start": lambda f: f.label("start"),
     "end": lambda f: f.label("end"),
     "was": lambda f: f.text("was", empty=True),
@@ -316,13 +344,20 @@ _READERS: dict[str, Callable[[_Fields], object]] = {
     "model": lambda f: f.choice("model", _MODELS),
 }
 
-_KINDS: dict[str, type[c.Command | c.Accept | c.Question | c.ProjectAction]] = {
+# Where a command's field means something else than in the others.
+_OWN_READERS: dict[type[Body], dict[str, Callable[[_Fields], object]]] = {
+    c.Swap: {"image": lambda f: f.other_photo("image")},
+}
+
+_KINDS: dict[str, type[Body]] = {
     "place": c.Place,
     "accept": c.Accept,
     "refuse": c.Refuse,
     "unpick": c.Unpick,
     "forget": c.Forget,
     "rename": c.Rename,
+    "swap": c.Swap,
+    "all": c.All,
     "sigma": c.SetSigma,
     "height": c.SetHeight,
     "line": c.SetLine,

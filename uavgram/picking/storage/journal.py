@@ -79,7 +79,7 @@ class Journal:
         OutputError
             It cannot be kept, so it must not be confirmed.
         """
-        self._append({"do": type(command).__name__, "step": step, **asdict(command)})
+        self._append({"step": step, **_entry(command)})
 
     def saving(self, digests: Digests) -> None:
         """Say what the tables are about to be."""
@@ -202,7 +202,16 @@ def _entries(path: Path) -> Iterator[dict[str, Any]]:
         yield entry
 
 
+def _entry(command: c.Command) -> dict[str, Any]:
+    if isinstance(command, c.All):  # each needs its own name to be found again
+        return {"do": c.All.__name__, "changes": [_entry(change) for change in command.changes]}
+    return {"do": type(command).__name__, **asdict(command)}
+
+
 def _command(kind: str, fields: dict[str, Any]) -> c.Command:
+    if kind == c.All.__name__:
+        changes: list[Any] = [_command(one.pop("do"), one) for one in fields["changes"]]
+        return c.All(changes=tuple(changes))
     if kind == c.PlaceAll.__name__:
         return c.PlaceAll(places=tuple(c.Place(**place) for place in fields["places"]))
     command: c.Command = _COMMANDS[kind](**_tuples(fields))

@@ -98,10 +98,13 @@ export interface SetLine extends Reading { t: "line"; was: string; tape?: string
 export interface SetMeasurement extends Measurement { t: "measure"; was: string }
 export interface SetHeight extends Height { t: "height"; label: string; step?: number }
 type Pair = [number, string]; // photo and label
-export type Change = Place | { t: "accept"; pairs: Pair[] } | SetLine | SetMeasurement
+export type Change = SingleChange | { t: "all"; changes: SingleChange[] } | { t: "accept"; pairs: Pair[] } | { t: "undo" } | { t: "redo" };
+// One that can be made together with others, in one step; a swap without a photo is of all photos.
+export type SingleChange = Place | SetLine | SetMeasurement
   | { t: "unpick"; image: number; label: string } | { t: "forget"; label: string } | { t: "rename"; label: string; new: string }
+  | { t: "swap"; image: number | null; label: string; other: string }
   | { t: "sigma"; image: number; label: string; sigma_px: Maybe } | SetHeight
-  | { t: "remove-line"; name: string } | { t: "remove-measurement"; name: string } | { t: "undo" } | { t: "redo" };
+  | { t: "remove-line"; name: string } | { t: "remove-measurement"; name: string };
 
 export type Target = "corner" | "circle";
 export type Question =

@@ -1,0 +1,100 @@
+"""Changes of labels: what stands behind a name, in picks, lengths and measurements; pure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from uavgram.picking.document import commands as c
+from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.state import Pick, State, without_matches
+
+
+def forget(state: State, do: c.Forget) -> State:
+    """The state without a label."""
+    return State(
+        picks=tuple(pick for pick in state.picks if pick.label != do.label),
+        lines=tuple(line for line in state.lines if do.label not in {line.start, line.end}),
+        requests=tuple(one for one in state.requests if do.label not in one.points),
+    )
+
+
+def rename(state: State, do: c.Rename) -> State:
+    """The state with a label called otherwise; raises `RefusedError` where that name is taken."""
+    if do.new != do.label and do.new in all_labels(state):
+        raise RefusedError(f"there is a label {do.new!r} already")
+    if do.label not in all_labels(state):
+        raise RefusedError(f"there is no label {do.label!r}")
+    return with_label(state, do.label, do.new)
+
+
+def swap(state: State, do: c.Swap) -> State:
+    """The state with the picks of two labels exchanged; lengths and measurements stay as written.
+
+    A photo in which only one of them is picked then has the other. What is stated of a label's
+    height stays with the label, as lengths do: people wrote it of the point of that name.
+
+    Raises
+    ------
+    RefusedError
+        They are one label, one of them is nowhere, or neither is picked there.
+    """
+    other = {do.label: do.other, do.other: do.label}
+    if len(other) < 2:
+        raise RefusedError(f"{do.label!r} cannot be exchanged with itself")
+    for label in other:
+        if label not in all_labels(state):
+            raise RefusedError(f"there is no label {label!r}")
+    taken = [pick for pick in state.picks if pick.label in other and do.image in {pick.image, ""}]
+    if not taken:
+        where = f"in {do.image!r}" if do.image else "in any photo"
+        raise RefusedError(f"neither {do.label!r} nor {do.other!r} is picked {where}")
+    stated = {pick.label: {**pick.height, "area": pick.area} for pick in reversed(state.picks)}
+    swapped = {}
+    for pick in taken:
+        label = other[pick.label]
+        changes = {**stated.get(label, stated[pick.label]), "label": label}
+        swapped[pick.key] = replace(_by_hand(pick) if do.image else pick, **changes)
+        if do.image:
+            state = without_matches(state, pick)
+    picks = tuple(swapped.get(pick.key, pick) for pick in state.picks)
+    return replace(state, picks=picks)
+
+
+def _by_hand(pick: Pick) -> Pick:
+    """A pick that a person gave another label: no match any more of the pick it was found from."""
+    if pick.source != "match":
+        return pick
+    return Pick(image=pick.image, label=pick.label, u_px=pick.u_px, v_px=pick.v_px)
+
+
+def all_labels(state: State) -> set[str]:
+    """Labels of picks, lengths and measurements: one name is one physical point."""
+    labels = set(state.labels)
+    labels.update(*((line.start, line.end) for line in state.lines))
+    labels.update(*(request.points for request in state.requests))
+    return labels
+
+
+def with_label(state: State, old: str, new: str) -> State:
+    """The state with one label called otherwise, wherever it stands.
+
+    Parameters
+    ----------
+    state
+        Before.
+    old, new
+        The label, and what it is called afterwards.
+    """
+
+    def named(label: str) -> str:
+        return new if label == old else label
+
+    return State(
+        picks=tuple(replace(pick, label=named(pick.label)) for pick in state.picks),
+        lines=tuple(
+            replace(line, start=named(line.start), end=named(line.end)) for line in state.lines
+        ),
+        requests=tuple(
+            replace(request, points=tuple(map(named, request.points))) for request in state.requests
+        ),
+    )
