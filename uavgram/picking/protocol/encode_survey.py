@@ -83,7 +83,11 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
     return {
         "mode": "adjusted",
         "seconds": number(adjusted.seconds, 3),
-        "verdict": {**verdict_json(result), "unseen": unseen_errors(result)},
+        "verdict": {
+            **verdict_json(result),
+            "reasons": len(result.verdict.reasons),
+            "unseen": unseen_errors(result),
+        },
         "points": _points(adjusted),
         "earth_deg": places_on_earth(adjusted, result.points.label, result.points.position_world_m),
         "picks": _picks(adjusted, index),

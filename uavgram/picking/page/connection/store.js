@@ -34,6 +34,7 @@
  * @property {number} liveFor
  * @property {Live["mode"] | "waiting"} mode
  * @property {boolean} connected
+ * @property {boolean} waits whether the numbers have been older than the picks for so long that it is to be shown
  * @property {boolean} gone not connected for so long that it is to be shown
  * @property {string} fault
  */
@@ -70,6 +71,7 @@ export const store = {
   liveFor: -1,
   mode: "waiting",
   connected: false,
+  waits: false,
   gone: false,
   fault: "",
 };

@@ -1,5 +1,7 @@
 // One sentence over the page, for a while.
 
+import { node } from "./dom.js";
+
 const SHOWN_MS = 8000; // what went well is shown for half of it
 
 export class Notice {
@@ -9,13 +11,14 @@ export class Notice {
     this.timer = 0;
   }
 
-  /** @param {string} words @param {boolean} good */
-  show(words, good = false) {
+  /** @param {string} words @param {boolean} good @param {{ words: string, act: () => void } | null} offer a button beside the words */
+  show(words, good = false, offer = null) {
     this.box.textContent = words;
+    if (offer) this.box.append(node("button", { name: "offer", onclick: () => { this.hide(); offer.act(); } }, offer.words));
     this.box.classList.toggle("info", good);
     this.box.hidden = false;
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.hide(), good ? SHOWN_MS / 2 : SHOWN_MS);
+    this.timer = setTimeout(() => this.hide(), good && !offer ? SHOWN_MS / 2 : SHOWN_MS);
   }
 
   /** What a question ended with instead of an answer. @param {unknown} fault */
