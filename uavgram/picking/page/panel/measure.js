@@ -104,7 +104,13 @@ function lengthsPart(tools) {
   const fits = store.lines.map((line) => now?.lines[line.name]);
   part.querySelectorAll("tr[data-row]").forEach((row, k) => { row.setAttribute("data-status", fits[k]?.status ?? ""); });
   return withValues(part, fits.flatMap((fit) => [[trusted(fit, fixed(fit?.adjusted_m, 3))], [trusted(fit, fixed(fit?.sigma_m, 3))], [wCell(fit?.w, isFault(fit) ? "suspect" : "", fit?.why)],
-    [...(standingSign(fit, true) ? [standingSign(fit, true) ?? "", fit?.shows ? " \u2013 " : ""] : []), fit?.shows ?? ""]]));
+    saidBeneath(fit, fit?.shows)]));
+}
+
+/** The word for what is not in order, and which errors would show. @param {Trust | undefined} trust @param {string | undefined} shows */
+function saidBeneath(trust, shows = "") {
+  const sign = standingSign(trust, true);
+  return sign ? [sign, shows && ": ", shows] : [shows];
 }
 
 /** @param {Trust | undefined} trust */
@@ -138,13 +144,17 @@ function measurementsPart(tools) {
   const now = adjusted();
   const part = keep("measurements", store.measurements, () => titled(`Measurements (${store.measurements.length})`,
     table("Measurements", ["name", "value \u00b1 \u03c3", "", ""], store.measurements.flatMap((one) => [measurementRow(one, tools), beneath(4, "value")]))));
+  part.querySelectorAll("tr[data-row]").forEach((row, k) => { row.setAttribute("data-status", worstOf(store.measurements[k])?.status ?? ""); });
   return withValues(part, store.measurements.flatMap((one) => {
-    const standing = rowsOf(one).map((row) => now?.measurements[row]).find((found) => found?.words);
+    const standing = worstOf(one);
     const values = valuesOf(one, now).flatMap((value, k) => (k ? [node("br"), value] : [value]));
-    const found = standing ?? rowsOf(one).map((row) => now?.measurements[row]).find(Boolean);
-    return [[trusted(found, ...values)], [standingSign(standing, true) ?? ""], [found?.shows ?? ""]];
+    const found = standing ?? now?.measurements[rowsOf(one)[0]];
+    return [[trusted(found, ...values)], [standingSign(standing) ?? ""], saidBeneath(found?.status === "not-checked" ? found : undefined, found?.shows)];
   }));
 }
+
+/** What is not in order of a measurement, or of one of its rows. @param {Measurement} measurement */
+const worstOf = (measurement) => rowsOf(measurement).map((row) => adjusted()?.measurements[row]).find((found) => found?.words);
 
 // A coordinate has two rows, with one standing.
 /** @param {Measurement} measurement */
