@@ -94,7 +94,7 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
     return {
         "mode": "adjusted",
         "seconds": number(adjusted.seconds, 3),
-        "verdict": verdict_json(result),
+        "verdict": verdict_json(result, adjusted.observed.lines, index),
         "points": _points(adjusted),
         "earth_deg": places_on_earth(adjusted, result.points.label, result.points.position_world_m),
         "picks": _picks(adjusted, index),

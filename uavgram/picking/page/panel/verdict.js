@@ -7,7 +7,7 @@ import { list } from "../elements/table.js";
 import { OFF_GROUND, offGround } from "./point.js";
 
 /** @import { Tools } from "../actions/tools.js" */
-/** @import { Remark } from "../connection/protocol.js" */
+/** @import { Note, Remark } from "../connection/protocol.js" */
 
 /** @param {HTMLElement} box @param {Tools} tools */
 export function showVerdict(box, tools) {
@@ -25,9 +25,10 @@ export function showVerdict(box, tools) {
 }
 
 // Before there are numbers: what was warned of.
-/** @type {Remark} */
-const NOTHING = { level: "warning", code: "", text: "" };
-const unjudged = () => ({ level: "none", words: "", first: NOTHING, why: remarks().filter(({ level }) => level !== "info") });
+/** @param {Note} note @returns {Remark} */
+const asRemark = ({ level, code, text, labels = [] }) => ({ level, code, text, plain: text, labels, frames: [], lengths: [], measurements: [], mends: [], show: null });
+const NOTHING = asRemark({ level: "warning", code: "", text: "" });
+const unjudged = () => ({ level: "none", words: "", first: NOTHING, why: remarks().filter(({ level }) => level !== "info").map(asRemark) });
 
 /** @param {string[]} high @param {Tools} tools */
 const freeButton = (high, tools) => node("button", { class: "below", name: "free", title: "Takes it that they stand off the ground, at heights that their photos tell", onclick: () => tools.heights.free(high) },

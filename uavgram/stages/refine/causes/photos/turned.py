@@ -20,6 +20,7 @@ from uavgram.stages.refine.blunders.consensus import AGREES, SMALLEST, seen_at
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import labels_of
 from uavgram.stages.refine.causes.photos.disorder import right_labels
+from uavgram.stages.remedies import with_remedies
 
 MOST_PHOTOS = 12
 """Photos that were left out and are looked at."""
@@ -137,10 +138,11 @@ def photos_elsewhere(standing: Standing, causes: Sequence[Cause]) -> tuple[Cause
         if name in settled:
             continue
         picks = picks_of(standing, frame)
+        mend = Mend(without_picks=frozenset(picks.tolist()))
         found.append(
             Cause(
-                message=_elsewhere(name),
-                mend=Mend(without_picks=frozenset(picks.tolist())),
+                message=with_remedies(_elsewhere(name), survey, [mend]),
+                mend=mend,
                 gain=4.0 * PRICE * len(picks),
                 settles=frozenset([name]),
             )
