@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 Action = Literal[
-    "swap", "unpick", "move", "length", "ends", "withhold", "free", "on-ground", "tape"
+    "swap", "unpick", "move", "length", "ends", "remove-length", "free", "on-ground", "tape"
 ]
 """``swap`` labels; ``unpick`` or ``move`` a pick; correct a ``length`` or its ``ends``;
-``withhold`` a length, which is then judged alone; ``free`` a height, or state that a point is
-``on-ground``. ``tape`` is work in the field, and changes nothing that was written."""
+``remove-length``, as one that is only withheld still contradicts; ``free`` a height, or state that
+a point is ``on-ground``. ``tape`` is work in the field, and changes nothing that was written."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ PLURAL: dict[Action, str] = {
     "move": "Put all of these photos back",
     "length": "Correct these {count} lengths",
     "ends": "Correct the ends of these {count} lengths",
-    "withhold": "Withhold these {count} lengths",
+    "remove-length": "Remove these {count} lengths",
     "free": "Free these {count} heights",
 }
 """Words for several at once. Nobody should remove several picks without a look at each."""

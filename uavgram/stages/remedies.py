@@ -45,7 +45,7 @@ def remedy_of(survey: Survey, mend: Mend) -> Remedy | None:
         _picks(survey, sorted(mend.without_picks)),
         _lengths(survey, mend),
         _ends(survey, mend),
-        withheld([_line(survey, k) for k in sorted(mend.without_lines)]),
+        without_lengths([_line(survey, k) for k in sorted(mend.without_lines)]),
         _heights(survey, mend),
     )
     known = [one for one in parts if one is not None]
@@ -70,15 +70,15 @@ def unpicked(pairs: Sequence[tuple[str, str]]) -> Remedy | None:
     )
 
 
-def withheld(names: Sequence[str]) -> Remedy | None:
-    """Known lengths that only judge; None without any, or where they have no names."""
+def without_lengths(names: Sequence[str]) -> Remedy | None:
+    """Known lengths removed; None without any, or where they have no names."""
     if not all(names) or not names:
         return None
-    what = names[0] if len(names) == 1 else f"these {len(names)} lengths"
+    what = f"the length {names[0]}" if len(names) == 1 else f"these {len(names)} lengths"
     return Remedy(
-        action="withhold",
-        words=f"Withhold {what}",
-        corrections=tuple(Correction(action="withhold", length=name) for name in names),
+        action="remove-length",
+        words=f"Remove {what}",
+        corrections=tuple(Correction(action="remove-length", length=name) for name in names),
     )
 
 

@@ -40,7 +40,7 @@ def mends_json(
 
 def _change(one: Correction, lines: KnownLines, index: Mapping[str, int]) -> Json | None:
     """A change as the page sends it; None where the page has no such thing."""
-    if one.action in ("length", "ends", "withhold"):
+    if one.action in ("length", "ends", "remove-length"):
         return _line(one, lines)
     if one.frame and one.frame not in index:
         return None
@@ -63,6 +63,8 @@ def _change(one: Correction, lines: KnownLines, index: Mapping[str, int]) -> Jso
 def _line(one: Correction, lines: KnownLines) -> Json | None:
     if lines.name.count(one.length) != 1:
         return None
+    if one.action == "remove-length":
+        return {"t": "remove-line", "name": one.length}
     i = lines.name.index(one.length)
     start, end = one.ends or (lines.start[i], lines.end[i])
     return {
@@ -73,5 +75,5 @@ def _line(one: Correction, lines: KnownLines) -> Json | None:
         "end": end,
         "length_m": float(lines.length_m[i]) if one.length_m is None else one.length_m,
         "sigma_m": float(lines.sigma_m[i]),
-        "adjust": bool(lines.adjust[i]) and one.action != "withhold",
+        "adjust": bool(lines.adjust[i]),
     }

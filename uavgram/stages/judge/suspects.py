@@ -15,7 +15,7 @@ from uavgram.model.message import Message, Several
 from uavgram.model.remedy import Remedy
 from uavgram.model.survey.known import KnownThing
 from uavgram.stages.judge.tested_survey import TestedSurvey
-from uavgram.stages.remedies import unpicked, withheld
+from uavgram.stages.remedies import unpicked, without_lengths
 
 CODES = {
     "pixels": "pick-suspect",
@@ -127,13 +127,13 @@ def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
 
 
 def _remedy(examined: TestedSurvey, member: Member) -> Remedy | None:
-    """A pick removed, or a length withheld; None where only a person can put it right."""
+    """A pick removed, or a length removed; None where only a person can put it right."""
     if member.kind == "pixels":
         return unpicked([examined.names.pick(member.row)])
     if member.kind == "lengths":
         survey = examined.adjustment.survey
         line = examined.adjustment.problem.line_index[member.row]
-        return withheld([survey.line_name[line] if survey.line_name else ""])
+        return without_lengths([survey.line_name[line] if survey.line_name else ""])
     return None
 
 

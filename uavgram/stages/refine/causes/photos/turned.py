@@ -20,7 +20,6 @@ from uavgram.stages.refine.blunders.consensus import AGREES, SMALLEST, seen_at
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import labels_of
 from uavgram.stages.refine.causes.photos.disorder import right_labels
-from uavgram.stages.remedies import with_remedies
 
 MOST_PHOTOS = 12
 """Photos that were left out and are looked at."""
@@ -141,7 +140,7 @@ def photos_elsewhere(standing: Standing, causes: Sequence[Cause]) -> tuple[Cause
         mend = Mend(without_picks=frozenset(picks.tolist()))
         found.append(
             Cause(
-                message=with_remedies(_elsewhere(name), survey, [mend]),
+                message=_elsewhere(name),  # only a look at it tells what would put it right
                 mend=mend,
                 gain=4.0 * PRICE * len(picks),
                 settles=frozenset([name]),
