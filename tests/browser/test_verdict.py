@@ -59,7 +59,7 @@ def test_the_light_the_rows_and_the_drawing_follow_the_verdict(
         page = open_page(server)
         place(page, "New", 700.0, 500.0)
         light, why = page.locator("#light"), page.locator("#why")
-        expect(light).to_have_text("Do not use: the observations contradict each other")
+        expect(light).to_have_text("Do not use: it does not fit together")
         expect(page.locator("#verdict")).to_have_attribute("data-level", "red")
         expect(page.locator("#first")).to_have_text(SWAPPED.text)
         for name, status in zip(

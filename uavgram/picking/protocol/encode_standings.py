@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
+from uavgram.model.result.reliability import WeakestLinks
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict
-from uavgram.views.survey.reliability import weakest_links
 from uavgram.views.survey.verdict import STATUS_WORDS, named_picks
 from uavgram.views.wording import UNIT_WORDS, number, size_text
 
@@ -85,17 +86,18 @@ def _length(result: Result, i: int) -> Json:
 
 def photo_standings(result: Result) -> list[Json]:
     """Status of each photo, and why."""
-    frames = result.frames
-    own: dict[str, tuple[MeasurementStatus, str]] = {
-        "rejected": ("contradicted", REJECTED_PHOTO),
-    }
-    verdict = result.verdict
-    return [
-        _standing(
-            verdict, own.get(status, ("ok", "")), (r for r in verdict.reasons if name in r.frames)
-        )
-        for name, status in zip(frames.frame_id, frames.status, strict=True)
-    ]
+    frames, verdict = result.frames, result.verdict
+    standings = []
+    for name, status in zip(frames.frame_id, frames.status, strict=True):
+        reasons = [reason for reason in verdict.reasons if name in reason.frames]
+        if status == "rejected":
+            own: tuple[MeasurementStatus, str] = ("contradicted", REJECTED_PHOTO)
+            standings.append(_standing(verdict, own, iter(reasons)))
+        elif status == "refined" or reasons:
+            standings.append(_standing(verdict, ("ok", ""), iter(reasons)))
+        else:  # it takes no part: nothing of it is shown that could be wrong
+            standings.append({"status": "ok", "words": "", "why": ""})
+    return standings
 
 
 _RANK: dict[MeasurementStatus, int] = {"ok": 0, "not-checked": 1, "doubtful": 2, "contradicted": 3}
@@ -139,19 +141,24 @@ def _shown_by_lengths(result: Result) -> list[str]:
     return found
 
 
-def shown_by_measurements(result: Result) -> list[str]:
-    """Of each measurement that nothing checks, which errors would not show; empty for others."""
-    rows = result.measurements
-    weakest = {link["name"]: link for link in weakest_links(result)}
-    found = []
-    for name, status in zip(rows.name, rows.status, strict=True):
-        link = weakest.get(name)
-        words = ""
-        if status == "not-checked" and link is not None:
-            words = link["weakest"]
-            if link["unchecked"]:
-                words = f"no error would show in {link['unchecked']}"
-        found.append(words)
+def shown_by_measurements(rows: MeasurementResults, links: WeakestLinks | None) -> list[str]:
+    """Of each measurement that nothing checks, in what no error would show; empty for others.
+
+    Parameters
+    ----------
+    rows
+        The M measurements.
+    links
+        Of each what nothing checks; None where nobody asked.
+    """
+    found = [""] * len(rows.name)
+    for i, status in enumerate(rows.status):
+        if links is None or status != "not-checked" or not links.unchecked[i]:
+            continue
+        unchecked = links.unchecked[i]
+        own = [one for one in unchecked if any(repr(label) in one for label in rows.points[i])]
+        more = f" and {len(unchecked) - 1} more" if len(unchecked) > 1 else ""
+        found[i] = f"no error would show in the {(own or unchecked)[0]}{more}"
     return found
 
 

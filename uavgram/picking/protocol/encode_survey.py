@@ -84,7 +84,7 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
         "mode": "adjusted",
         "seconds": number(adjusted.seconds, 3),
         "verdict": {
-            **verdict_json(result),
+            **verdict_json(result, adjusted.observed.lines, index),
             "reasons": len(result.verdict.reasons),
             "unseen": unseen_errors(result),
         },
@@ -219,7 +219,8 @@ def _lines(adjusted: Adjusted) -> Json:
 def _measurements(adjusted: Adjusted) -> Json:
     result = adjusted.result
     found, standings = result.measurements, measurement_standings(result)
-    shows = shown_by_measurements(result)
+    evidence = result.evidence
+    shows = shown_by_measurements(found, None if evidence is None else evidence.weakest)
     return {
         name: {
             "value": number(found.value[i]),

@@ -89,7 +89,7 @@ def headline(result: Result) -> str:
     if level == "green":
         return "In order: everything fits"
     if level == "red":
-        return "Do not use: the observations contradict each other"
+        return "Do not use: it does not fit together"
     if reasons and reasons[0].cause in UNDECIDED:
         return "Check: not everything is decided"
     unchecked = _unchecked(result)
