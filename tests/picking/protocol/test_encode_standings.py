@@ -11,6 +11,7 @@ from standings import with_status
 
 from uavgram.model.result.reliability import WeakestLinks
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import LineStatus, PickStatus
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.picking.protocol.encode_standings import (
     length_standings,
@@ -26,7 +27,8 @@ from uavgram.picking.protocol.encode_verdict import measurement_standings
 def clean() -> Result:
     """In order, with a last length in which any reading would show."""
     made = survey.build(clean=True)
-    lines = replace(made.lines, status=("used",) * len(made.lines.name))
+    used: LineStatus = "used"
+    lines = replace(made.lines, status=(used,) * len(made.lines.name))
     return replace(made, lines=replace(lines, mdb_m=np.full(len(lines.name), 0.05)))
 
 
