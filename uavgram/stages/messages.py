@@ -11,7 +11,7 @@ from uavgram.model.message import NUMBERS, SUBJECTS, Message, Several
 from uavgram.model.remedy import together as mended_together
 from uavgram.model.survey.mend import Cause
 
-MOST_LISTED = 12
+MOST_LISTED = 5
 """Things that a sentence lists; the message names all of them as data."""
 
 LEVELS = ("error", "warning", "info")

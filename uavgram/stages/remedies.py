@@ -95,7 +95,15 @@ def freed(labels: Sequence[str]) -> Remedy | None:
 
 
 def to_tape(start: str, end: str, length_m: float) -> Remedy:
-    """A length that would check what nothing checks."""
+    """A length that would check what nothing checks.
+
+    Parameters
+    ----------
+    start, end
+        Its labels.
+    length_m
+        About how long it is.
+    """
     ends = Correction(action="tape", ends=(start, end), length_m=length_m)
     words = f"Tape from {start} to {end}, about {length_m:.1f} m"
     return Remedy(action="tape", words=words, corrections=(ends,))

@@ -93,12 +93,13 @@ def pass_verdict(
     if any(m.code == "misfit" for m in messages):
         told -= {"group-misfit"}  # the same, of parts of it
     # What a cause explains is told as information, and is no reason of its own.
-    reasons = tuple(reason_of(m) for m in messages if m.code in told and m.level != "info")
+    reasons = [reason_of(m) for m in messages if m.code in told and m.level != "info"]
+    reasons.sort(key=lambda one: one.cause in UNCHECKED)  # a misfit comes before what is unchecked
     level: VerdictLevel = "amber" if reasons or any(one != "ok" for one in status) else "green"
     if bent or fit.checks < CONTRADICTED:
         level = "red"
         status = tuple("doubtful" if one == "ok" else one for one in status)
-    return Verdict(level=level, reasons=reasons), status
+    return Verdict(level=level, reasons=tuple(reasons)), status
 
 
 def reason_of(message: Message) -> Reason:
