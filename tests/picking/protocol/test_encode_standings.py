@@ -65,9 +65,10 @@ def test_of_a_red_result_nothing_that_takes_part_is_in_order(clean: Result) -> N
 
 def test_a_point_that_nothing_checks_says_so(clean: Result) -> None:
     picks = clean.picks
-    blind = replace(
-        picks, redundancy=np.zeros(len(picks.label)), status=("used",) * len(picks.label)
-    )
+    used: PickStatus = "used"
+    count = len(picks.label)
+    blind = replace(picks, redundancy=np.zeros(count), status=(used,) * count)
+
     for one in point_standings(replace(clean, picks=blind)).values():
         assert one["status"] == "not-checked"
         assert "a wrong click here would not show" in one["why"]
