@@ -11,7 +11,7 @@ from large_photos import write_large_project
 from opened_pages import PageOpener
 from picking_pages import place, wait_until_adjusted
 from picking_server import served
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Locator, Page, expect
 from standings import with_status
 
 from uavgram.model.message import Message
@@ -38,9 +38,9 @@ def in_order(result: Result) -> Result:
     return replace(with_status(result, "ok"), verdict=Verdict(level="green"), messages=())
 
 
-def row(page: Page, name: str) -> str:
-    """Words of a measurement's row."""
-    return page.locator(f'[data-row="measure {name}"]').inner_text()
+def row(page: Page, name: str) -> Locator:
+    """Row of a measurement."""
+    return page.locator(f'[data-row="measure {name}"]')
 
 
 def test_the_light_the_rows_and_the_drawing_follow_the_verdict(
@@ -59,13 +59,14 @@ def test_the_light_the_rows_and_the_drawing_follow_the_verdict(
         page = open_page(server)
         place(page, "New", 700.0, 500.0)
         light, why = page.locator("#light"), page.locator("#why")
-        expect(light).to_have_text("Red: the observations contradict each other: do not use")
+        expect(light).to_have_text("Do not use: it does not fit together")
         expect(page.locator("#verdict")).to_have_attribute("data-level", "red")
         expect(page.locator("#first")).to_have_text(SWAPPED.text)
-        standing = {name: row(page, name) for name in ("D1", "D2", "D3", "D4")}
-        words = ("contradicted", "doubtful", "not checked", "")
-        assert all(one in said for one, said in zip(words, standing.values(), strict=True))
-        assert not any(one in standing["D4"] for one in words[:3])
+        for name, status in zip(
+            ("D1", "D2", "D3", "D4"), ("contradicted", "doubtful", "not-checked", ""), strict=True
+        ):
+            expect(row(page, name)).to_have_attribute("data-status", status)
+            expect(row(page, name).get_by_role("img")).to_have_count(1 if status else 0)
         value = page.locator('[data-row="measure D1"] .is-contradicted')
         assert value.evaluate("one => getComputedStyle(one).textDecorationLine") == "line-through"
         expect(page.locator("g.measured.contradicted text")).to_contain_text("(contradicted)")
@@ -85,8 +86,10 @@ def test_the_light_the_rows_and_the_drawing_follow_the_verdict(
 
         judged = in_order
         page.keyboard.press("Control+z")
-        expect(light).to_have_text("Green: everything fits")
+        expect(light).to_have_text("In order: everything fits")
         wait_until_adjusted(page)
-        expect(page.locator(".standing, .is-contradicted, #first > *")).to_have_count(0)
+        table = page.get_by_role("table", name="Measurements")
+        expect(table.locator(".standing, .is-contradicted, .is-doubtful")).to_have_count(0)
+        expect(page.locator("#first")).to_contain_text("A tape read 0.10 m wrong would not show")
         expect(why).to_be_hidden()
         assert not open_page.errors

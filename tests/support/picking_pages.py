@@ -61,12 +61,12 @@ def click_mark(page: Page, label: str) -> None:
 def wait_until_adjusted(page: Page) -> None:
     """Wait for a full adjustment of the state as it is."""
     expect(page.locator("#mode")).to_have_attribute("data-mode", "adjusted")
-    expect(page.locator("body")).not_to_have_class("stale")
+    expect(page.locator("body")).to_have_attribute("data-numbers", "current")
 
 
 def measured(page: Page) -> dict[str, str]:
     """Values as the page shows them, by the names of the measurements."""
-    rows = page.locator('table[aria-label="Measurements"] tbody tr').all()
+    rows = page.locator('table[aria-label="Measurements"] tr[data-row]').all()
     names = ((row.get_attribute("data-row") or "").removeprefix("measure ") for row in rows)
     return {
         name: row.locator("td").nth(1).inner_text() for name, row in zip(names, rows, strict=True)

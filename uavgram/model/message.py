@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+from uavgram.model.remedy import Remedy
+
 Level = Literal["info", "warning", "error"]
 
 SUBJECTS = ("frames", "labels", "lengths", "measurements", "files")
@@ -56,6 +58,11 @@ class Message:
     several
         How it is told together with others of its code and opening; None: always alone. No part of
         what is stored.
+    plain
+        What is wrong, in one sentence, where its code and subjects do not say it all.
+    mend, instead
+        What would put it right, and what else could where nothing tells which; stored with the
+        verdict.
     """
 
     level: Level
@@ -69,6 +76,9 @@ class Message:
     heights_m: tuple[float, ...] = ()
     heights_sigma_m: tuple[float, ...] = ()
     several: Several | None = field(default=None, compare=False, repr=False)
+    plain: str = field(default="", compare=False, repr=False)
+    mend: Remedy | None = field(default=None, compare=False, repr=False)
+    instead: tuple[Remedy, ...] = field(default=(), compare=False, repr=False)
 
     def record(self) -> dict[str, str | list[str] | list[float]]:
         """Everything that is stored: level, code, text, the subjects and numbers that it has."""

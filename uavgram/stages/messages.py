@@ -8,9 +8,10 @@ from itertools import chain
 from typing import Any
 
 from uavgram.model.message import NUMBERS, SUBJECTS, Message, Several
+from uavgram.model.remedy import together as mended_together
 from uavgram.model.survey.mend import Cause
 
-MOST_LISTED = 12
+MOST_LISTED = 5
 """Things that a sentence lists; the message names all of them as data."""
 
 LEVELS = ("error", "warning", "info")
@@ -145,7 +146,9 @@ def _joined(group: Sequence[Message]) -> Message:
     opening = several[0].opening.replace("{count}", str(len(group)))
     sentences = (f"{opening}: {_listed(several)}.", several[0].ending)
     text = " ".join(filter(None, sentences))
-    return replace(first, text=text, several=None, **together)
+    # Where one of them could be something else, nothing puts all of them right.
+    mend = None if any(m.instead for m in group) else mended_together([m.mend for m in group])
+    return replace(first, text=text, several=None, plain="", mend=mend, instead=(), **together)
 
 
 def _listed(several: Sequence[Several]) -> str:

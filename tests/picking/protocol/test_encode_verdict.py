@@ -8,9 +8,11 @@ import synthetic_survey as survey
 from standings import with_status
 
 from uavgram.model.message import Message
+from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
+from uavgram.picking.document.state import State, observations_of
 from uavgram.picking.protocol.encode_verdict import (
-    length_whys,
+    Json,
     measurement_standings,
     verdict_json,
 )
@@ -23,13 +25,19 @@ AT_LENGTH = Message("warning", "labels-swapped", f"{SWAPPED.text} Odds 300 to 1.
 ALSO = Message("warning", "no-home", "The log states no home.")
 
 
+def told_of(result: Result) -> Json:
+    """The verdict where no length is known, and every photo."""
+    _, lines = observations_of(State())
+    return verdict_json(result, lines, {name: k for k, name in enumerate(result.frames.frame_id)})
+
+
 def test_the_first_reason_stands_alone_and_behind_it_what_says_more() -> None:
     verdict = Verdict(level="red", reasons=(SWAPPED, OTHER))
     messages = (Message("info", "chosen", "A choice."), ALSO, AT_LENGTH)
-    told = verdict_json(replace(survey.build(), verdict=verdict, messages=messages))
+    told = told_of(replace(survey.build(), verdict=verdict, messages=messages))
 
     assert told["level"] == "red"
-    assert told["words"].startswith("Red: ")
+    assert told["words"].startswith("Do not use: ")
     assert (told["first"]["text"], told["first"]["code"]) == (SWAPPED.text, "labels-swapped")
     assert [one["text"] for one in told["why"]] == [AT_LENGTH.text, "Something else.", ALSO.text]
 
@@ -37,15 +45,15 @@ def test_the_first_reason_stands_alone_and_behind_it_what_says_more() -> None:
 def test_what_the_first_reason_says_already_is_not_said_again() -> None:
     message = Message("warning", SWAPPED.cause, SWAPPED.text)
     verdict = Verdict(level="amber", reasons=(SWAPPED,))
-    told = verdict_json(replace(survey.build(), verdict=verdict, messages=(message,)))
+    told = told_of(replace(survey.build(), verdict=verdict, messages=(message,)))
 
     assert told["why"] == []
 
 
 def test_green_has_words_and_no_reason() -> None:
-    told = verdict_json(replace(survey.build(clean=True), messages=()))
+    told = told_of(replace(survey.build(clean=True), messages=()))
 
-    assert told["words"] == "Green: everything fits"
+    assert told["words"] == "In order: everything fits"
     assert (told["first"]["text"], told["why"]) == ("", [])
 
 
@@ -53,8 +61,8 @@ def test_nothing_checked_is_said_of_what() -> None:
     made = with_status(survey.build(), "not-checked", "not-checked", "ok")
     verdict = Verdict(level="amber", reasons=(Reason(cause="nothing-checks", text="Tape more."),))
 
-    words = verdict_json(replace(made, verdict=verdict))["words"]
-    assert words == "Amber: nothing checks 'skid left' and 'skid right'"
+    words = told_of(replace(made, verdict=verdict))["words"]
+    assert words == "Check: nothing would show an error in 'skid left' and 'skid right'"
 
 
 def test_each_measurement_has_its_own_reason() -> None:
@@ -69,14 +77,3 @@ def test_each_measurement_has_its_own_reason() -> None:
     assert standings[2]["why"] == OTHER.text  # named itself
     assert standings[3]["why"] == ""
     assert standings[-1]["words"] == ""  # without a value, which says it all
-
-
-def test_a_length_says_from_what_error_on_it_would_tell() -> None:
-    made = survey.build()
-    lines = made.lines
-    seen = length_whys(made)[lines.status.index("used")]
-    blind = replace(made, lines=replace(lines, mdb_m=lines.mdb_m * float("nan")))
-
-    assert seen.startswith("An error shows from ")
-    assert "nothing checks it" in length_whys(blind)[lines.status.index("used")]
-    assert length_whys(made)[lines.status.index("unseen")] == ""

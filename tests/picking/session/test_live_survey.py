@@ -87,6 +87,17 @@ def test_first_order_answers_are_exact_for_small_moves(
     np.testing.assert_allclose(quick.residual_px, full.result.picks.residual_px, atol=0.01)
 
 
+def test_a_length_that_stands_out_is_linearised_and_one_that_was_mended_is_not(
+    survey: tuple[LiveSurvey, Observed], adjusted: Adjusted
+) -> None:
+    live, observed = survey
+    off = moved(observed, 0.0, 0.3)  # it takes part with less weight than was stated
+    mended = replace(adjusted, observed=off)  # its reading is another than was typed
+
+    assert live.linearised(live.adjust(off), moved(off, [0.4, -0.3])) is not None
+    assert live.linearised(mended, off) is None
+
+
 def test_a_new_pick_is_not_linearised(
     survey: tuple[LiveSurvey, Observed], adjusted: Adjusted
 ) -> None:

@@ -177,3 +177,21 @@ def test_a_fault_of_the_program_is_told_and_the_next_state_is_adjusted(
     assert answers[0][1]["mode"] == "none"
     assert "fault of the program" in answers[0][1]["why"]
     assert "planted" in caplog.text
+
+
+def test_a_fault_of_the_first_order_answer_leaves_it_to_the_full_adjustment(
+    worker: Start, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    survey = Survey(seconds=1.0)
+
+    def faulty(*_: Adjusted | Observed) -> SimpleNamespace:
+        raise KeyError("planted")
+
+    monkeypatch.setattr(survey, "linearised", faulty)
+    live, answers = worker(survey)
+    for version in (1, 2, 3):
+        live.submit(Task(version, state(version), final=True))
+        wait_for_adjusted(answers, version)
+
+    assert {said["mode"] for _, said in answers} == {"adjusted"}
+    assert "planted" in caplog.text

@@ -58,7 +58,7 @@ def contents(result: Result, tmp_path_factory: pytest.TempPathFactory) -> Conten
 def test_the_first_page_begins_with_the_level_and_the_cause(result: Result) -> None:
     page = summary(result, verdict_words(result), measure_scene(result))
 
-    opening = "# ⚠ Red: the observations contradict each other: do not use\n\n1. Two labels seem"
+    opening = "# ⚠ Do not use: it does not fit together\n\n1. Two labels seem"
     assert page.startswith(opening)
 
 

@@ -25,7 +25,7 @@ def test_a_survey_without_a_flaw_is_green_in_one_sentence() -> None:
     words = verdict_words(survey.build(clean=True))
 
     assert words.sentence == (
-        "Verdict: green. Everything fits, and something checks every measurement."
+        "Verdict: green, in order. Everything fits, and something checks every measurement."
     )
     assert words.reasons == ()
     assert words.counts.startswith("20 of 20 frames refined, 4 of 5 known lengths used")
@@ -33,7 +33,8 @@ def test_a_survey_without_a_flaw_is_green_in_one_sentence() -> None:
 
 def test_the_first_reason_is_told_and_how_many_more_there_are() -> None:
     assert verdict_sentence(survey.build()) == (
-        "Verdict: amber. Line 'R3 hedge' disagrees by 0.21 m (w = 13.5): read the tape again. "
+        "Verdict: amber, check this first. Line 'R3 hedge' disagrees by 0.21 m (w = 13.5): "
+        "read the tape again. "
         "(And 1 other reason.)"
     )
 
@@ -49,7 +50,9 @@ def test_red_says_not_to_use_the_numbers_whatever_the_reason() -> None:
 def test_a_result_that_nobody_judged_is_not_green() -> None:
     unjudged = replace(survey.build(clean=True), verdict=NOT_JUDGED)
 
-    assert verdict_sentence(unjudged).startswith("Verdict: amber. Nothing says whether")
+    assert verdict_sentence(unjudged).startswith(
+        "Verdict: amber, check this first. Nothing says whether"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -93,5 +96,5 @@ def test_maps_tell_the_status_too(mixed: Result) -> None:
 def test_the_scale_stands_beside_the_light(mixed: Result) -> None:
     green = replace(mixed, verdict=Verdict(level="green"))
 
-    assert light_line(green) == f"Verdict: green. {SCALE}"
+    assert light_line(green) == f"Verdict: green, in order. {SCALE}"
     assert SCALE in render_report(green).split("</header>")[0]

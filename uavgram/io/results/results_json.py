@@ -20,6 +20,7 @@ from uavgram.io.json_text import parse_json
 from uavgram.io.outputs import replace_text
 from uavgram.io.results import tables
 from uavgram.io.results.codec import Json, Record, decode, encode, from_record, numbers
+from uavgram.io.results.verdict_json import dump_verdict, load_verdict
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import NUMBERS, SUBJECTS, Message
 from uavgram.model.provenance import InputDigest, Provenance
@@ -31,7 +32,7 @@ from uavgram.model.result.result import Result, SolutionSummary
 from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
 from uavgram.model.result.tables import MonteCarloResults
 from uavgram.model.result.ties import TieSummary
-from uavgram.model.result.verdict import NOT_JUDGED, Verdict
+from uavgram.model.result.verdict import NOT_JUDGED
 from uavgram.model.survey.world import Geodetic, World
 
 SCHEMA = 1
@@ -51,7 +52,7 @@ def dump_results(result: Result) -> str:
     content = {
         "schema": SCHEMA,
         "name": result.name,
-        "verdict": encode(result.verdict),
+        "verdict": dump_verdict(result.verdict),
         "provenance": encode(result.provenance)
         | {
             "inputs": dump_inputs(result.provenance.inputs),
@@ -147,7 +148,7 @@ def _result(content: Record) -> Result:
         noise=_load_noise(content.get("noise")),
         ties=decode(TieSummary | None, content.get("ties")),
         messages=tuple(_load_message(record) for record in content["messages"]),
-        verdict=from_record(Verdict, content.get("verdict") or encode(NOT_JUDGED)),
+        verdict=load_verdict(content.get("verdict") or dump_verdict(NOT_JUDGED)),
     )
 
 
@@ -196,7 +197,9 @@ def _refuse_constant(name: str) -> float:
 
 def _load_message(record: Record) -> Message:
     """Of earlier versions, without subjects."""
-    return from_record(Message, dict.fromkeys((*SUBJECTS, *NUMBERS), ()) | record, several=None)
+    none = dict.fromkeys((*SUBJECTS, *NUMBERS), ())
+    # What would put it right stands with the verdict.
+    return from_record(Message, none | record, several=None, plain="", mend=None, instead=())
 
 
 _EARLIER_WORLD: Record = {"crs": None, "undulation_m": None}

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from uavgram.model.remedy import Remedy
+
 VerdictLevel = Literal["green", "amber", "red"]
 """Red: the observations contradict each other, do not use the numbers. Amber: something does not
 fit, or nothing checks it. Green: everything fits, and something checks it."""
@@ -26,6 +28,13 @@ class Reason:
         One plain sentence, and what to do.
     frames, labels, lengths, measurements
         Names of what it speaks of.
+    plain
+        What is wrong, in one sentence without numbers of tests; empty in results of earlier
+        versions.
+    mend
+        What would put it right; None where only a person can.
+    instead
+        What else could, where nothing tells which.
     """
 
     cause: str
@@ -34,6 +43,9 @@ class Reason:
     labels: tuple[str, ...] = ()
     lengths: tuple[str, ...] = ()
     measurements: tuple[str, ...] = ()
+    plain: str = ""
+    mend: Remedy | None = None
+    instead: tuple[Remedy, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

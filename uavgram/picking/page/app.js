@@ -30,7 +30,7 @@ class App {
     this.losing = 0; // timer
     this.pictures = ""; // digests of the photos
     this.state = new PageState();
-    this.header = new Header();
+    this.header = new Header(() => { if (store.begun) this.panel.showTrust(); });
     this.notice = new Notice(byId("notice"));
     this.link = new Link((message, change) => this.received(message, change), (open) => this.connected(open));
     const { state, link, notice } = this;
@@ -109,6 +109,7 @@ class App {
       store.gone = false;
     } else this.losing ||= setTimeout(() => { store.gone = true; this.panel.showFoot(); }, GONE_AFTER_MS);
     this.header.showMode();
+    if (store.begun) this.refreshSoon(ALL);
   }
 
   // What was typed and refused is not shown as if it held.

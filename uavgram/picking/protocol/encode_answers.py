@@ -11,7 +11,7 @@ from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
 from uavgram.imaging.snap_region import Region, snap_circle_within, snap_corner_within
 from uavgram.model.result.profiles import COLUMNS
 from uavgram.picking.document.commands import SameGround, SideView, Snap
-from uavgram.picking.protocol.encode_survey import Json, number
+from uavgram.picking.protocol.encode_places import Json, number
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.other_photos import ExpectedPlace, same_ground
 from uavgram.pipeline.pick.side_view import side_view

@@ -12,7 +12,8 @@ from uavgram.imaging.photos.tiles import level_count
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.provenance import CameraProvenance
 from uavgram.model.message import Message
-from uavgram.picking.protocol.encode_survey import Json, messages_json, number, numbers
+from uavgram.picking.protocol.encode_places import Json, number, numbers
+from uavgram.picking.protocol.encode_survey import messages_json
 from uavgram.picking.protocol.parse import PhotoSize
 from uavgram.pipeline.cameras.read import read_camera
 from uavgram.pipeline.measure.inputs import Inputs

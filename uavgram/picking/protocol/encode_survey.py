@@ -2,43 +2,32 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
-from uavgram.estimation.measuring.predicted_pixels import PredictedPixels
-from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document.state import Pick, State
-from uavgram.picking.protocol.encode_verdict import (
-    length_whys,
-    measurement_standings,
-    verdict_json,
+from uavgram.picking.protocol.encode_places import ellipse_json, number, numbers, places_json
+from uavgram.picking.protocol.encode_standings import (
+    length_standings,
+    photo_standings,
+    point_standings,
+    shown_by_measurements,
+    unseen_errors,
 )
+from uavgram.picking.protocol.encode_verdict import measurement_standings, verdict_json
 from uavgram.picking.protocol.geodetic import places_on_earth
 from uavgram.pipeline.pick.live import Adjusted, Linearised
-from uavgram.pipeline.pick.other_photos import KnownPlaces
 from uavgram.stages.messages import in_order
 from uavgram.views.survey.verdict import named_picks
 
 Json = dict[str, Any]
 
 _PIXEL_DIGITS = 4
-_DIGITS = 7
-
-
-def number(value: float, digits: int = _DIGITS) -> float | None:
-    """A number as JSON can hold it; None where it is none."""
-    return round(float(value), digits) if math.isfinite(value) else None
-
-
-def numbers(values: Iterable[float], digits: int = _DIGITS) -> list[float | None]:
-    """Numbers as JSON can hold them."""
-    return [number(value, digits) for value in values]
 
 
 def state_json(state: State, index: Mapping[str, int]) -> Json:
@@ -94,11 +83,15 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
     return {
         "mode": "adjusted",
         "seconds": number(adjusted.seconds, 3),
-        "verdict": verdict_json(result),
+        "verdict": {
+            **verdict_json(result, adjusted.observed.lines, index),
+            "reasons": len(result.verdict.reasons),
+            "unseen": unseen_errors(result),
+        },
         "points": _points(adjusted),
         "earth_deg": places_on_earth(adjusted, result.points.label, result.points.position_world_m),
         "picks": _picks(adjusted, index),
-        "predicted": _places(
+        "predicted": places_json(
             adjusted.predicted.frame_id,
             [adjusted.adjustment.survey.label[k] for k in adjusted.predicted.label],
             adjusted.predicted,
@@ -150,9 +143,12 @@ def unadjusted_json(why: str, messages: Iterable[Message]) -> Json:
 
 def _points(adjusted: Adjusted) -> Json:
     """Sigmas east and north within the survey; of points off the ground, how high they stand."""
-    points = adjusted.result.points
+    points, standings = adjusted.result.points, point_standings(adjusted.result)
     sigma = np.sqrt(np.einsum("kii->ki", points.relative.covariance_m2))
-    found: Json = {label: {"sigma_m": numbers(sigma[k])} for k, label in enumerate(points.label)}
+    found: Json = {
+        label: {"sigma_m": numbers(sigma[k]), **standings[label]}
+        for k, label in enumerate(points.label)
+    }
     for k in np.flatnonzero(points.is_off_ground):
         found[points.label[k]] |= {
             "height_m": number(points.height_above_ground_m[k]),
@@ -165,7 +161,7 @@ def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
     picks, survey = adjusted.result.picks, adjusted.adjustment.survey
     named = named_picks(adjusted.result.verdict)
     spread = {
-        (survey.frame_id[f], survey.label[k]): _ellipse(covariance)
+        (survey.frame_id[f], survey.label[k]): ellipse_json(covariance)
         for f, k, covariance in zip(
             survey.pick_frame, survey.pick_label, adjusted.picked_covariance_px2, strict=True
         )
@@ -185,7 +181,7 @@ def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
 
 def _frames(result: Result, index: Mapping[str, int]) -> Json:
     """Status by photo; of those adjusted the sigmas of the centre (e n u) and how far it moved."""
-    frames = result.frames
+    frames, standings = result.frames, photo_standings(result)
     sigma = np.sqrt(np.einsum("fii->fi", frames.refined.covariance))
     moved = np.linalg.norm(frames.refined.center_world_m - frames.seed.center_world_m, axis=1)
     return {
@@ -193,6 +189,7 @@ def _frames(result: Result, index: Mapping[str, int]) -> Json:
             "status": frames.status[k],
             "sigma_m": numbers(sigma[k, :3], 3),
             "moved_m": number(moved[k], 3),
+            "standing": standings[k],
         }
         for k, name in enumerate(frames.frame_id)
     }
@@ -206,58 +203,24 @@ def _clock(result: Result) -> Json | None:
     return {"offset_s": number(offset.value[0]), "sigma_s": number(offset.sigma[0])}
 
 
-def expected_json(places: KnownPlaces, index: Mapping[str, int]) -> list[Json]:
-    """Where points with known coordinates should appear."""
-    return _places(places.frame_id, places.label, places, index)
-
-
-def _places(
-    frames: Sequence[str],
-    labels: Sequence[str],
-    places: KnownPlaces | PredictedPixels,
-    index: Mapping[str, int],
-) -> list[Json]:
-    """Labels in photos where nobody has picked them, with their spread."""
-    rows = zip(frames, labels, places.pixel_px, places.covariance_px2, strict=True)
-    return [
-        {
-            "image": index[frame],
-            "label": label,
-            "pixel_px": numbers(pixel, 3),
-            "spread": _ellipse(covariance),
-        }
-        for frame, label, pixel, covariance in rows
-    ]
-
-
-def _ellipse(covariance_px2: Floats) -> Json:
-    """One-sigma half-axes [px], and the direction of the major one from u towards v [deg]."""
-    value, vector = np.linalg.eigh(covariance_px2)
-    minor, major = np.sqrt(np.maximum(value, 0.0))
-    turn_deg = math.degrees(math.atan2(vector[1, 1], vector[0, 1]))
-    return {
-        "major_px": number(major, 3),
-        "minor_px": number(minor, 3),
-        "turn_deg": number(turn_deg, 3),
-    }
-
-
 def _lines(adjusted: Adjusted) -> Json:
-    lines, whys = adjusted.result.lines, length_whys(adjusted.result)
+    lines, standings = adjusted.result.lines, length_standings(adjusted.result)
     return {
         name: {
             "adjusted_m": number(lines.adjusted_m[i]),
             "sigma_m": number(lines.adjusted_sigma_m[i]),
             "w": number(lines.w[i], 3),
-            "status": lines.status[i],
-            "why": whys[i],
+            **standings[i],
         }
         for i, name in enumerate(lines.name)
     }
 
 
 def _measurements(adjusted: Adjusted) -> Json:
-    found, standings = adjusted.result.measurements, measurement_standings(adjusted.result)
+    result = adjusted.result
+    found, standings = result.measurements, measurement_standings(result)
+    evidence = result.evidence
+    shows = shown_by_measurements(found, None if evidence is None else evidence.weakest)
     return {
         name: {
             "value": number(found.value[i]),
@@ -265,6 +228,7 @@ def _measurements(adjusted: Adjusted) -> Json:
             "unit": found.unit[i],
             "alternatives": numbers(found.alternative_values[i]),
             **standings[i],
+            "shows": shows[i],
         }
         for i, name in enumerate(found.name)
     }

@@ -6,55 +6,56 @@ All words are made here and in `views`, so that the page judges nothing itself.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
+from uavgram.model.survey.observations import KnownLines
+from uavgram.picking.protocol.encode_remarks import NOTHING, Remarks
 from uavgram.views.survey.reliability import weakest_links
 from uavgram.views.survey.verdict import STATUS_WORDS, headline
-from uavgram.views.wording import UNIT_WORDS, number, size_text
 
 Json = dict[str, Any]
 
 
-def verdict_json(result: Result) -> Json:
+def verdict_json(result: Result, lines: KnownLines, index: Mapping[str, int]) -> Json:
     """Light and reasons.
 
     ``first`` is the likeliest reason in a sentence or two. ``why`` are all reasons with their
     statistics, where that says more, then whatever else was warned of.
+
+    Parameters
+    ----------
+    result
+        Of an adjustment.
+    lines
+        The known lengths that it took.
+    index
+        Numbers of the photos by name.
     """
-    verdict = result.verdict
-    first = Message("warning", "", "")
-    if verdict.reasons:
-        reason = verdict.reasons[0]
-        first = Message("warning", reason.cause, reason.text, labels=reason.labels)
-    told = [_at_length(reason, result.messages) for reason in verdict.reasons]
-    warned = [message for message in result.messages if message.level != "info"]
+    verdict, remarks = result.verdict, Remarks(result.picks, lines, index)
+    first = remarks.json(verdict.reasons[0] if verdict.reasons else NOTHING)
+    told = [remarks.json(reason, _at_length(reason, result.messages)) for reason in verdict.reasons]
+    reasons = {one["text"] for one in told}
+    warned = [m for m in dict.fromkeys(result.messages) if m.level != "info"]
+    more = [remarks.of_message(m) for m in warned if m.text not in reasons]
     return {
         "level": verdict.level,
         "words": headline(result),
-        "first": _remark(first),
-        "why": [_remark(m) for m in dict.fromkeys((*told, *warned)) if m.text != first.text],
+        "first": first,
+        "why": [one for one in (*told, *more) if one["text"] != first["text"]],
     }
 
 
-def _remark(message: Message) -> Json:
-    return {
-        "level": message.level,
-        "code": message.code,
-        "text": message.text,
-        "labels": list(message.labels),
-    }
-
-
-def _at_length(reason: Reason, messages: tuple[Message, ...]) -> Message:
-    """The message that tells a reason at length; where there is none, the reason itself."""
+def _at_length(reason: Reason, messages: tuple[Message, ...]) -> Message | None:
+    """The message that tells a reason at length; None where there is none."""
     opening = reason.text.removesuffix(".")
     for message in messages:
         if message.code == reason.cause and message.text.startswith(opening):
             return message
-    return Message("warning", reason.cause, reason.text, labels=reason.labels)
+    return None
 
 
 def measurement_standings(result: Result) -> list[Json]:
@@ -62,12 +63,14 @@ def measurement_standings(result: Result) -> list[Json]:
     rows = result.measurements
     unseen = {link["name"]: _sentence(link["weakest"]) for link in weakest_links(result)}
     standings = []
-    for name, points, value, status in zip(
+    is_red = result.verdict.level == "red"
+    for name, points, value, found in zip(
         rows.name, rows.points, rows.value.tolist(), rows.status, strict=True
     ):
         if not math.isfinite(value):  # that there is none says it all
             standings.append({"status": "ok", "words": "", "why": ""})
             continue
+        status = "doubtful" if is_red and found == "not-checked" else found
         reason = "" if status == "ok" else _reason(result.verdict, name, points)
         error = unseen.get(name, "")
         why = "\n".join(filter(None, (reason, error)))
@@ -86,28 +89,3 @@ def _reason(verdict: Verdict, name: str, points: tuple[str, ...]) -> str:
         if name in reason.measurements or not set(points).isdisjoint(reason.labels):
             return reason.text
     return verdict.reasons[0].text if verdict.reasons else ""
-
-
-def length_whys(result: Result) -> list[str]:
-    """Of each known length the first reason that names it, and the smallest error that shows."""
-    lines, evidence, unit_of = result.lines, result.evidence, _units(result)
-    whys = []
-    for i, name in enumerate(lines.name):
-        named = next((r.text for r in result.verdict.reasons if name in r.lengths), "")
-        smallest = ""
-        if lines.status[i] in ("used", "suspect"):
-            smallest = "No error in it would show: nothing checks it."
-            if math.isfinite(lines.mdb_m[i]):
-                smallest = f"An error shows from {size_text(float(lines.mdb_m[i]))} on"
-                on = "" if evidence is None else evidence.lines.on[i]
-                if evidence is not None and on:
-                    by = number(abs(float(evidence.lines.change[i])))
-                    smallest += f", and would move {on!r} by {by} {unit_of[on]}"
-                smallest += "."
-        whys.append("\n".join(filter(None, (named, smallest))))
-    return whys
-
-
-def _units(result: Result) -> dict[str, str]:
-    rows = result.measurements
-    return {n: UNIT_WORDS.get(unit, unit) for n, unit in zip(rows.name, rows.unit, strict=True)}

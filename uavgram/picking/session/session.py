@@ -24,6 +24,7 @@ from uavgram.picking.document.proposals import Outcomes, accepted
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import State, state_of
 from uavgram.picking.protocol.encode_answers import same_ground_json, side_json, snap_json
+from uavgram.picking.protocol.encode_places import expected_json
 from uavgram.picking.protocol.encode_project import (
     camera_json,
     clock_json,
@@ -33,7 +34,6 @@ from uavgram.picking.protocol.encode_proposals import proposals_json
 from uavgram.picking.protocol.encode_survey import (
     Json,
     difference_json,
-    expected_json,
     messages_json,
     state_json,
 )

@@ -132,8 +132,13 @@ class Live:
         return True
 
     def _first_order(self, task: Task) -> bool:
-        base = self.last
-        quick = None if base is None else self._survey.linearised(base, observed_in(task.state))
+        if self.last is None:
+            return False
+        try:
+            quick = self._survey.linearised(self.last, observed_in(task.state))
+        except Exception:  # a fault of ours must not end the worker: a full answer comes
+            log.exception("the first-order answer failed")
+            return False
         if quick is None:
             return False
         self._answer(task.version, linearised_json(quick, self._index))

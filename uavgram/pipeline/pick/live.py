@@ -188,8 +188,10 @@ class LiveSurvey:
         pairs = zip(survey.pick_frame, survey.pick_label, strict=True)
         rows = [place[survey.frame_id[f], survey.label[k]] for f, k in pairs]
         was, lines = (self._lines(one) for one in (base.observed, observed))
-        readings = lines.length_m[_project_lines(base.adjustment, was)]
-        update = linear_update(base.adjustment, picks.pixel_px[rows], readings)
+        taken = _project_lines(base.adjustment, was)
+        if taken is None:
+            return None
+        update = linear_update(base.adjustment, picks.pixel_px[rows], lines.length_m[taken])
         return Linearised(
             base=base,
             value=values_at(base.adjustment, update.state, observed.requests, self.posed.frames),
@@ -228,22 +230,25 @@ def _alike(before: Observed, now: Observed) -> bool:
     )
 
 
-def _project_lines(adjustment: Adjustment, lines: KnownLines) -> list[int]:
-    """Which of all known lengths each length of the adjustment is."""
-    survey = adjustment.survey
-    free: dict[tuple[str, str, float, float], list[int]] = {}
-    for i in np.flatnonzero(lines.adjust)[::-1].tolist():
-        key = (lines.start[i], lines.end[i], lines.length_m[i], lines.sigma_m[i])
-        free.setdefault(key, []).append(i)
-    return [
-        free[
-            survey.label[survey.line_start[k]],
-            survey.label[survey.line_end[k]],
-            survey.length_m[k],
-            survey.length_sigma_m[k],
-        ].pop()
-        for k in adjustment.problem.line_index
-    ]
+def _project_lines(adjustment: Adjustment, lines: KnownLines) -> list[int] | None:
+    """Which of all known lengths each length of the adjustment is; None where one is none of them.
+
+    What stands out has a larger sigma in the adjustment than was stated; what was mended has
+    another reading, or other ends.
+    """
+    survey, found = adjustment.survey, []
+    free: dict[tuple[str, str, float], list[int]] = {}
+    for i in np.flatnonzero(lines.adjust).tolist():
+        free.setdefault((lines.start[i], lines.end[i], lines.length_m[i]), []).append(i)
+    for k in adjustment.problem.line_index:
+        ends = survey.label[survey.line_start[k]], survey.label[survey.line_end[k]]
+        same = free.get((*ends, survey.length_m[k]))
+        if not same:
+            return None
+        as_stated = [i for i in same if lines.sigma_m[i] == survey.length_sigma_m[k]]
+        found.append((as_stated or same)[0])
+        same.remove(found[-1])
+    return found
 
 
 def _lengths(adjustment: Adjustment, lines: KnownLines, state: State) -> Floats:

@@ -20,6 +20,7 @@ from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
 from uavgram.model.survey.observations import KnownLines
 from uavgram.stages.judge.picks import rows_of
 from uavgram.stages.judge.tested_survey import TestedSurvey
+from uavgram.stages.remedies import without_lengths
 
 PICK_OR_CORRECT = "Pick that, or correct the label."
 
@@ -182,6 +183,7 @@ def _left_out(
             _text(refined, lines, group, what[group[0]], (seen_m, sigma_m)),
             lengths=tuple(lines.name[i] for i in group),
             labels=tuple(dict.fromkeys(chain(*((lines.start[i], lines.end[i]) for i in group)))),
+            mend=without_lengths([lines.name[i] for i in group]),
         )
         for group in groups
     )

@@ -9,11 +9,13 @@ import numpy as np
 
 from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS
 from uavgram.estimation.survey.names import POSE_AXES, STEADY_CHANGE
-from uavgram.estimation.survey.suspicion import Suspicion
+from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message, Several
+from uavgram.model.remedy import Remedy
 from uavgram.model.survey.known import KnownThing
 from uavgram.stages.judge.tested_survey import TestedSurvey
+from uavgram.stages.remedies import unpicked, without_lengths
 
 CODES = {
     "pixels": "pick-suspect",
@@ -87,8 +89,11 @@ def _blameless(examined: TestedSurvey) -> set[tuple[str, int]]:
 
 def _meant(suspicion: Suspicion) -> set[tuple[str, int]]:
     """The observation that is accused, and those that no test parts from it."""
-    members = (suspicion.accused, *suspicion.group, *suspicion.rivals)
-    return {(member.kind, member.row) for member in members}
+    return {(member.kind, member.row) for member in _members(suspicion)}
+
+
+def _members(suspicion: Suspicion) -> tuple[Member, ...]:
+    return (suspicion.accused, *suspicion.group, *suspicion.rivals)
 
 
 def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
@@ -109,13 +114,27 @@ def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
         item += f", or the {' or the '.join(names.cause(m) for m in suspicion.group)}"
     if suspicion.rivals:
         others.append(names.rivals(suspicion))
+    remedies = [_remedy(examined, m) for m in _members(suspicion)]
     return Message(
         "warning",
         CODES.get(kind, "prior-strained"),
         " ".join([text, *others]),
         **names.subjects(suspicion.accused),
         several=Several(opening, item, ending=ending),
+        mend=remedies[0],
+        instead=tuple(one for one in remedies[1:] if one is not None),
     )
+
+
+def _remedy(examined: TestedSurvey, member: Member) -> Remedy | None:
+    """A pick removed, or a length removed; None where only a person can put it right."""
+    if member.kind == "pixels":
+        return unpicked([examined.names.pick(member.row)])
+    if member.kind == "lengths":
+        survey = examined.adjustment.survey
+        line = examined.adjustment.problem.line_index[member.row]
+        return without_lengths([survey.line_name[line] if survey.line_name else ""])
+    return None
 
 
 def _pick(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:

@@ -14,7 +14,9 @@ from uavgram.estimation.reliability.external import UNCHECKED, largest_unseen
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
+from uavgram.model.remedy import Remedy
 from uavgram.stages.judge.tested_survey import TestedSurvey
+from uavgram.stages.remedies import to_tape
 
 FAR = 5.0
 """Sigmas by which a reading may move a measurement unseen, beyond which nothing checks it. In clean
@@ -49,7 +51,8 @@ def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
             f"Nothing checks {listed(names)}: {_why(examined, own[0])}. "
             f"{_what_to_do(examined, weakest[own[0]].reading)}"
         )
-        yield Message("warning", "nothing-checks", text, measurements=names)
+        mend = _to_tape(examined, weakest[own[0]].reading)
+        yield Message("warning", "nothing-checks", text, measurements=names, mend=mend)
 
 
 def _is_pick(member: Member | None) -> bool:
@@ -86,6 +89,15 @@ def _size(examined: TestedSurvey, member: Member) -> tuple[float, str]:
         return examined.bias(member)
     unit, factor = examined.names.unit(member)
     return float(largest_unseen(group, examined.significance) * group.scale[at]) * factor, unit
+
+
+def _to_tape(examined: TestedSurvey, member: Member | None) -> Remedy | None:
+    """The length to tape next; None where that is not what would check it."""
+    advice = next_line(examined.adjustment)
+    if advice is None or (member is not None and member.kind in ("pixels", "control")):
+        return None
+    name = examined.adjustment.survey.label
+    return to_tape(name[advice.start], name[advice.end], advice.length_m)
 
 
 def _what_to_do(examined: TestedSurvey, member: Member | None) -> str:

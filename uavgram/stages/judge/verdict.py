@@ -8,6 +8,7 @@ from uavgram.model.message import Message
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.stages.judge.fit import CONTRADICTED, Fit
+from uavgram.stages.judge.plain import plain_sentence
 from uavgram.stages.judge.statuses import statuses
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
@@ -92,15 +93,17 @@ def pass_verdict(
     if any(m.code == "misfit" for m in messages):
         told -= {"group-misfit"}  # the same, of parts of it
     # What a cause explains is told as information, and is no reason of its own.
-    reasons = tuple(_reason(m) for m in messages if m.code in told and m.level != "info")
+    reasons = [reason_of(m) for m in messages if m.code in told and m.level != "info"]
+    reasons.sort(key=lambda one: one.cause in UNCHECKED)  # a misfit comes before what is unchecked
     level: VerdictLevel = "amber" if reasons or any(one != "ok" for one in status) else "green"
     if bent or fit.checks < CONTRADICTED:
         level = "red"
         status = tuple("doubtful" if one == "ok" else one for one in status)
-    return Verdict(level=level, reasons=reasons), status
+    return Verdict(level=level, reasons=tuple(reasons)), status
 
 
-def _reason(message: Message) -> Reason:
+def reason_of(message: Message) -> Reason:
+    """What a message gives as a reason."""
     return Reason(
         cause=message.code,
         text=first_sentences(message.text),
@@ -108,6 +111,9 @@ def _reason(message: Message) -> Reason:
         labels=message.labels,
         lengths=message.lengths,
         measurements=message.measurements,
+        plain=plain_sentence(message),
+        mend=message.mend,
+        instead=message.instead,
     )
 
 

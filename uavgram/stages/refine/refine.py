@@ -103,10 +103,17 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         matches_left_out=sound.matches_left_out,
         pick_removed=refined.pick_removed | taken_out,
     )
-    told = (*(cause.message for cause in begun.causes), *begun.messages)
+    # A point off the ground is told once, with the height at which it was adjusted.
+    causes = (one.message for one in begun.causes if not _is_adjusted_so(one.message, refined))
+    told = (*causes, *begun.messages)
     told = (*told, *tied, *off_ground_remarks(refined), *readout, *noise_remarks(refined.noise))
     told = (*told, *learnt_remarks(refined.adjustment))
     return refined, (*told, *remarks(survey, refined), *search)
+
+
+def _is_adjusted_so(message: Message, refined: Refined) -> bool:
+    """Whether a message is on a point off the ground that has that height in the result."""
+    return message.code == "point-off-ground" and refined.off_ground.issuperset(message.labels)
 
 
 def _without_blunders(

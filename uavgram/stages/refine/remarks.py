@@ -18,10 +18,12 @@ from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
+from uavgram.model.remedy import Remedy
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.gross_lengths import odd_in_view, ratios_in_view
 from uavgram.stages.refine.causes.lengths.common import odd_scale
+from uavgram.stages.remedies import unpicked, without_lengths
 
 LOWEST_M, HIGHEST_M = 0.3, 1000.0
 """Heights of a drone's camera above the ground, beyond which lengths or log are in question."""
@@ -208,7 +210,23 @@ def not_located(refined: Refined, suspicion: Suspicion) -> Message:
         f"tape another line. Nothing was taken out (w = {abs(suspicion.w):.1f})."
     )
     members = (suspicion.accused, *suspicion.group)
-    return Message("warning", "blunder-not-located", text, **names.subjects(*members))
+    either = (_without(refined, member) for member in members)
+    return Message(
+        "warning",
+        "blunder-not-located",
+        text,
+        **names.subjects(*members),
+        instead=tuple(one for one in either if one is not None),
+    )
+
+
+def _without(refined: Refined, member: Member) -> Remedy | None:
+    """A pick or length of an adjustment removed; None of what is neither."""
+    adjustment, names = refined.adjustment, Names(refined.adjustment)
+    if member.kind == "pixels":
+        return unpicked([names.pick(member.row)])
+    lines = adjustment.survey.line_name if member.kind == "lengths" else ()
+    return without_lengths([lines[adjustment.problem.line_index[member.row]]]) if lines else None
 
 
 def indispensable(refined: Refined, removal: Removal, why: GeometryError) -> Message:

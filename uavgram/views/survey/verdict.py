@@ -15,8 +15,8 @@ from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, Ver
 THREE_SIGMA = 3.0
 
 LEVEL_WORDS: dict[VerdictLevel, str] = {
-    "green": "green",
-    "amber": "amber",
+    "green": "green, in order",
+    "amber": "amber, check this first",
     "red": "red, do not use these numbers",
 }
 UNDECIDED = frozenset(
@@ -84,18 +84,18 @@ def verdict_sentence(result: Result) -> str:
 
 
 def headline(result: Result) -> str:
-    """``Amber: nothing checks 'whole' and 'south'``: what stands beside the light."""
+    """``Check: nothing would show an error in 'south'``: what stands beside the light."""
     level, reasons = result.verdict.level, result.verdict.reasons
     if level == "green":
-        return "Green: everything fits"
+        return "In order: everything fits"
     if level == "red":
-        return "Red: the observations contradict each other: do not use"
+        return "Do not use: it does not fit together"
     if reasons and reasons[0].cause in UNDECIDED:
-        return "Amber: look at this first"
+        return "Check: not everything is decided"
     unchecked = _unchecked(result)
     if unchecked and (not reasons or reasons[0].cause == "nothing-checks"):
-        return f"Amber: nothing checks {unchecked}"
-    return "Amber: something does not fit"
+        return f"Check: nothing would show an error in {unchecked}"
+    return "Check: something does not fit"
 
 
 def _unchecked(result: Result) -> str:

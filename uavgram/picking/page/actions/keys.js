@@ -111,7 +111,8 @@ export function throughRows(panel) {
     const row = target instanceof Element ? target.closest("tbody tr") : null;
     if (!row || !name || !["ArrowUp", "ArrowDown"].includes(key)) return;
     event.preventDefault();
-    const next = key === "ArrowUp" ? row.previousElementSibling : row.nextElementSibling;
+    const rows = [...(row.parentElement?.querySelectorAll("tr[data-row]") ?? [])];
+    const next = rows.at(Math.max(rows.indexOf(row) + (key === "ArrowUp" ? -1 : 1), 0));
     /** @type {HTMLElement | null | undefined} */ (next?.querySelector(`[name="${name}"]`))?.focus();
   });
 }

@@ -18,7 +18,7 @@ export interface Line extends Reading { tape: string; along: Along }
 export type Kind = "distance" | "polyline" | "area" | "angle" | "line_distance" | "skid_speed" | "coordinate" | "speed"
   | "height" | "horizontal_distance" | "vertical_distance" | "slope" | "plane_distance" | "volume" | "profile";
 export interface Measurement { name: string; kind: Kind; points: string[]; parameters?: Record<string, number> }
-export interface Remark { level: "error" | "warning" | "info"; code: string; text: string; labels?: string[] }
+export interface Note { level: "error" | "warning" | "info"; code: string; text: string; labels?: string[] }
 
 // The project itself.
 
@@ -28,7 +28,7 @@ export interface Photo {
   event: { status: string; residual_s: Maybe; why: string } | null;
 }
 export interface Camera {
-  name: string; model: string; width_px: number; height_px: number; parameters: string[][]; facts: string[]; source: string[]; file: string; messages: Remark[];
+  name: string; model: string; width_px: number; height_px: number; parameters: string[][]; facts: string[]; source: string[]; file: string; messages: Note[];
 }
 export interface ClockOffset { offset_s: Maybe; sigma_s: Maybe }
 export interface Clock extends ClockOffset { log: string; events: number; unused: string[] }
@@ -48,24 +48,32 @@ export type Calibration = { t: "calibration" } & (
 
 export interface Fit { image: number; label: string; residual_px: Maybe[]; w: Maybe; status: string; spread: Spread | null }
 // The one verdict: likeliest reason (without text where all is well), what more is to be said. All of it is the server's.
-export interface Verdict { level: "green" | "amber" | "red"; words: string; first: Remark; why: Remark[] }
-export interface Measured { value: Maybe; sigma: Maybe; unit: string; alternatives: Maybe[]; status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string; why: string }
+// `reasons`: how many there are; `unseen`: in which lengths a wrong reading would not show.
+export interface Verdict { level: "green" | "amber" | "red"; words: string; first: Remark; why: Remark[]; reasons: number; unseen: string }
+// How far a row can be trusted, in a word where it is not in order, and why.
+export interface Trust { status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string; why: string }
+// `shows`: the smallest error in it that would show, and what it would do; or of what no error would show.
+export interface Measured extends Trust { value: Maybe; sigma: Maybe; unit: string; alternatives: Maybe[]; shows: string }
+export interface LengthFit extends Trust { adjusted_m: Maybe; sigma_m: Maybe; w: Maybe; shows: string }
+// In one plain sentence, and in `text` at length; the buttons that would put it right, likeliest first; where to look.
+export interface Remark extends Note { plain: string; labels: string[]; frames: number[]; lengths: string[]; measurements: string[]; mends: Mend[]; show: { image: number; label: string } | null }
+export interface Mend { words: string; changes: SingleChange[] } // sent as one step: { t: "all", changes }
 export type Places = Record<string, [number, number] | undefined>; // latitude and longitude by label
-export interface AdjustedPoint { sigma_m: Maybe[]; height_m?: Maybe; height_sigma_m?: Maybe } // over the ground, where it is off it
+export interface AdjustedPoint extends Trust { sigma_m: Maybe[]; height_m?: Maybe; height_sigma_m?: Maybe } // over the ground, where it is off it
 export interface Adjusted {
   mode: "adjusted"; seconds: number; verdict: Verdict;
   points: Record<string, AdjustedPoint | undefined>;
   earth_deg: Places;
   picks: Fit[]; predicted: Predicted[];
-  lines: Record<string, { adjusted_m: Maybe; sigma_m: Maybe; w: Maybe; status: string; why: string } | undefined>;
+  lines: Record<string, LengthFit | undefined>;
   measurements: Record<string, Measured | undefined>;
   checks: { label: string; error_m: Maybe[]; sigma_m: Maybe[] }[];
-  frames: Record<number, { status: string; sigma_m: Maybe[]; moved_m: Maybe } | undefined>;
+  frames: Record<number, { status: string; sigma_m: Maybe[]; moved_m: Maybe; standing: Trust } | undefined>;
   clock: ClockOffset | null;
   advice: { start: string; end: string; length_m: Maybe; relative_sigma: number; relative_sigma_after: number } | null;
-  messages: Remark[];
+  messages: Note[];
 }
-export interface Unadjusted { mode: "none"; why: string; messages: Remark[] }
+export interface Unadjusted { mode: "none"; why: string; messages: Note[] }
 export interface Linearised {
   mode: "linearised";
   residuals_px: [number, string, Maybe, Maybe][]; // image, label, u, v
@@ -80,7 +88,7 @@ export interface Units { length: "m" | "ft" | "ft-in"; speed: "km/h" | "mph" | "
 export interface Standing { version: number; undo: number; redo: number }
 export interface InitialState extends Standing {
   t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null;
-  control: string[]; check: string[]; expected: Predicted[]; recovered: boolean; messages: Remark[];
+  control: string[]; check: string[]; expected: Predicted[]; recovered: boolean; messages: Note[];
   state: { picks: Pick[]; lines: Line[]; measurements: Measurement[] };
   live: FullLive | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;
 }

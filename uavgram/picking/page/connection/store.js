@@ -36,6 +36,7 @@ import { useUnits } from "../elements/units.js";
  * @property {number} liveFor
  * @property {Live["mode"] | "waiting"} mode
  * @property {boolean} connected
+ * @property {boolean} waits whether the numbers have been older than the picks for so long that it is to be shown
  * @property {boolean} gone not connected for so long that it is to be shown
  * @property {string} fault
  */
@@ -72,6 +73,7 @@ export const store = {
   liveFor: -1,
   mode: "waiting",
   connected: false,
+  waits: false,
   gone: false,
   fault: "",
 };

@@ -14,13 +14,13 @@ export class Notice {
     this.timer = 0;
   }
 
-  /** @param {string} words @param {boolean} good @param {Instead} [instead] */
-  show(words, good = false, instead) {
-    this.box.replaceChildren(words, ...(instead ? [node("button", { type: "button", onclick: () => { this.hide(); instead.act(); } }, instead.words)] : []));
+  /** @param {string} words @param {boolean} good @param {Instead | null} offer a button beside the words */
+  show(words, good = false, offer = null) {
+    this.box.replaceChildren(words, ...(offer ? [node("button", { type: "button", name: "offer", onclick: () => { this.hide(); offer.act(); } }, offer.words)] : []));
     this.box.classList.toggle("info", good);
     this.box.hidden = false;
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.hide(), instead ? OFFERED_MS : good ? SHOWN_MS / 2 : SHOWN_MS);
+    this.timer = setTimeout(() => this.hide(), offer ? OFFERED_MS : good ? SHOWN_MS / 2 : SHOWN_MS);
   }
 
   /** What a question ended with instead of an answer. @param {unknown} fault */

@@ -4,7 +4,7 @@ import { isSuspect } from "../connection/store.js";
 import { fillIfNew, node } from "./dom.js";
 import { fixed, missing } from "./numbers.js";
 
-/** @import { Remark } from "../connection/protocol.js" */
+/** @import { Remark, Trust } from "../connection/protocol.js" */
 /** @import { Child } from "./dom.js" */
 /** @typedef {{ name: string, row: string | undefined, table: string | null | undefined, place: number, value: string }} Focus a field or button of a section */
 
@@ -49,16 +49,20 @@ function focusIn(section) {
   if (!isField(at) || !section.contains(at) || !at.name) return null;
   /** @type {HTMLElement | null} */
   const row = at.closest("[data-row]");
-  const rows = row?.closest("tbody")?.children ?? [];
-  return { name: at.name, row: row?.dataset.row, table: row?.closest("table")?.getAttribute("aria-label"), place: [...rows].findIndex((one) => one === row), value: at.value };
+  const rows = rowsOf(row?.closest("tbody"));
+  return { name: at.name, row: row?.dataset.row, table: row?.closest("table")?.getAttribute("aria-label"), place: rows.findIndex((one) => one === row), value: at.value };
 }
+
+// Rows of things: what is said beneath one has none of its buttons.
+/** @param {Element | null | undefined} body */
+const rowsOf = (body) => [...(body?.querySelectorAll("tr[data-row]") ?? [])];
 
 // The row that was focused; where its button removed it, the one that took its place, or the last.
 /** @param {Element} section @param {Focus} focus */
 function rowOf(section, { name, row, table: caption, place }) {
   const same = section.querySelector(`[data-row="${CSS.escape(row ?? "")}"]`);
   if (same || name !== "remove") return same;
-  const rows = section.querySelector(`table[aria-label="${caption}"] tbody`)?.children ?? [];
+  const rows = rowsOf(section.querySelector(`table[aria-label="${caption}"] tbody`));
   return rows[Math.min(place, rows.length - 1)];
 }
 
@@ -78,7 +82,7 @@ export function table(caption, heads, rows) {
   const made = node("table", { "aria-label": caption },
     node("thead", {}, node("tr", {}, ...heads.map((head) => node("th", { scope: "col" }, head)))),
     node("tbody", {}, ...rows));
-  return rows.length > LONG ? node("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": `${caption}, scrolls` }, made) : made;
+  return made.querySelectorAll("tr[data-row]").length > LONG ? node("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": `${caption}, scrolls` }, made) : made;
 }
 
 // A word that says what it means where the pointer rests on it.
@@ -95,14 +99,32 @@ export const remove = (what, act) => node("button", { class: "small", name: "rem
 /** @template {Pick<Remark, "level" | "text"> & Partial<Remark>} M @param {M[]} messages @param {(message: M) => Node | null} more */
 export const list = (messages, more = () => null) => node("ul", { class: "messages" }, ...messages.map((message) => node("li", { class: message.level }, message.text, message.code ? node("small", { class: "code" }, ` ${message.code}`) : null, more(message))));
 
+/** @param {Element} made */
+const signOf = (made) => [made, ...made.querySelectorAll("*")].map((one) => `${one.className} ${one.getAttribute("title") ?? ""}`).join() + made.textContent;
+
 // Numbers into the cells of a part that stays: making it anew at each move of a drag takes too long.
 /** @param {HTMLElement} part @param {(string | Element)[][]} contents */
 export function withValues(part, contents) {
   part.querySelectorAll("td.value").forEach((cell, k) => {
-    fillIfNew(cell, contents[k].map((one) => (one instanceof Element ? `${one.className} ${one.getAttribute("title") ?? ""} ${one.textContent}` : one)).join(""), () => contents[k]);
+    fillIfNew(cell, contents[k].map((one) => (one instanceof Element ? signOf(one) : one)).join(""), () => contents[k]);
   });
   return part;
 }
+
+// A value as far as it can be trusted: grey or struck where it cannot, and why where the pointer rests.
+/** @param {Trust | undefined} trust @param {...(Node | string)} value */
+export const trusted = (trust, ...value) => node("span", { class: `is-${trust?.status ?? "ok"}`, title: trust?.why }, ...value);
+
+// The sign of what is not in order; nothing where all is. `words`: whether it is written beside the sign.
+/** @param {Trust | undefined} trust @param {boolean} spelt */
+export function standingSign(trust, spelt = false) {
+  if (!trust?.words) return null;
+  return node("span", { class: `standing ${trust.status}`, title: `${trust.words}: ${trust.why}`, role: spelt ? null : "img", ...(spelt ? {} : { "aria-label": trust.words }) }, spelt ? trust.words : "");
+}
+
+// What is said beneath a row, over its whole width; nothing takes no room.
+/** @param {number} columns @param {string} kind */
+export const beneath = (columns, kind = "") => node("tr", { class: "beneath" }, node("td", { class: kind, colspan: columns }));
 
 // `why`: what is to be known of it where the pointer rests.
 /** @param {number | null | undefined} w @param {string | undefined} status */

@@ -3,7 +3,7 @@
 import { adjusted, picksIn, store } from "../connection/store.js";
 import { node } from "../elements/dom.js";
 import { fixed, missing, withSigma } from "../elements/numbers.js";
-import { about, fill, keep, list, table, titled } from "../elements/table.js";
+import { about, fill, keep, list, standingSign, table, titled, trusted } from "../elements/table.js";
 import { inLength, lengthUnit } from "../elements/units.js";
 
 /** @import { Adjusted, ClockOffset, Photo, Remark } from "../connection/protocol.js" */
@@ -36,13 +36,13 @@ function framesPart(facts, show) {
   const rows = facts.map(({ photo, k, picks, found }) => {
     const seed = most(photo.seed?.sigma_m);
     const refined = found?.status === "refined" ? most(found.sigma_m) : null;
-    const status = found?.status ?? (photo.matched ? "matched" : "unmatched");
+    const [status, trust] = found ? [found.status, found.standing] : [photo.matched ? "matched" : "unmatched", undefined];
     const utc = photo.time_utc_s === null ? missing : new Date(photo.time_utc_s * 1000).toISOString().slice(11, 22);
     const words = [photo.time_utc_s === null ? "" : `${utc} UTC`, photo.reason, photo.event ? `event ${photo.event.status}, ${fixed(photo.event.residual_s, 3)} s off` : "",
       photo.seed ? `seed: ${withSigma(photo.seed.up_m, null, "m")} up, direction \u00b1 ${photo.seed.turn_sigma_deg}\u00b0` : "", found?.moved_m ? `moved by ${withSigma(found.moved_m, null, "m")}` : ""];
-    return node("tr", { title: words.filter(Boolean).join("; "), "data-row": `frame ${k}` },
-      node("td", { class: "named ended", title: photo.name }, node("button", { class: "link", name: "show", "aria-label": `Show ${photo.name}`, onclick: () => show(k) }, node("bdi", {}, photo.name))),
-      node("td", {}, `${picks}`), node("td", {}, status), node("td", {}, fixed(inLength(seed), 2)), node("td", { class: "value" }, fixed(inLength(refined), 2)),
+    return node("tr", { title: words.filter(Boolean).join("; "), "data-row": `frame ${k}`, "data-status": trust?.status },
+      node("td", { class: "named ended", title: photo.name }, standingSign(trust), node("button", { class: "link", name: "show", "aria-label": `Show ${photo.name}`, onclick: () => show(k) }, node("bdi", {}, photo.name))),
+      node("td", {}, `${picks}`), node("td", {}, status), node("td", {}, fixed(inLength(seed), 2)), node("td", { class: "value" }, trusted(trust, fixed(inLength(refined), 2))),
       node("td", { class: "wide-only" }, utc));
   });
   const matched = facts.filter(({ photo }) => photo.matched).length;
@@ -63,4 +63,4 @@ function unmatchedPart(facts) {
   return all.length ? titled("Unmatched", list(all)) : null;
 }
 
-const foundPart = () => (store.opening.length ? titled("What was found out", list(store.opening)) : null);
+const foundPart = () => (store.opening.length ? node("details", { class: "part" }, node("summary", {}, `What was found out (${store.opening.length})`), list(store.opening)) : null);

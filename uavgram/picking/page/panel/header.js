@@ -1,12 +1,15 @@
 // What the header says: how far the numbers are, whether all is saved, what can be undone.
 
 import { labels, stale, store } from "../connection/store.js";
+import { ageOfNumbers, light } from "../connection/trust.js";
 import { as, byId, fillIfNew, node } from "../elements/dom.js";
 
 const STALE_AFTER_MS = 100; // up to this long people take an answer for immediate
 
 export class Header {
-  constructor() {
+  /** @param {() => void} onAge the numbers are older than the picks now, or are not any more */
+  constructor(onAge) {
+    this.onAge = onAge;
     this.answered = 0; // when the last answer came
     /** @type {number | null} */
     this.staleSince = null;
@@ -27,12 +30,16 @@ export class Header {
     this.showStale();
   }
 
-  // Numbers that follow the pointer are not grey, though it is always a step ahead of them.
+  // Numbers that follow the pointer at once are not old, though it is always a step ahead of them.
   showStale() {
     clearTimeout(this.greying);
     this.staleSince = stale() ? this.staleSince ?? performance.now() : null;
     const left = STALE_AFTER_MS + Math.max(this.staleSince ?? 0, this.answered) - performance.now();
-    document.body.classList.toggle("stale", stale() && left <= 0);
+    const before = document.body.dataset.numbers;
+    store.waits = stale() && left <= 0;
+    document.body.dataset.numbers = ageOfNumbers();
+    document.body.dataset.level = light().level;
+    if (before !== document.body.dataset.numbers) this.onAge();
     if (stale() && left > 0) this.greying = setTimeout(() => this.showStale(), left);
   }
 

@@ -2,9 +2,10 @@
 
 import { TOOLS } from "../actions/keys.js";
 import { adjusted, labels, remarks, standsAt, store } from "../connection/store.js";
+import { fault } from "../connection/trust.js";
 import { as, node } from "../elements/dom.js";
 import { alternativesText, degrees, fixed, gradeText, missing, valueText, withSigma } from "../elements/numbers.js";
-import { about, drop, fill, keep, list, remove, table, titled, wCell, withValues } from "../elements/table.js";
+import { about, beneath, drop, fill, keep, list, remove, standingSign, table, titled, trusted, wCell, withValues } from "../elements/table.js";
 import { fieldText, fieldUnit, inLength, lengthUnit, smallUnit } from "../elements/units.js";
 import { entryPart, KINDS, readLength } from "./entry.js";
 import { pointPart } from "./point.js";
@@ -15,8 +16,8 @@ import { placeText } from "./speed.js";
 /** @import { PageState } from "../actions/page_state.js" */
 /** @import { Tool } from "../actions/keys.js" */
 /** @import { Tools } from "../actions/tools.js" */
-/** @import { Adjusted, Fit, Line, Measured, Measurement } from "../connection/protocol.js" */
-/** @typedef {{ label: string, fit: Fit | undefined, sigmaMm: number | null, count: number, up: string }} PointFacts */
+/** @import { Adjusted, Fit, Line, Measured, Measurement, Trust } from "../connection/protocol.js" */
+/** @typedef {{ label: string, fit: Fit | undefined, sigmaMm: number | null, count: number, up: string, trust: Trust | undefined }} PointFacts */
 
 /** @param {Element} section @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @param {SideView} side */
 export function showMeasure(section, state, image, tools, side) {
@@ -74,20 +75,20 @@ function pointsPart(selected, tools) {
     const point = now?.points[label];
     const sigmaMm = point && all.length > 1 ? Math.max(...point.sigma_m.map(Number)) / smallUnit().metres : null; // within the survey: one alone has none
     const stands = standsAt(label);
-    return { label, fit: worst.get(label), sigmaMm, count: count.get(label) ?? 0, up: stands ? ` \u2191${withSigma(stands.height, stands.sigma, "m")}` : "" };
+    return { label, fit: worst.get(label), sigmaMm, count: count.get(label) ?? 0, up: stands ? ` \u2191${withSigma(stands.height, stands.sigma, "m")}` : "", trust: point };
   });
-  const sign = [selected, facts.map((one) => [one.label, one.fit?.w, one.fit?.status, one.sigmaMm, one.count, one.up])];
+  const sign = [selected, facts.map((one) => [one.label, one.fit?.w, one.fit?.status, one.sigmaMm, one.count, one.up, one.trust?.status, one.trust?.why])];
   return keep("points", sign, () => pointsTable(facts, selected, tools));
 }
 
 /** @param {PointFacts[]} facts @param {string | null} selected @param {Tools} tools */
 function pointsTable(facts, selected, tools) {
-  const rows = facts.map(({ label, fit, sigmaMm, count, up }) => {
+  const rows = facts.map(({ label, fit, sigmaMm, count, up, trust }) => {
     const kind = store.control.includes(label) ? " control" : store.check.includes(label) ? " check" : "";
     const chosen = selected === label;
-    return node("tr", { class: chosen ? "selected" : "", "data-row": `point ${label}` },
-      node("td", { class: "named", title: label }, node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => tools.select(label) }, label), node("span", { class: "dim", title: up && "over the ground" }, `${kind}${up}`)),
-      node("td", {}, `${count}`), node("td", { class: "value" }, fixed(sigmaMm, smallUnit().symbol === "in" ? 2 : Number(sigmaMm) < 10 ? 1 : 0)), node("td", { class: "value" }, wCell(fit?.w, fit?.status)));
+    return node("tr", { class: chosen ? "selected" : "", "data-row": `point ${label}`, "data-status": trust?.status },
+      node("td", { class: "named", title: label }, standingSign(trust), node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => tools.select(label) }, label), node("span", { class: "dim", title: up && "over the ground" }, `${kind}${up}`)),
+      node("td", {}, `${count}`), node("td", { class: "value" }, trusted(trust, fixed(sigmaMm, smallUnit().symbol === "in" ? 2 : Number(sigmaMm) < 10 ? 1 : 0))), node("td", { class: "value" }, wCell(fit?.w, fit?.status)));
   });
   return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about(`\u03c3 ${smallUnit().symbol}`, `within the survey; ${SIGMA}`), about("worst w", W)], rows));
 }
@@ -100,10 +101,21 @@ function lengthsPart(tools) {
   if (!store.lines.length) return null;
   const now = adjusted();
   const part = keep("lengths", store.lines, () => titled(`Lengths (${store.lines.length})`,
-    table("Known lengths", ["name", `taped ${lengthUnit()}`, about("adjusted", "as all observations together have it"), about("\u03c3", SIGMA), about("w", W), ""], store.lines.map((line) => lengthRow(line, tools)))));
+    table("Known lengths", ["name", `taped ${lengthUnit()}`, about("adjusted", "as all observations together have it"), about("\u03c3", SIGMA), about("w", W), ""], store.lines.flatMap((line) => [lengthRow(line, tools), beneath(6, "value")]))));
   const fits = store.lines.map((line) => now?.lines[line.name]);
-  return withValues(part, fits.flatMap((fit) => [[fixed(inLength(fit?.adjusted_m), 3)], [fixed(inLength(fit?.sigma_m), 3)], [wCell(fit?.w, fit?.status, fit?.why)]]));
+  part.querySelectorAll("tr[data-row]").forEach((row, k) => { row.setAttribute("data-status", fits[k]?.status ?? ""); });
+  return withValues(part, fits.flatMap((fit) => [[trusted(fit, fixed(inLength(fit?.adjusted_m), 3))], [trusted(fit, fixed(inLength(fit?.sigma_m), 3))], [wCell(fit?.w, isFault(fit) ? "suspect" : "", fit?.why)],
+    saidBeneath(fit, fit?.shows)]));
 }
+
+/** The word for what is not in order, and which errors would show. @param {Trust | undefined} trust @param {string | undefined} shows */
+function saidBeneath(trust, shows = "") {
+  const sign = standingSign(trust, true);
+  return sign ? [sign, shows && ": ", shows] : [shows];
+}
+
+/** @param {Trust | undefined} trust */
+const isFault = (trust) => Boolean(fault(trust));
 
 /** @param {Line} line @param {Tools} tools */
 function lengthRow(line, tools) {
@@ -132,20 +144,22 @@ function measurementsPart(tools) {
   if (!store.measurements.length) return null;
   const now = adjusted();
   const part = keep("measurements", store.measurements, () => titled(`Measurements (${store.measurements.length})`,
-    table("Measurements", ["name", "value \u00b1 \u03c3", "", ""], store.measurements.map((one) => measurementRow(one, tools)))));
+    table("Measurements", ["name", "value \u00b1 \u03c3", "", ""], store.measurements.flatMap((one) => [measurementRow(one, tools), beneath(4, "value")]))));
+  part.querySelectorAll("tr[data-row]").forEach((row, k) => { row.setAttribute("data-status", worstOf(store.measurements[k])?.status ?? ""); });
   return withValues(part, store.measurements.flatMap((one) => {
-    const standing = rowsOf(one).map((row) => now?.measurements[row]).find((found) => found?.words);
+    const standing = worstOf(one);
     const values = valuesOf(one, now).flatMap((value, k) => (k ? [node("br"), value] : [value]));
-    return [[node("span", { class: `is-${standing?.status ?? "ok"}`, title: standing?.why ?? now?.measurements[one.name]?.why }, ...values)], standing ? [standingCell(standing)] : []];
+    const found = standing ?? now?.measurements[rowsOf(one)[0]];
+    return [[trusted(found, ...values)], [standingSign(standing) ?? ""], saidBeneath(found?.status === "not-checked" ? found : undefined, found?.shows)];
   }));
 }
+
+/** What is not in order of a measurement, or of one of its rows. @param {Measurement} measurement */
+const worstOf = (measurement) => rowsOf(measurement).map((row) => adjusted()?.measurements[row]).find((found) => found?.words);
 
 // A coordinate has two rows, with one standing.
 /** @param {Measurement} measurement */
 const rowsOf = ({ name, kind }) => (kind === "coordinate" ? [`${name} east`, `${name} north`] : [name]);
-
-/** @param {Measured} standing */
-const standingCell = ({ status, words, why }) => node("span", { class: `standing ${status}`, title: why }, words);
 
 // The lines of a measurement's value. A coordinate has several: east and north, and where that is on
 // the earth; of a survey that nothing ties to the earth only the first two.
@@ -203,7 +217,7 @@ const percent = (part) => `${(100 * part).toPrecision(2)} %`;
 function remarksPart() {
   const all = remarks().filter((message) => message.level === "info");
   if (!all.length) drop("remarks");
-  return all.length ? keep("remarks", all, () => titled("Remarks", list(all))) : null;
+  return all.length ? keep("remarks", all, () => node("details", { class: "part" }, node("summary", {}, `Remarks (${all.length})`), list(all))) : null;
 }
 
 // Points with known coordinates: which are picked, and how far the withheld ones are off.

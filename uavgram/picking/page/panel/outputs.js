@@ -1,6 +1,7 @@
 // What stands at the foot of the measurements: one click runs the project and writes everything.
 
 import { adjusted, store } from "../connection/store.js";
+import { light } from "../connection/trust.js";
 import { fillIfNew, node } from "../elements/dom.js";
 import { keep } from "../elements/table.js";
 
@@ -17,14 +18,24 @@ export function showOutputs(foot, exporting, exportAll) {
   const { outputs, version } = store;
   if (!outputs) return;
   const old = outputs.files.length > 0 && outputs.version !== version;
-  const level = adjusted()?.verdict.level ?? "";
-  const made = keep("outputs", [outputs, old, exporting, level], () => node("div", {},
+  const { level } = light();
+  const words = writeWords(level);
+  const made = keep("outputs", [outputs, old, exporting, level, words], () => node("div", {},
     node("div", { class: "row" },
-      node("button", { name: "export", class: "main", disabled: exporting, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
-        exporting ? "Writing\u2026" : "Write report and exports"),
-      node("span", { class: "dim", role: "status" }, exporting ? "" : `${age(outputs, old)}${level && `; verdict: ${level}`}`)),
+      node("button", { name: "export", class: level === "red" ? "unfit" : "main", "data-level": level, disabled: exporting, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
+        exporting ? "Writing\u2026" : words),
+      node("span", { class: "dim", role: "status" }, exporting ? "" : age(outputs, old))),
     outputs.files.length || outputs.recording ? node("nav", { "aria-label": "Outputs" }, ...links(outputs)) : null));
   if (foot.firstChild !== made) foot.replaceChildren(made);
+}
+
+// Whoever writes numbers reads on the button how far they can be trusted.
+/** @param {ReturnType<typeof light>["level"]} level */
+function writeWords(level) {
+  const count = adjusted()?.verdict.reasons ?? 0;
+  if (level === "red") return "Write all the same: do not use these numbers";
+  if (level === "amber") return count ? `Write results, with ${count} warning${count === 1 ? "" : "s"}` : "Write results: check them first";
+  return level === "green" ? "Write results" : "Write results: not checked yet";
 }
 
 /** @param {Outputs} outputs @param {boolean} old */

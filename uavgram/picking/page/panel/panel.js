@@ -33,6 +33,11 @@ export class Panel {
     if (tab === "measure") showMeasure(section, this.state, this.panes.active?.image, this.tools, this.side);
     else if (tab === "frames") showFrames(section, (image) => this.panes.active?.show(image));
     else showCamera(section, this.state.folders ?? [], this.project);
+    this.showTrust();
+  }
+
+  // The light, and the button that hangs on it.
+  showTrust() {
     showVerdict(byId("verdict"), this.tools);
     this.showFoot();
   }

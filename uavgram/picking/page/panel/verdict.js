@@ -1,34 +1,54 @@
-// The one verdict of the adjustment, above the numbers: its light, and the likeliest reason. All reasons
-// and warnings at length fold away behind "why". Level and words are the server's.
+// The one verdict of the adjustment, above the numbers: its light, the likeliest reason in one plain sentence,
+// and what would put it right. Statistics and all else fold away behind "why". Level and words are the server's.
 
 import { adjusted, remarks } from "../connection/store.js";
+import { light } from "../connection/trust.js";
 import { byId, fillIfNew, node } from "../elements/dom.js";
 import { list } from "../elements/table.js";
-import { OFF_GROUND, offGround } from "./point.js";
 
 /** @import { Tools } from "../actions/tools.js" */
-/** @import { Remark } from "../connection/protocol.js" */
+/** @import { Mend, Note, Remark } from "../connection/protocol.js" */
 
 /** @param {HTMLElement} box @param {Tools} tools */
 export function showVerdict(box, tools) {
-  const { level, words, first, why } = adjusted()?.verdict ?? unjudged();
-  box.hidden = !words && !why.length;
+  const { level, words } = light();
+  const { first, why, unseen } = adjusted()?.verdict ?? unjudged();
+  box.hidden = false;
   box.dataset.level = level;
   if (byId("light").textContent !== words) byId("light").textContent = words;
-  const high = offGround();
-  /** @param {Remark} message */
-  const button = ({ code }) => (code === OFF_GROUND && high.length ? freeButton(high, tools) : null);
-  fillIfNew(byId("first"), JSON.stringify([first, high]), () => (first.text ? [node("span", { title: first.text }, first.text), button(first) ?? ""] : []));
-  byId("why").hidden = !why.length;
-  byId("why-title").textContent = first.text ? "Why" : `Warnings (${why.length})`;
-  fillIfNew(byId("reasons"), JSON.stringify([why, high]), () => [list(why, button)]);
+  const isOld = level === "none";
+  const plain = first.plain || unseen;
+  /** @param {Remark} remark */
+  const buttons = (remark) => actionsOf(remark, isOld, tools);
+  fillIfNew(byId("first"), JSON.stringify([first, plain, isOld]), () => (plain ? [node("span", { title: first.text || plain }, plain), buttons(first) ?? ""] : []));
+  const behind = first.plain === first.text || isTold(first, why) ? why : [first, ...why];
+  byId("why").hidden = !behind.length;
+  byId("why-title").textContent = `${first.text ? "Why" : "Warnings"} (${behind.length})`;
+  fillIfNew(byId("reasons"), JSON.stringify([behind, isOld]), () => [list(behind, (remark) => (remark === first ? null : buttons(remark)))]);
 }
 
 // Before there are numbers: what was warned of.
-/** @type {Remark} */
-const NOTHING = { level: "warning", code: "", text: "" };
-const unjudged = () => ({ level: "none", words: "", first: NOTHING, why: remarks().filter(({ level }) => level !== "info") });
+/** @param {Note} note @returns {Remark} */
+const asRemark = ({ level, code, text, labels = [] }) => ({ level, code, text, plain: text, labels, frames: [], lengths: [], measurements: [], mends: [], show: null });
+const NOTHING = asRemark({ level: "warning", code: "", text: "" });
+const unjudged = () => ({ first: NOTHING, why: remarks().filter(({ level }) => level !== "info").map(asRemark), unseen: "" });
 
-/** @param {string[]} high @param {Tools} tools */
-const freeButton = (high, tools) => node("button", { class: "below", name: "free", title: "Takes it that they stand off the ground, at heights that their photos tell", onclick: () => tools.heights.free(high) },
-  high.length === 1 ? `Free the height of ${high[0]}` : `Free these ${high.length} heights`);
+// Whether a reason stands among others at more length.
+/** @param {Remark} reason @param {Remark[]} others */
+const isTold = ({ text }, others) => others.some((other) => other.text.startsWith(text.replace(/\.$/, "")));
+
+// What would put it right, the likeliest first, and a way to see it. Of old numbers only that: what would put
+// right what was marked before may put wrong what is marked now.
+/** @param {Remark} remark @param {boolean} isOld @param {Tools} tools */
+function actionsOf({ mends, show }, isOld, tools) {
+  /** @type {HTMLElement[]} */
+  const made = mends.map((mend, k) => node("button", { name: "mend", class: k ? "" : "main", disabled: isOld, onclick: () => putRight(mend, tools) }, mend.words));
+  if (show) made.push(node("button", { name: "show", onclick: () => tools.panes.look(show.image, show.label) }, "Show me"));
+  return made.length ? node("span", { class: "mends" }, ...made) : null;
+}
+
+/** @param {Mend} mend @param {Tools} tools */
+function putRight({ words, changes }, tools) {
+  tools.send({ t: "all", changes });
+  tools.notice.show(`Done: ${words}.`, true, { words: "Undo", act: () => tools.send({ t: "undo" }) });
+}

@@ -1,12 +1,25 @@
 // The strip of small pictures: what is picked in each photo, and how well it fits.
 
 import { isSuspect, picksIn, proposals, store, worstIn } from "../connection/store.js";
+import { fault, trustOfPhoto } from "../connection/trust.js";
 import { as, byId, node } from "../elements/dom.js";
 
 /** @import { Photo } from "../connection/protocol.js" */
 /** @import { Panes } from "./panes.js" */
 
+const SIGNS = { doubtful: " ?", contradicted: " \u2715", "": "" };
 const THUMBNAILS_AFTER_MS = 4000; // at the latest: the photo may be none that can be shown
+
+/** @param {Photo} photo */
+const matchOf = ({ matched, reason }) => (matched ? "matched" : `not matched: ${reason}`);
+
+// What the verdict says of a photo: nothing where it is in order.
+/** @param {number} image */
+function standingOf(image) {
+  const trust = trustOfPhoto(image);
+  const status = fault(trust);
+  return { status, words: status ? `, ${status}: ${trust?.why ?? ""}` : "" };
+}
 
 export class Filmstrip {
   /** @param {Panes} panes */
@@ -33,15 +46,18 @@ export class Filmstrip {
     const count = picksIn(k).length;
     const worst = worstIn(k);
     const isBad = isSuspect(worst.status);
+    const standing = standingOf(k);
+    const wrong = standing.status;
+    button.dataset.status = wrong;
     const found = proposals().filter((one) => one.image === k).length;
     button.classList.toggle("unmatched", !photo.matched && store.photos.some((one) => one.matched));
     button.setAttribute("aria-current", `${this.panes.all.some((pane) => pane.image === k)}`);
     button.tabIndex = k === (this.panes.active?.image ?? 0) ? 0 : -1;
     const badge = as(HTMLElement, button.lastChild);
-    badge.textContent = `${count || ""}${found ? ` +${found}` : ""}${isBad ? ` \u25c6 ${worst.w.toFixed(1)}` : ""}`;
-    badge.hidden = !count && !found;
-    badge.classList.toggle("bad", isBad);
-    const words = `${photo.matched ? "matched" : `not matched: ${photo.reason}`}, ${count} picks${found ? `, ${found} more found by the program` : ""}${worst.w ? `, worst w ${worst.w.toFixed(1)}` : ""}`;
+    badge.textContent = `${count || ""}${found ? ` +${found}` : ""}${isBad ? ` \u25c6 ${worst.w.toFixed(1)}` : ""}${SIGNS[wrong]}`;
+    badge.hidden = !badge.textContent;
+    badge.classList.toggle("bad", isBad || wrong === "contradicted");
+    const words = `${matchOf(photo)}, ${count} picks${found ? `, ${found} more found by the program` : ""}${worst.w ? `, worst w ${worst.w.toFixed(1)}` : ""}${standing.words}`;
     button.setAttribute("aria-label", `${photo.name}, ${words}`);
     button.title = `${photo.name}: ${words}`;
   }

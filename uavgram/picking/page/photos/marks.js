@@ -1,14 +1,17 @@
 // The marks of one pane as SVG: made when the state changes, moved when the view does.
 
-import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, proposalAt, proposals, standsAt, store } from "../connection/store.js";
+import { fitOf, isSuspect, picksIn, predictedIn, proposalAt, proposals, standsAt, store } from "../connection/store.js";
+import { fault, trustOfPoint } from "../connection/trust.js";
 import { put, shape } from "../elements/dom.js";
-import { fixed, heightText, missing, valueOnly, valueText, withSigma } from "../elements/numbers.js";
+import { fixed, heightText } from "../elements/numbers.js";
 import { shortText } from "../elements/units.js";
 import { askedParts } from "./asked.js";
 import { showTag } from "./labels.js";
+import { linesIn, pathOf, pathPart, wordsPart } from "./paths.js";
+import { stroke, textShape, titleShape } from "./shapes.js";
 import { madeBy, SHAPES, sourceOf } from "./sources.js";
 
-/** @import { Fit, Line, Measurement, Pick, Predicted, Proposal, Spread } from "../connection/protocol.js" */
+/** @import { Fit, Pick, Predicted, Proposal, Spread, Trust } from "../connection/protocol.js" */
 /** @import { PageState, Shown } from "../actions/page_state.js" */
 /** @import { View } from "./view.js" */
 
@@ -37,10 +40,10 @@ import { madeBy, SHAPES, sourceOf } from "./sources.js";
 const RESIDUAL_SCALES = [20, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01]; // screen pixels for each of the photo
 const LONGEST_RESIDUAL_PX = 90;
 const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
-const CROWD = 24; // measurements from which on they are too many to read
 
 export const KNOWN = { control: "M0 -13L11.5 7H-11.5Z", check: "M-10 -10H10V10H-10Z" }; // points with known coordinates
 export const HOLLOW = "M-8 0A8 8 0 1 0 8 0A8 8 0 1 0 -8 0ZM-2 0H2M0 -2V2"; // found by the program, not accepted
+export const OCTAGON = "M-6 -14H6L14 -6V6L6 14H-6L-14 6V-6Z"; // a point that something contradicts: stop
 export const DIAMOND = "M0 -13L13 0L0 13L-13 0Z";
 
 // The residual of a pick where there is one.
@@ -74,18 +77,6 @@ export function buildMarks(image, { selected, shown, draft, asked }) {
   ];
 }
 
-// Lengths and measurements. Where these are too many to read, only what hangs on the selected point
-// stands out: the others are faint and without their values, which the table has.
-/** @param {number} image @param {string | null} selected */
-function linesIn(image, selected) {
-  const lengths = store.lines.map((line) => ({ name: line.name, path: lengthPath(image, line) }));
-  const measured = store.measurements.map((one) => ({ name: one.name, path: measurementPath(image, one) })).filter(({ path }) => path);
-  if (measured.length > CROWD) {
-    for (const { path } of measured) if (path && !path.points.includes(selected ?? "")) Object.assign(path, { kind: `${path.kind} faint`, words: "" });
-  }
-  return [...lengths, ...measured].flatMap(({ name, path }) => (path ? [{ name, path }] : []));
-}
-
 /** @param {Pick} pick @param {string | null} selected @param {Shown} shown @param {number} scale @returns {Part} */
 function pickPart(pick, selected, shown, scale) {
   const fit = fitOf(pick.image, pick.label);
@@ -96,7 +87,7 @@ function pickPart(pick, selected, shown, scale) {
   return {
     key: `pick ${pick.label}`,
     mark: { label: tag, at: [pick.u_px, pick.v_px] },
-    sign: JSON.stringify([tag, Boolean(residual), fit?.spread, isSuspect(fit?.status), fit?.w, selected === pick.label, shown, madeBy(pick)]),
+    sign: JSON.stringify([tag, Boolean(residual), fit?.spread, isSuspect(fit?.status), fit?.w, selected === pick.label, shown, madeBy(pick), trustOfPoint(pick.label)?.status, trustOfPoint(pick.label)?.why]),
     make: () => pickGroup(pick, tag, fit, selected, shown, Boolean(residual)),
     move: (group, view) => {
       place(group, view, pick.u_px, pick.v_px);
@@ -114,25 +105,33 @@ function pickPart(pick, selected, shown, scale) {
 /** @param {number} length */
 const seen = (length) => Math.round(length * 2) / 2;
 
-/** A line with its halo. @param {string} d @param {string} [wide] */
-const stroke = (d, wide = "halo wide") => [shape("path", { class: wide, d }), shape("path", { class: "thin", d })];
-
 /** @param {Pick} pick @param {string} tag @param {Fit | undefined} fit @param {string | null} selected @param {Shown} shown @param {boolean} pulled */
 function pickGroup(pick, tag, fit, selected, shown, pulled) {
   const { label } = pick;
   const source = sourceOf(pick);
   const suspect = isSuspect(fit?.status);
-  const kind = `mark placed${source === "hand" ? "" : ` found ${source}`}${suspect ? " suspect" : ""}${selected === label ? " selected" : ""}`;
-  const group = shape("g", { class: kind, tabindex: 0, role: "button", "data-label": label }, titleShape(`${label}: ${madeBy(pick)}`));
+  const trust = trustOfPoint(label);
+  const wrong = fault(trust);
+  const kind = `mark placed${source === "hand" ? "" : ` found ${source}`}${wrong && ` ${wrong}`}${suspect ? " suspect" : ""}${selected === label ? " selected" : ""}`;
+  const group = shape("g", { class: kind, tabindex: 0, role: "button", "data-label": label, "data-status": trust?.status ?? "" }, titleShape(`${label}: ${madeBy(pick)}${toldOf(trust)}`));
   if (shown.ellipses && fit?.spread) group.append(...ellipse(fit.spread));
   if (pulled) group.append(shape("line", { class: "halo", "stroke-width": 4 }), shape("line", { class: "residual" }));
-  if (suspect) group.append(...stroke(DIAMOND));
-  const known = knownAs(label);
-  if (known) group.append(...stroke(KNOWN[known]));
+  group.append(...signs(label, suspect, wrong));
   group.append(...stroke(SHAPES[source]), shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: 12 }));
   if (shown.labels) group.append(textShape(tag, "tag"));
   return group;
 }
+
+// Round a mark: that it does not fit, or rests on what does not, and that its place is known.
+/** @param {string} label @param {boolean} suspect @param {ReturnType<typeof fault>} wrong */
+function signs(label, suspect, wrong) {
+  const known = knownAs(label);
+  const trust = suspect || !wrong ? [] : [shape("g", { class: "trust" }, ...stroke(wrong === "contradicted" ? OCTAGON : DIAMOND))];
+  return [...(suspect ? stroke(DIAMOND) : trust), ...(known ? stroke(KNOWN[known]) : [])];
+}
+
+/** @param {Trust | undefined} trust */
+const toldOf = (trust) => (trust?.words ? `\n${trust.words}: ${trust.why}` : "");
 
 // A label, and how high its point stands where it is off the ground.
 /** @param {string} label @param {ReturnType<typeof standsAt>} stands */
@@ -147,7 +146,8 @@ const knownAs = (label) => (store.control.includes(label) ? "control" : store.ch
 function spokenPick(pick, fit) {
   const w = fit === undefined || fit.w === null ? "" : `, w ${fixed(fit.w, 1)}`;
   const known = knownAs(pick.label);
-  return `${pick.label}${known && `, ${known} point`}${pick.source ? `, ${madeBy(pick)}` : ""}, u ${pick.u_px.toFixed(2)}, v ${pick.v_px.toFixed(2)}${w}${isSuspect(fit?.status) ? ", suspect" : ""}`;
+  const trust = trustOfPoint(pick.label);
+  return `${pick.label}${known && `, ${known} point`}${pick.source ? `, ${madeBy(pick)}` : ""}, u ${pick.u_px.toFixed(2)}, v ${pick.v_px.toFixed(2)}${w}${isSuspect(fit?.status) ? ", suspect" : ""}${trust?.words ? `, ${trust.words}` : ""}`;
 }
 
 /** @param {Predicted} one @param {string | null} selected @param {Shown} shown @returns {Part} */
@@ -214,84 +214,8 @@ function ellipse({ major_px, minor_px, turn_deg }, least = 0) {
   return made;
 }
 
-/** @param {string} words @param {string} kind */
-function textShape(words, kind) {
-  const made = shape("text", { x: 0, y: 0, class: kind });
-  made.textContent = words;
-  return made;
-}
-
-/** What is said to who rests the pointer there. @param {string} words */
-function titleShape(words) {
-  const made = shape("title");
-  made.textContent = words;
-  return made;
-}
-
 /** @param {SVGGElement} group @param {View} view @param {number} u @param {number} v */
 function place(group, view, u, v) {
   put(group, "transform", `translate(${view.toScreen(u, v).join(" ")})`);
   for (const child of group.children) resizers.get(child)?.(view.scale);
-}
-
-/** @param {number} image @param {Line} line */
-function lengthPath(image, line) {
-  const now = adjusted()?.lines[line.name];
-  const words = now?.adjusted_m ? withSigma(now.adjusted_m, now.sigma_m, "m") : `${valueOnly(line.length_m, line.sigma_m, "m")} taped`;
-  const kind = `length${line.adjust ? "" : " withheld"}${isSuspect(now?.status) ? " suspect" : ""}`;
-  return pathOf(image, [line.start, line.end], kind, `${line.name} ${words}`, false);
-}
-
-/** @param {number} image @param {Measurement} request */
-function measurementPath(image, { name, kind, points, parameters = {} }) {
-  const now = adjusted()?.measurements[name];
-  const words = now ? `${valueText(now)}${now.words && ` (${now.words})`}` : missing;
-  return points.length < 2 ? null : pathOf(image, outline(kind, points, parameters), `measured ${now?.status ?? "ok"}`, `${name} ${words}`, kind === "area" || kind === "volume");
-}
-
-// The points that are drawn: of a volume those around it, without its top and its plane.
-/** @param {string} kind @param {string[]} points @param {Record<string, number>} parameters */
-function outline(kind, points, parameters) {
-  const beside = kind === "volume" ? ("top" in parameters ? 1 : 0) + ("plane" in parameters ? 3 : 0) : 0;
-  return points.slice(0, points.length - beside);
-}
-
-// Lines between labels; none where one of these is not in the photo, or all are only expected there.
-/** @param {number} image @param {string[]} points @param {string} kind @param {string} words @param {boolean} closed @returns {Path | null} */
-function pathOf(image, points, kind, words, closed) {
-  const at = points.map((label) => placeOf(image, label));
-  const there = at.every(Boolean) && (kind === "draft" || at.some((one) => one?.picked));
-  return there ? { kind, words, points, closed, screen: [] } : null;
-}
-
-/** @param {number} image @param {string} name @param {Path} path @returns {Part} */
-function pathPart(image, name, path) {
-  const at = path.points.flatMap((label) => placeOf(image, label) ?? []);
-  return {
-    key: `path ${path.kind.split(" ", 1)[0]} ${name}`,
-    sign: path.kind,
-    make: () => shape("g", { class: path.kind, "aria-hidden": "true" }, shape("polyline", { class: "halo wide" }), shape("polyline", { class: "thin" })),
-    move: (group, view) => {
-      path.screen = at.map(({ u, v }) => view.toScreen(u, v));
-      const points = (path.closed ? [...path.screen, path.screen[0]] : path.screen).map((point) => point.join()).join(" ");
-      for (const line of group.children) put(line, "points", points);
-    },
-  };
-}
-
-/** @param {string} name @param {Path} path @returns {Part} */
-function wordsPart(name, path) {
-  /** @type {Words} */
-  const words = { path, text: null };
-  return {
-    key: `words ${path.kind.split(" ", 1)[0]} ${name}`,
-    sign: JSON.stringify([path.kind, path.words]),
-    words,
-    make: () => {
-      const text = textShape(path.words, "value");
-      text.setAttribute("text-anchor", "middle");
-      return shape("g", { class: path.kind, "aria-hidden": "true" }, text);
-    },
-    move: (group) => { words.text = group.querySelector("text"); },
-  };
 }

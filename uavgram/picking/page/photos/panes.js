@@ -57,6 +57,16 @@ export class Panes {
     for (const one of this.all) one.box.classList.toggle("active", one === this.active && this.all.length > 1);
   }
 
+  /** Shows a label large in a photo. @param {number} image @param {string} label */
+  look(image, label) {
+    const { active } = this;
+    if (!active) return;
+    if (active.image !== image) active.show(image);
+    this.events.selected(label);
+    active.goTo(label, Math.max(active.view.scale, 2));
+    active.markOf(label)?.focus({ preventScroll: true });
+  }
+
   rebuild() {
     for (const pane of this.all) pane.rebuild();
   }

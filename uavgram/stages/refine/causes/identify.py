@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.model.survey.mend import Cause
+from uavgram.model.survey.mend import Cause, Mend
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.detection import asks
 from uavgram.stages.refine.causes.flight.camera import other_camera_file
@@ -34,6 +34,7 @@ from uavgram.stages.refine.causes.photos.turned import (
     turned_photos,
 )
 from uavgram.stages.refine.causes.trials import Judged, as_noisy_as_it_is, screened, tried
+from uavgram.stages.remedies import with_remedies
 
 MOST_CAUSES, MOST_TRIED, MOST_OF_A_KIND, MOST_DOUBTED = 6, 10, 3, 3
 """Causes that are told; hypotheses for which a mended survey is adjusted each time, and of each
@@ -96,7 +97,7 @@ def identify(standing: Standing) -> Identified:
             break
         best, rival = found
         if best.hypothesis.tell is not None:
-            causes.append(_cause(best, rival))
+            causes.append(_with_remedies(_cause(best, rival), best, rival, stated.survey))
             freed.append(best.hypothesis.freed)
         if best.after is None:
             break
@@ -122,6 +123,16 @@ def _cause(best: Judged, rival: Judged | None) -> Cause:
         gain=best.gain,
         settles=hypothesis.settles,
     )
+
+
+def _with_remedies(cause: Cause, best: Judged, rival: Judged | None, written: Survey) -> Cause:
+    """The cause with what would put right what people wrote, and what else could."""
+    one, rivals = best.hypothesis, [] if rival is None else [rival.hypothesis]
+    mends = [each.remedy or each.mend for each in (one, *rivals)]
+    if not one.is_clear:
+        lines = (k for k, name in enumerate(written.line_name) if name in one.settles)
+        mends.append(Mend(without_lines=frozenset(lines)))
+    return replace(cause, message=with_remedies(cause.message, written, mends))
 
 
 def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.departures import heights_above_ground
 from uavgram.model.message import Message, Several
 from uavgram.stages.refine.off_ground.shown import photos_of
+from uavgram.stages.remedies import freed, unpicked
 
 TWO = 2
 """Photos that show a point from which on its height can be found, but no pick of it is checked."""
@@ -22,7 +24,15 @@ def off_ground_remarks(refined: Refined) -> Iterator[Message]:
     photos = photos_of(survey)
     for row, label in enumerate(survey.label):
         if label in refined.off_ground:
-            yield off_ground_message(label, float(height[row]), float(sigma[row]), int(photos[row]))
+            up, sigma_m, shown = float(height[row]), float(sigma[row]), int(photos[row])
+            message = off_ground_message(label, up, sigma_m, shown)
+            if shown != TWO:
+                yield message
+                continue
+            picks = np.flatnonzero(survey.pick_label == row)
+            frames = [survey.frame_id[frame] for frame in survey.pick_frame[picks]]
+            either = (unpicked([(frame, label)]) for frame in frames)
+            yield replace(message, instead=tuple(one for one in either if one is not None))
 
 
 def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int) -> Message:
@@ -40,6 +50,8 @@ def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int)
     side = "above" if height_m > 0 else "below"
     digits = int(np.clip(1 - np.floor(np.log10(max(sigma_m, 1e-4))), 1, 3))
     size = f"{abs(height_m):.{digits}f} ± {sigma_m:.{digits}f} m {side} the ground"
+    size_m, rough = abs(height_m), min(digits, 1 if abs(height_m) >= 1.0 else 2)
+    where = "up" if height_m > 0 else "below the ground"
     other = " (or one of its two picks is on another thing)" if photos == TWO else ""
     text = (
         f"{label!r} fits {size}, and not on it{other}. It was adjusted with that height. To "
@@ -60,4 +72,6 @@ def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int)
         heights_m=(height_m,),
         heights_sigma_m=(sigma_m,),
         several=several,
+        plain=f"{label} stands {size_m:.{rough}f} m {where}{other}.",
+        mend=freed([label]),
     )

@@ -11,6 +11,7 @@ from uavgram.estimation.reliability.hypotheses import Explained
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.mend import Mend
+from uavgram.stages.naming import photo_name
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import labels_of, strays
 
@@ -102,6 +103,7 @@ def _elsewhere(standing: Standing, pick: int, other: int, _: Explained | None) -
         f"The pick of {label!r} in {frame!r} lies where {there!r} belongs: look, and {todo}.",
         frames=(frame,),
         labels=(label, there),
+        plain=f"{label} is picked where {there} belongs, in {photo_name(frame)}.",
         several=Several(
             "{count} picks lie where another label belongs",
             f"{label!r} in {frame!r} where {there!r} belongs",

@@ -235,7 +235,14 @@ class Doubted:
             lengths=tuple(survey.line_name[i] for i in lines) if self._named else (),
             labels=tuple(dict.fromkeys(survey.label[k] for k in ends)),
             several=Several(opening, item, ending=ending),
+            plain=words.plain,
         )
+
+    def short(self, k: int) -> str:
+        """``L2``, or ``the length from R3 to R4`` where it has no name."""
+        survey, i = self.standing.survey, int(self.line[k])
+        ends = survey.label[survey.line_start[i]], survey.label[survey.line_end[i]]
+        return self.name[k] if self._named else f"The length from {ends[0]} to {ends[1]}"
 
     def compared(self, k: int) -> str:
         """``reads 12.34 m, and should read about 11.34 ± 0.02 m: 1.00 m less``."""
@@ -253,10 +260,11 @@ class Doubted:
 
 @dataclass(frozen=True)
 class Told:
-    """Words of a message: its text; and opening, item and ending where it is told with others."""
+    """Words of a message: its text; opening, item and ending among others; one plain sentence."""
 
     text: str
     several: tuple[str, str, str]
+    plain: str = ""
 
 
 def doubted(standing: Standing) -> Doubted:

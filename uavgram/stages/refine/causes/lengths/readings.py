@@ -15,6 +15,7 @@ from uavgram.estimation.reliability.wrong_units import CONVERSIONS, DECIMALS, UN
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Mend
+from uavgram.stages.naming import listed
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.lengths.doubted import FARTHEST, Doubted, Told, doubted
 
@@ -161,16 +162,19 @@ def _in_another_unit(
     seem = f"seem to be {unit.words}"
     if len(rows) >= ALL and len(rows) == len(found.standing.survey.line_start):
         text = f"All lengths {seem}: {unit.undo}. {'; '.join(each[:2])}, and so on."
-        return found.told("lengths-wrong-unit", rows, Told(text, ("", "", "")))
+        told = Told(text, ("", "", ""), f"All lengths {seem}.")
+        return found.told("lengths-wrong-unit", rows, told)
     if len(rows) > 1:
         text = f"{len(rows)} lengths {seem}: {unit.undo}. {'; '.join(each)}."
-        return found.told("line-wrong-unit", rows, Told(text, ("", "", "")))
+        told = Told(text, ("", "", ""), f"{listed(map(found.short, rows))} {seem}.")
+        return found.told("line-wrong-unit", rows, told)
     text = (
         f"The length {found.what(rows[0])} seems to be {unit.words}: write {right[0]}. It "
         f"{found.compared(rows[0])}."
     )
     several = (f"{{count}} lengths {seem}", each[0], f"{unit.undo.capitalize()}.")
-    return found.told("line-wrong-unit", rows, Told(text, several))
+    plain = f"{found.short(rows[0])} seems to be {unit.words}."
+    return found.told("line-wrong-unit", rows, Told(text, several, plain))
 
 
 def _by_a_digit(found: Doubted, k: int, slip: Slip, _: Explained | None) -> Message:
@@ -183,7 +187,11 @@ def _by_a_digit(found: Doubted, k: int, slip: Slip, _: Explained | None) -> Mess
     item = f"{found.what(k)} reads {found.reading_m[k]:.10g} m instead of {slip.right_m:.10g} m"
     opening = "{count} lengths seem to be misread or miswritten"
     ending = "Look at the notes, and at the picks of their ends."
-    return found.told("line-wrong-digit", [k], Told(text, (opening, item, ending)))
+    plain = (
+        f"{found.short(k)} seems misread: it says {found.reading_m[k]:.10g} m, and should say "
+        f"{slip.right_m:.10g} m."
+    )
+    return found.told("line-wrong-digit", [k], Told(text, (opening, item, ending), plain))
 
 
 def _readings_exchanged(found: Doubted, rows: tuple[int, int], _: Explained | None) -> Message:

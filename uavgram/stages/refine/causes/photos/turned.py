@@ -137,10 +137,11 @@ def photos_elsewhere(standing: Standing, causes: Sequence[Cause]) -> tuple[Cause
         if name in settled:
             continue
         picks = picks_of(standing, frame)
+        mend = Mend(without_picks=frozenset(picks.tolist()))
         found.append(
             Cause(
-                message=_elsewhere(name),
-                mend=Mend(without_picks=frozenset(picks.tolist())),
+                message=_elsewhere(name),  # only a look at it tells what would put it right
+                mend=mend,
                 gain=4.0 * PRICE * len(picks),
                 settles=frozenset([name]),
             )

@@ -1,0 +1,40 @@
+// How far what the page shows can be trusted: the server's verdict, as long as it is of what is marked now.
+// Never green before there are numbers, while they are older than the marks, or without the server.
+
+import { adjusted, store } from "./store.js";
+
+/** @import { Trust, Verdict } from "./protocol.js" */
+/** @typedef {"current" | "first-order" | "old" | "none" | "lost"} Age of the numbers */
+/** @typedef {{ level: Verdict["level"] | "none", words: string }} Light */
+
+/** @type {Record<Exclude<Age, "current">, string>} */
+const WORDS = {
+  none: "Not checked yet",
+  "first-order": "Not checked yet: first estimates of what you are moving",
+  old: "Not checked yet: the numbers are older than your last change",
+  lost: "Not checked: the program does not answer",
+};
+
+/** @returns {Age} */
+export function ageOfNumbers() {
+  if (store.begun && !store.connected) return "lost";
+  if (!adjusted()) return "none";
+  if (store.mode === "linearised") return "first-order";
+  return store.waits ? "old" : "current";
+}
+
+/** @returns {Light} */
+export function light() {
+  const age = ageOfNumbers();
+  const verdict = adjusted()?.verdict;
+  return age === "current" && verdict ? { level: verdict.level, words: verdict.words } : { level: "none", words: WORDS[age === "current" ? "none" : age] };
+}
+
+/** What is said of the point with this label. @param {string} label @returns {Trust | undefined} */
+export const trustOfPoint = (label) => adjusted()?.points[label];
+
+/** @param {number} image @returns {Trust | undefined} */
+export const trustOfPhoto = (image) => adjusted()?.frames[image]?.standing;
+
+/** What is drawn and written in another way: doubtful or contradicted; else empty. @param {Trust | undefined} trust @returns {"doubtful" | "contradicted" | ""} */
+export const fault = (trust) => (trust?.status === "doubtful" || trust?.status === "contradicted" ? trust.status : "");

@@ -1,0 +1,20 @@
+// Strokes and words in a photo.
+
+import { shape } from "../elements/dom.js";
+
+/** A line with its halo. @param {string} d @param {string} [wide] */
+export const stroke = (d, wide = "halo wide") => [shape("path", { class: wide, d }), shape("path", { class: "thin", d })];
+
+/** @param {string} words @param {string} kind */
+export function textShape(words, kind) {
+  const made = shape("text", { x: 0, y: 0, class: kind });
+  made.textContent = words;
+  return made;
+}
+
+/** What is said to who rests the pointer there. @param {string} words */
+export function titleShape(words) {
+  const made = shape("title");
+  made.textContent = words;
+  return made;
+}

@@ -1,0 +1,87 @@
+"""Remarks on an adjustment as JSON: plain and at length, what they are of, and what mends them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from uavgram.model.message import Message
+from uavgram.model.result.tables import PickResults
+from uavgram.model.result.verdict import Reason
+from uavgram.model.survey.observations import KnownLines
+from uavgram.picking.protocol.encode_mends import mends_json
+from uavgram.stages.judge.verdict import reason_of
+
+Json = dict[str, Any]
+
+NOTHING = Reason(cause="", text="")
+
+
+@dataclass(frozen=True)
+class Remarks:
+    """What remarks refer to.
+
+    Attributes
+    ----------
+    picks
+        How well each pick fits.
+    lines
+        Known lengths as they were taken.
+    index
+        Numbers of the photos by name.
+    """
+
+    picks: PickResults
+    lines: KnownLines
+    index: Mapping[str, int]
+
+    def of_message(self, message: Message) -> Json:
+        """A warning that is no reason of the verdict."""
+        return self.json(reason_of(message), message)
+
+    def json(self, reason: Reason, at_length: Message | None = None) -> Json:
+        """A reason of the verdict.
+
+        Parameters
+        ----------
+        reason
+            What is told.
+        at_length
+            The message that tells it with its statistics, where there is one.
+        """
+        return {
+            "level": at_length.level if at_length else "warning",
+            "code": reason.cause,
+            "text": at_length.text if at_length else reason.text,
+            "plain": reason.plain or reason.text,
+            "labels": list(reason.labels),
+            "frames": [self.index[name] for name in reason.frames if name in self.index],
+            "lengths": list(reason.lengths),
+            "measurements": list(reason.measurements),
+            "mends": mends_json((reason.mend, *reason.instead), self.lines, self.index),
+            "show": self._show(reason),
+        }
+
+    def _show(self, reason: Reason) -> Json | None:
+        """The pick that fits worst of those that a reason speaks of; None where it names none."""
+        frames, labels = set(reason.frames), set(reason.labels) | self._ends(reason)
+        if not frames and not labels:
+            return None
+        worst, size = None, -1.0
+        for row, (image, label) in enumerate(zip(self.picks.image, self.picks.label, strict=True)):
+            named = (not frames or image in frames) and (not labels or label in labels)
+            if not named or image not in self.index:
+                continue
+            off = math.hypot(*self.picks.residual_px[row].tolist())
+            # What was left out has no residual: it is what is to be looked at.
+            off = off if math.isfinite(off) else math.inf
+            if off > size:
+                worst, size = {"image": self.index[image], "label": label}, off
+        return worst
+
+    def _ends(self, reason: Reason) -> set[str]:
+        """Labels between which the lengths are of which a reason speaks."""
+        rows = [i for i, name in enumerate(self.lines.name) if name in reason.lengths]
+        return {one for i in rows for one in (self.lines.start[i], self.lines.end[i])}

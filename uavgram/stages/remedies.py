@@ -1,0 +1,233 @@
+"""What would put things right, by name: of a mend by index, and of single observations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+from uavgram.model.message import Message
+from uavgram.model.remedy import Correction, Remedy
+from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.naming import listed, listed_photos
+
+
+def with_remedies(message: Message, survey: Survey, mends: Sequence[Mend | None]) -> Message:
+    """A message with what would put right what it tells of.
+
+    Parameters
+    ----------
+    message
+        Of a cause.
+    survey
+        All observations as they were written.
+    mends
+        Of the cause, and of what else could be the cause; None where only a person can.
+    """
+    found = [None if one is None else remedy_of(survey, one) for one in mends]
+    rivals = tuple(one for one in found[1:] if one is not None)
+    return replace(message, mend=found[0] if found else None, instead=rivals)
+
+
+def remedy_of(survey: Survey, mend: Mend) -> Remedy | None:
+    """A mend by name; None where it changes nothing that was written.
+
+    Parameters
+    ----------
+    survey
+        All observations as they were written.
+    mend
+        By index into it.
+    """
+    parts = (
+        _labels(survey, mend),
+        _places(survey, mend),
+        _picks(survey, sorted(mend.without_picks)),
+        _lengths(survey, mend),
+        _ends(survey, mend),
+        without_lengths([_line(survey, k) for k in sorted(mend.without_lines)]),
+        _heights(survey, mend),
+    )
+    known = [one for one in parts if one is not None]
+    if not known:
+        return None
+    # What takes no part is taken out before others take its label.
+    order = sorted(known, key=lambda one: one.action != "unpick")
+    every = (change for one in order for change in one.corrections)
+    return replace(known[0], corrections=tuple(every))
+
+
+def unpicked(pairs: Sequence[tuple[str, str]]) -> Remedy | None:
+    """Picks, by photo and label, removed; None without any."""
+    if not pairs:
+        return None
+    frames = list(dict.fromkeys(frame for frame, _ in pairs))
+    what = f"the pick of {pairs[0][1]}" if len(pairs) == 1 else f"these {len(pairs)} picks"
+    return Remedy(
+        action="unpick",
+        words=f"Remove {what} in {listed_photos(frames)}",
+        corrections=tuple(Correction(action="unpick", frame=f, label=one) for f, one in pairs),
+    )
+
+
+def without_lengths(names: Sequence[str]) -> Remedy | None:
+    """Known lengths removed; None without any, or where they have no names."""
+    if not all(names) or not names:
+        return None
+    what = f"the length {names[0]}" if len(names) == 1 else f"these {len(names)} lengths"
+    return Remedy(
+        action="remove-length",
+        words=f"Remove {what}",
+        corrections=tuple(Correction(action="remove-length", length=name) for name in names),
+    )
+
+
+def freed(labels: Sequence[str]) -> Remedy | None:
+    """Points whose heights are to be found; None without any."""
+    if not labels:
+        return None
+    what = f"the height of {labels[0]}" if len(labels) == 1 else f"these {len(labels)} heights"
+    return Remedy(
+        action="free",
+        words=f"Free {what}",
+        corrections=tuple(Correction(action="free", label=label) for label in labels),
+    )
+
+
+def to_tape(start: str, end: str, length_m: float) -> Remedy:
+    """A length that would check what nothing checks.
+
+    Parameters
+    ----------
+    start, end
+        Its labels.
+    length_m
+        About how long it is.
+    """
+    ends = Correction(action="tape", ends=(start, end), length_m=length_m)
+    words = f"Tape from {start} to {end}, about {length_m:.1f} m"
+    return Remedy(action="tape", words=words, corrections=(ends,))
+
+
+def _labels(survey: Survey, mend: Mend) -> Remedy | None:
+    if not mend.label_of_pick:
+        return None
+    everywhere = _everywhere(survey, mend.label_of_pick)
+    if everywhere is not None:
+        first, second = everywhere
+        return Remedy(
+            action="swap",
+            words=f"Swap {first} and {second} in all photos",
+            corrections=(Correction(action="swap", label=first, other=second),),
+        )
+    by_frame: dict[str, dict[str, str]] = {}
+    for pick, right in mend.label_of_pick.items():
+        frame, label = _pick(survey, pick)
+        by_frame.setdefault(frame, {})[label] = survey.label[right]
+    changed = {f: {a: b for a, b in right.items() if a != b} for f, right in by_frame.items()}
+    swaps = [one for frame, right in changed.items() for one in _swaps(frame, right)]
+    if not swaps:
+        return None
+    where = listed_photos(dict.fromkeys(one.frame for one in swaps))
+    words = f"Change {sum(map(len, changed.values()))} labels in {where}"
+    if len(swaps) == 1:
+        first, second = swaps[0].label, swaps[0].other
+        both = (swaps[0].frame, second) in {_pick(survey, k) for k in range(len(survey.pick_label))}
+        words = f"Swap {first} and {second}" if both else f"Change {first} to {second}"
+        words += f" in {where}"
+    return Remedy(action="swap", words=words, corrections=tuple(swaps))
+
+
+def _everywhere(survey: Survey, label_of_pick: Mapping[int, int]) -> tuple[str, str] | None:
+    """Two labels of which every pick gets the other one; None where it is not so."""
+    pairs = {(int(survey.pick_label[pick]), right) for pick, right in label_of_pick.items()}
+    if len(pairs) != 2 or {(b, a) for a, b in pairs} != pairs:
+        return None
+    (first, second), _ = sorted(pairs)
+    picks = {k for k, label in enumerate(survey.pick_label) if label in (first, second)}
+    frames = {int(survey.pick_frame[k]) for k in picks}
+    if picks != set(label_of_pick) or len(frames) < 2:
+        return None
+    return survey.label[first], survey.label[second]
+
+
+def _swaps(frame: str, right: Mapping[str, str]) -> Iterator[Correction]:
+    """Exchanges, one after another, after which each pick of a photo has its label.
+
+    Parameters
+    ----------
+    frame
+        The photo.
+    right
+        Label of a pick -> the one that it should have.
+    """
+    now = dict(right)  # what stands under a label -> where it belongs
+    for label in right:
+        while label in now and now[label] != label:
+            there = now[label]
+            yield Correction(action="swap", frame=frame, label=label, other=there)
+            mine, other = now.pop(label), now.pop(there, None)
+            now[there] = mine
+            if other is not None:
+                now[label] = other
+
+
+def _places(survey: Survey, mend: Mend) -> Remedy | None:
+    if not mend.pixel_of_pick:
+        return None
+    moves = []
+    for pick, place in mend.pixel_of_pick.items():
+        frame, label = _pick(survey, pick)
+        moves.append(Correction(action="move", frame=frame, label=label, pixel_px=place))
+    where = listed_photos(dict.fromkeys(one.frame for one in moves))
+    words = f"Put the {len(moves)} picks of {where} back"
+    return Remedy(action="move", words=words, corrections=tuple(moves))
+
+
+def _picks(survey: Survey, picks: Iterable[int]) -> Remedy | None:
+    return unpicked([_pick(survey, pick) for pick in picks])
+
+
+def _lengths(survey: Survey, mend: Mend) -> Remedy | None:
+    named = {_line(survey, k): value for k, value in mend.length_m.items()}
+    if not named or not all(named):
+        return None
+    changes = [Correction(action="length", length=n, length_m=value) for n, value in named.items()]
+    words = f"Correct these {len(named)} lengths"
+    if len(named) == 1:
+        words = f"Correct {changes[0].length} to {changes[0].length_m:.2f} m"
+    return Remedy(action="length", words=words, corrections=tuple(changes))
+
+
+def _ends(survey: Survey, mend: Mend) -> Remedy | None:
+    label = survey.label
+    named = {_line(survey, k): (label[a], label[b]) for k, (a, b) in mend.ends.items()}
+    if not named or not all(named):
+        return None
+    changes = [Correction(action="ends", length=name, ends=ends) for name, ends in named.items()]
+    words = f"Correct the ends of {listed(named)}"
+    if len(named) == 1:
+        words = f"Take {changes[0].length} from {changes[0].ends[0]} to {changes[0].ends[1]}"
+    return Remedy(action="ends", words=words, corrections=tuple(changes))
+
+
+def _heights(survey: Survey, mend: Mend) -> Remedy | None:
+    """Heights to be freed, and those that people freed and that lie on the ground."""
+    up = freed([survey.label[k] for k, free in mend.free.items() if free])
+    down = [survey.label[k] for k, free in mend.free.items() if not free and survey.is_free[k]]
+    if not down:
+        return up
+    changes = tuple(Correction(action="on-ground", label=label) for label in down)
+    ground = Remedy(
+        action="on-ground", words=f"Put {listed(down)} on the ground", corrections=changes
+    )
+    return ground if up is None else replace(up, corrections=(*up.corrections, *changes))
+
+
+def _pick(survey: Survey, pick: int) -> tuple[str, str]:
+    """Photo and label of a pick, as it was written."""
+    return survey.frame_id[survey.pick_frame[pick]], survey.label[survey.pick_label[pick]]
+
+
+def _line(survey: Survey, line: int) -> str:
+    return survey.line_name[line] if survey.line_name else ""
