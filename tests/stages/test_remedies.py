@@ -95,7 +95,7 @@ def test_words_name_what_the_button_does(survey: Survey) -> None:
         "Remove the length L3": Mend(without_lines=frozenset([2])),
         "Free the height of P5": Mend(free={5: True}),
         f"Remove the pick of P3 in {photo}": Mend(without_picks=frozenset([pick(survey, 0, 3)])),
-        f"Put the 1 picks of {photo} back": Mend(pixel_of_pick={pick(survey, 0, 3): (1.0, 2.0)}),
+        f"Put the picks of {photo} back": Mend(pixel_of_pick={pick(survey, 0, 3): (1.0, 2.0)}),
     }
 
     assert [named(survey, mend).words for mend in words.values()] == list(words)

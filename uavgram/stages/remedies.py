@@ -180,7 +180,7 @@ def _places(survey: Survey, mend: Mend) -> Remedy | None:
         frame, label = _pick(survey, pick)
         moves.append(Correction(action="move", frame=frame, label=label, pixel_px=place))
     where = listed_photos(dict.fromkeys(one.frame for one in moves))
-    words = f"Put the {len(moves)} picks of {where} back"
+    words = f"Put the picks of {where} back"
     return Remedy(action="move", words=words, corrections=tuple(moves))
 
 
