@@ -200,7 +200,7 @@ def _mended(cause: Cause, before: str, after: str) -> Message:
     first, _, rest = cause.message.text.removesuffix(".").partition(". ")
     done = f"It was mended, look whether rightly: {before}; now {after}"
     text = ". ".join(filter(None, (first, done, rest)))
-    return replace(cause.message, text=f"{text}.", several=None)
+    return replace(cause.message, text=f"{text}.", several=None, mend=None, instead=())
 
 
 def not_located(refined: Refined, suspicion: Suspicion) -> Message:
