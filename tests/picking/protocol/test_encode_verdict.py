@@ -110,11 +110,11 @@ def test_a_reason_names_its_photos_by_number_and_the_pick_to_look_at() -> None:
     verdict = Verdict(level="amber", reasons=tuple(told.values()))
     residuals = replace(made, picks=replace(picks, residual_px=off), verdict=verdict, messages=())
     said = told_of(residuals)
-    first, *rest = said["first"], *said["why"]
+    every = [said["first"], *said["why"]]
 
-    assert [one["frames"] for one in (first, *rest)] == [[1], [], []]
-    assert [one["show"] for one in (first, *rest)] == [{"image": 1, "label": label}] * 2 + [None]
-    assert rest[1]["measurements"] == ["road width"]
+    assert [one["frames"] for one in every] == [[1], [], []]
+    assert [one["show"] for one in every] == [{"image": 1, "label": label}] * 2 + [None]
+    assert every[2]["measurements"] == ["road width"]
 
 
 def test_a_pick_that_was_left_out_is_the_one_to_look_at() -> None:
