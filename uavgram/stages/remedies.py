@@ -180,7 +180,7 @@ def _places(survey: Survey, mend: Mend) -> Remedy | None:
         frame, label = _pick(survey, pick)
         moves.append(Correction(action="move", frame=frame, label=label, pixel_px=place))
     where = listed_photos(dict.fromkeys(one.frame for one in moves))
-    words = f"Put the {len(moves)} picks of {where} back"
+    words = f"Put the picks of {where} back"
     return Remedy(action="move", words=words, corrections=tuple(moves))
 
 
@@ -196,7 +196,14 @@ def _lengths(survey: Survey, mend: Mend) -> Remedy | None:
     words = f"Correct these {len(named)} lengths"
     if len(named) == 1:
         words = f"Correct {changes[0].length} to {changes[0].length_m:.2f} m"
+    elif len(named) == 2 and _is_exchange(survey, mend.length_m):
+        words = f"Swap the readings of {listed(named)}"
     return Remedy(action="length", words=words, corrections=tuple(changes))
+
+
+def _is_exchange(survey: Survey, length_m: Mapping[int, float]) -> bool:
+    """Whether lengths should read what others of them read."""
+    return sorted(length_m.values()) == sorted(float(survey.length_m[k]) for k in length_m)
 
 
 def _ends(survey: Survey, mend: Mend) -> Remedy | None:
