@@ -6,6 +6,7 @@ import { as, node } from "../elements/dom.js";
 import { alternativesText, degrees, fixed, gradeText, missing, valueText, withSigma } from "../elements/numbers.js";
 import { about, drop, fill, keep, list, remove, table, titled, wCell, withValues } from "../elements/table.js";
 import { entryPart, KINDS } from "./entry.js";
+import { firstStepsPart } from "./first_steps.js";
 import { pointPart } from "./point.js";
 import { proposalParts } from "./proposals.js";
 import { placeText } from "./speed.js";
@@ -20,7 +21,7 @@ import { placeText } from "./speed.js";
 /** @param {Element} section @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @param {SideView} side */
 export function showMeasure(section, state, image, tools, side) {
   fill(section, [
-    missingPart(), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), ...proposalParts(state, image, tools), lengthsPart(tools),
+    missingPart(), firstStepsPart(state), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), ...proposalParts(state, image, tools), lengthsPart(tools),
     advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), remarksPart(),
   ]);
 }
