@@ -18,7 +18,8 @@ export function buildTools(setTool) {
   }
   menu.addEventListener("toggle", () => {
     if (!menu.matches(":popover-open")) return;
-    Object.assign(menu.style, { left: `${byId("more").getBoundingClientRect().left}px` });
+    const left = Math.min(byId("more").getBoundingClientRect().left, window.innerWidth - menu.offsetWidth - 4);
+    menu.style.left = `${Math.max(left, 0)}px`;
     as(HTMLElement, menu.querySelector("[aria-checked=true]") ?? menu.firstElementChild).focus();
   });
   for (const group of ["tools", "more-tools"]) roving(byId(group));

@@ -17,16 +17,17 @@ export function firstStepsPart(state) {
   const done = steps.filter((step) => step.done).length;
   if (!store.begun || (done === steps.length && !state.showsSteps)) return null;
   fillIfNew(title, `${done} ${steps.length}`, () => [`First steps: ${done} of ${steps.length} done`]);
-  fillIfNew(list, JSON.stringify(steps), () => steps.map(stepItem));
+  fillIfNew(list, JSON.stringify(steps), () => steps.map((step) => stepItem(step, step === steps.find((one) => !one.done))));
   return box;
 }
 
 // As who asks for help wants them: unfolded.
 export const unfold = () => { box.open = true; };
 
-/** @param {Step} step */
-const stepItem = ({ words, how, done }) => node("li", { class: done ? "done" : "" },
-  node("span", { class: "unseen" }, done ? "Done: " : ""), node("b", {}, words), done ? null : node("span", { class: "dim" }, how));
+// How it is done stands beneath the one that is next.
+/** @param {Step} step @param {boolean} isNext */
+const stepItem = ({ words, how, done }, isNext) => node("li", { class: done ? "done" : "" },
+  node("span", { class: "unseen" }, done ? "Done: " : ""), node("b", {}, words), isNext ? node("span", { class: "dim" }, how) : null);
 
 /** @returns {Step[]} */
 function stepsOf() {

@@ -20,8 +20,10 @@ import { placeText } from "./speed.js";
 
 /** @param {Element} section @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @param {SideView} side */
 export function showMeasure(section, state, image, tools, side) {
+  const steps = firstStepsPart(state);
+  const measured = store.measurements.length > 0; // its values come first
   fill(section, [
-    missingPart(), firstStepsPart(state), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), ...proposalParts(state, image, tools), lengthsPart(tools),
+    missingPart(), measured ? null : steps, hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), measured ? steps : null, ...proposalParts(state, image, tools), lengthsPart(tools),
     advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), remarksPart(),
   ]);
 }
