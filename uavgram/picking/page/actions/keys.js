@@ -155,7 +155,7 @@ const toolBindings = () => Object.entries(TOOLS).map(([name, { key, name: words,
 /** @type {[string, Binding[]][]} */
 export const KEYS = [
   ["Photos", [
-    { keys: "wheel, + \u2212, two fingers", what: "zoom at the pointer", does: { "+": ({ navigation }) => navigation.zoom(1.25), "=": ({ navigation }) => navigation.zoom(1.25), "-": ({ navigation }) => navigation.zoom(0.8) } },
+    { keys: "wheel, + \u2212", what: "zoom at the pointer; by touch: two fingers", does: { "+": ({ navigation }) => navigation.zoom(1.25), "=": ({ navigation }) => navigation.zoom(1.25), "-": ({ navigation }) => navigation.zoom(0.8) } },
     { keys: "drag, Space + drag", what: "pan (middle and right button too)", does: { " ": ({ state }) => { state.spaceHeld = true; } } },
     { keys: "Ctrl + arrows", what: "pan; the arrows alone where no point is selected", does: arrows("Ctrl+", ({ navigation }, dx, dy) => navigation.pan(dx, dy)) },
     { keys: "F   1   Z", what: "fit; one to one; to the selected point, \u00d74", does: { f: ({ panes }) => panes.active?.fit(), 1: ({ panes }) => panes.active?.scaleTo(1), z: ({ navigation }) => navigation.toSelected(4) } },
@@ -165,7 +165,7 @@ export const KEYS = [
     { keys: "Ctrl+1  2  4", what: "panes", does: Object.fromEntries([1, 2, 4].map((count) => [`Ctrl+${count}`, /** @type {Act} */ (({ setPanes }) => setPanes(count))])) },
     { keys: "K", what: "all panes show the same ground", does: { k: ({ panes }) => panes.toggleLink() } },
     { keys: "E R O T U", what: "ellipses, residuals, predictions, labels, lines", does: toggles({ e: "ellipses", r: "residuals", o: "predicted", t: "labels", u: "lines" }) },
-    { keys: "M, long press", what: "magnifier", does: { m: ({ navigation }) => navigation.toggleLoupe() } },
+    { keys: "M", what: "magnifier; by touch: let a finger rest, slide, and lift it to place", does: { m: ({ navigation }) => navigation.toggleLoupe() } },
   ]],
   ["Points", [
     { keys: "click, Enter", what: "place the label (Enter: in the middle of the photo)", does: { Enter: ({ tools, navigation }) => tools.proposals.acceptFocused() || navigation.enter() } },
