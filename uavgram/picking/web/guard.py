@@ -196,7 +196,7 @@ class Guard:
         if scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": POLICY_VIOLATION, "reason": why[:100]})
             return
-        answer = PlainTextResponse(f"Refused: {why}", 403)
+        answer: Response = PlainTextResponse(f"Refused: {why}", 403)
         if why == NO_KEY:
             answer = HTMLResponse(no_entry("This browser has no key to the page."), 403)
         await answer(scope, receive, _strict(send))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import http.client
 import json
+import logging
 import os
 import re
 import time
@@ -18,8 +19,10 @@ from pathlib import Path
 
 from uavgram.config.project import load_project
 from uavgram.errors import UavgramError
-from uavgram.io.own_files import open_own, read_own
+from uavgram.io.own_files import check_own, open_own, read_own
 from uavgram.io.project_lock import is_locked
+
+log = logging.getLogger(__name__)
 
 FILE = "pick.door"
 PATH = "/fresh-address"
@@ -60,10 +63,14 @@ def left_in(folder: Path, door: Door) -> Iterator[None]:
         A link stands where the file should be.
     """
     path = folder / FILE
-    handle = open_own(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
-    with os.fdopen(handle, "w", encoding="utf-8") as stream:
-        os.fchmod(stream.fileno(), 0o600)  # it may be that of a killed server
-        json.dump(asdict(door), stream)
+    check_own(path)
+    try:
+        path.unlink(missing_ok=True)  # of a server that was killed
+        handle = open_own(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            json.dump(asdict(door), stream)
+    except OSError as fault:  # the page works all the same
+        log.warning("%s: no fresh addresses while this runs (%s)", path, fault.strerror)
     try:
         yield
     finally:
