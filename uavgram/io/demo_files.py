@@ -16,7 +16,12 @@ from uavgram.io.own_files import remove_link
 from uavgram.io.photos.tagging.exif_capture import with_exif
 from uavgram.io.results.codec import Record, encode, records
 from uavgram.io.tables.csv_rows import csv_text
-from uavgram.io.tables.picked import measure_content
+from uavgram.io.tables.picked import (
+    LINES_HEADER,
+    MEASURE_HEADER,
+    PICKS_HEADER,
+    measure_content,
+)
 from uavgram.model.arrays import Floats
 from uavgram.model.demo.simulated import SimulatedSurvey
 from uavgram.model.typed_numbers import number_text
@@ -51,18 +56,52 @@ def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[n
         The folder cannot be written, or its photos/ holds photos of another survey.
     """
     try:
-        _make_photo_folder(folder / "photos", survey.frame_id)
-        _write_photos(folder / "photos", survey, photos)
-        write_tlog(remove_link(folder / "flight.tlog"), survey.log)
+        _write_flight(folder, survey, photos)
         _write_observations(folder, survey)
         _write_requests(folder, survey)
-        remove_link(folder / "camera.yaml").write_text(_camera_yaml(survey), encoding="utf-8")
         truth = json.dumps(truth_as_json(survey), indent=1) + "\n"
         remove_link(folder / "truth.json").write_text(truth, encoding="utf-8")
         project = remove_link(folder / "project.yaml")
         project.write_text(_project_yaml(survey), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{folder}: cannot be written: {error.strerror}; name another") from error
+    return project
+
+
+def write_unpicked(
+    folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]], about: str
+) -> Path:
+    """Write what a flight leaves behind: photos, log, camera and project, with empty tables.
+
+    Parameters
+    ----------
+    folder, survey, photos
+        As of `write_demo`.
+    about
+        First line of the project file, a comment.
+
+    Returns
+    -------
+    Path of the project file, which is written last.
+
+    Raises
+    ------
+    OutputError
+        The folder's photos/ holds photos of another survey.
+    OSError
+        It cannot be written.
+    """
+    _write_flight(folder, survey, photos)
+    for name, header in (
+        ("picks.csv", PICKS_HEADER),
+        ("lines.csv", LINES_HEADER),
+        ("measure.csv", MEASURE_HEADER),
+    ):
+        _write_csv(folder / name, header, ())
+    project = remove_link(folder / "project.yaml")
+    lines = _project_yaml(survey).splitlines()
+    kept = [line.partition("; the one")[0] for line in lines if not line.startswith("check:")]
+    project.write_text("\n".join([about, *kept[1:], ""]), encoding="utf-8")
     return project
 
 
@@ -100,6 +139,16 @@ def truth_as_json(survey: SimulatedSurvey) -> Record:
             unit=truth.measurement_unit,
         ),
     }
+
+
+def _write_flight(
+    folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]]
+) -> None:
+    """Photos, log and camera."""
+    _make_photo_folder(folder / "photos", survey.frame_id)
+    _write_photos(folder / "photos", survey, photos)
+    write_tlog(remove_link(folder / "flight.tlog"), survey.log)
+    remove_link(folder / "camera.yaml").write_text(_camera_yaml(survey), encoding="utf-8")
 
 
 def _make_photo_folder(folder: Path, frame_id: Sequence[str]) -> None:
@@ -197,6 +246,7 @@ def _camera_yaml(survey: SimulatedSurvey) -> str:
 
 
 def _project_yaml(survey: SimulatedSurvey) -> str:
+    """The project file; its first line says what it is."""
     errors = survey.scenario.errors
     arm = ", ".join(number_text(v) for v in errors.lever_arm_m)
     return f"""\

@@ -74,6 +74,25 @@ class ProjectLock:
             os.close(handle)  # it was released, and so removed, between opening and locking
 
 
+def is_locked(folder: Path) -> bool:
+    """Whether a process holds the lock of a project with this output folder."""
+    if sys.platform == "win32":
+        return False
+    try:
+        handle = open_own(folder / LOCK, os.O_RDONLY)
+    except (OSError, OutputError):
+        return False
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # no locks here
+        return False
+    finally:
+        os.close(handle)
+    return False
+
+
 def _take(handle: int) -> None:
     if sys.platform == "win32":
         return

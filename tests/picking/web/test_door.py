@@ -208,6 +208,7 @@ PATHS = [
     "/output/..%2fproject.yaml",
     "/output/pick-journal.jsonl",
     "/output/pick.lock",
+    "/output/pick.door",
     "/output/",
     "/recording",
     "/calibration",

@@ -7,29 +7,34 @@ from typing import Annotated
 
 from cyclopts import Parameter, validators
 
-from uavgram.cli.application import DONE, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, say, tell_as
+from uavgram.cli.application import DONE, Flag, Verbose, app
+from uavgram.cli.terminal import log_to_stderr, progress, say, tell_as
 
 Port = Annotated[int, Parameter(validator=validators.Number(gte=0, lte=65535))]
 
 
 @app.command
 def pick(
-    project: Path = Path(),
+    project: Path | None = None,
     /,
     *,
+    sample: Flag = False,
     port: Port = 0,
     browser: bool = True,
     verbose: Verbose = False,
 ) -> int:
     """Pick points and lengths in the photos on a local page, and see the measurements.
 
-    The project may lack picks, lengths and measurements: they are made here. Ctrl+C ends it.
+    The project may lack picks, lengths and measurements: they are made here. Ctrl+C ends it. While
+    it runs, the same command again gives a fresh address: for another browser, or a lost tab.
 
     Parameters
     ----------
     project
         The project file, or the folder of a project.yaml; by default the present folder.
+    sample
+        Make a small survey to play with (photos, flight log and camera, nothing picked) in the
+        folder that is named, by default uavgram-sample, and open it; once made, go on with it.
     port
         Of the page, on this machine only; 0: any free one.
     browser
@@ -38,21 +43,65 @@ def pick(
         Say what is being done.
     """
     import os
-    import webbrowser
 
     # Small systems many times a second: threads inside one of them only wait for each other, and
     # the browser needs the processors too. Read when numpy is loaded, which is below.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+    log_to_stderr(verbose=verbose)
+    wanted = _sample(project) if sample else project or Path()
+    tell_as(wanted)
+    if not _led_to_running(wanted, browser=browser):
+        _serve(wanted, port, browser=browser)
+    return DONE
+
+
+def _sample(folder: Path | None) -> Path:
+    """The project of the sample, which is made where it is not there yet."""
+    from uavgram.pipeline.sample import SAMPLE, make_sample
+
+    made = make_sample(folder or Path(SAMPLE), progress())
+    say(f"Sample to play with: {made.parent}")
+    return made
+
+
+def _led_to_running(project: Path, *, browser: bool) -> bool:
+    """Give a fresh address of the page that has the project open; whether there is one."""
+    from uavgram.picking.web.running import fresh_address
+
+    fresh = fresh_address(project)
+    if fresh is None:
+        return False
+    say(f"The page runs already. Fresh address: {fresh.text}", "It serves once, for five minutes.")
+    if browser:
+        import webbrowser
+
+        from uavgram.picking.web.redirect import RedirectFile
+
+        way = RedirectFile(fresh.text)
+        try:
+            if webbrowser.open(way.uri):
+                fresh.wait_until_used()
+        finally:
+            way.remove()
+    return True
+
+
+def _serve(project: Path, port: int, *, browser: bool) -> None:
+    """Serve the page until Ctrl+C."""
+    import webbrowser
+
     from uavgram.picking.web.redirect import RedirectFile
     from uavgram.picking.web.server import serve
 
-    log_to_stderr(verbose=verbose)
-    tell_as(project)
     ways: list[RedirectFile] = []
 
     def announce(address: str) -> None:
-        say(f"Picking page: {address}", "Ctrl+C ends it; everything is saved.")
+        say(
+            f"Picking page: {address}",
+            "For another browser, or a lost tab, run the same command again meanwhile.",
+            "Ctrl+C ends it; everything is saved.",
+        )
         if browser:
             ways.append(RedirectFile(address))
             webbrowser.open(ways[-1].uri)
@@ -71,4 +120,3 @@ def pick(
     finally:
         entered()
     say("Saved.")
-    return DONE

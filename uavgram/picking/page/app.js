@@ -10,8 +10,10 @@ import { Tools } from "./actions/tools.js";
 import { Link } from "./connection/link.js";
 import { labels, pickKey, receive, store } from "./connection/store.js";
 import { as, byId, choose, node } from "./elements/dom.js";
+import { icon } from "./elements/icons.js";
 import { Notice } from "./elements/notice.js";
 import { drop } from "./elements/table.js";
+import { unfold } from "./panel/first_steps.js";
 import { Header } from "./panel/header.js";
 import { Panel, TABS } from "./panel/panel.js";
 import { SideView } from "./panel/side_view.js";
@@ -70,13 +72,15 @@ class App {
       role: "tab", id: `tab-button-${name}`, "aria-controls": `tab-${name}`, onclick: () => this.panel.setTab(name),
     }, words)));
     choose(byId("tabs"), (button) => button.id === `tab-button-${state.tab}`, "aria-selected");
-    byId("undo").onclick = () => tools.send({ t: "undo" });
-    byId("redo").onclick = () => tools.send({ t: "redo" });
+    for (const t of /** @type {const} */ (["undo", "redo"])) {
+      byId(t).append(icon(t));
+      byId(t).onclick = () => tools.send({ t });
+    }
     byId("linked").onclick = () => panes.toggleLink();
     byId("help-button").onclick = () => navigation.help();
     for (const group of ["pane-counts", "tabs", "strip"]) roving(byId(group));
     throughRows(byId("panel"));
-    buildHelp(as(HTMLDialogElement, byId("help")));
+    buildHelp(as(HTMLDialogElement, byId("help")), () => this.showSteps());
     listenToKeys({ state, panes, tools, navigation, project, setPanes });
   }
 
@@ -152,6 +156,12 @@ class App {
     }
     this.panes.rebuild();
     if (depth >= VALUES) this.panel.show();
+  }
+
+  showSteps() {
+    this.state.showsSteps = true;
+    unfold();
+    this.panel.setTab("measure");
   }
 
   rebuild() {

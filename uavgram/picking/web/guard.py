@@ -9,12 +9,15 @@ what another local server's page embeds is recognised by Sec-Fetch-Site.
 
 Who is in can still do harm by talking too much: requests and messages have a greatest length, and
 `Pace` slows a socket down.
+
+Who has lost the cookie, or wants another browser, gets a fresh address from the terminal: see
+`running.py`.
 """
 
 from __future__ import annotations
 
-import hmac
 import logging
+import math
 import secrets
 import time
 from collections.abc import Callable
@@ -24,7 +27,9 @@ from starlette.requests import HTTPConnection
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from uavgram.picking.web.redirect import leading_to
+from uavgram.picking.web.redirect import leading_to, no_entry
+from uavgram.picking.web.running import LASTS_S, PATH, USED, WAITS, address
+from uavgram.picking.web.tokens import Tokens, same
 
 log = logging.getLogger(__name__)
 
@@ -41,6 +46,7 @@ HEADERS = {
 }
 POLICY_VIOLATION = 1008
 LONGEST_PATH = 1000
+NO_KEY = "it does not come from the page"
 MESSAGES_A_SECOND = 300
 """A mouse reports up to some 125 moves a second, and the page waits for each answer."""
 MESSAGES_AT_ONCE = 600
@@ -94,22 +100,26 @@ class Guard:
     port
         On which the server listens.
     entered
-        Called when the token has been used.
+        Called when a token has been used.
+
+    Attributes
+    ----------
+    secret
+        Who shows it gets a fresh address.
     """
 
     def __init__(self, app: ASGIApp, port: int, entered: Callable[[], None] = lambda: None) -> None:
         self._app, self._entered = app, entered
+        self.secret = secrets.token_urlsafe(32)
         self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
         self._cookie = f"uavgram-pick-{port}"  # cookies do not tell ports apart
         self._key = secrets.token_urlsafe(32)
-        self._token: str | None = secrets.token_urlsafe(32)
+        self._tokens = Tokens()
         self._port = port
 
     def address(self) -> str:
         """The address to open, with a token that serves once."""
-        if self._token is None:
-            self._token = secrets.token_urlsafe(32)
-        return f"http://127.0.0.1:{self._port}/?token={self._token}"
+        return address(self._port, self._tokens.new(math.inf))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request."""
@@ -122,13 +132,16 @@ class Guard:
             log.warning("refused %r: %s", scope["path"][:80], refusal)
             await self._refuse(scope, receive, send, refusal)
             return
+        if scope["type"] == "http" and scope["path"] == PATH and scope["method"] == "POST":
+            await self._fresh(connection)(scope, receive, _strict(send))
+            return
         given = connection.query_params.get("token")
         if scope["type"] == "http" and given is not None:
             await self._exchanged(connection, given)(scope, receive, _strict(send))
             return
         if not self._known(connection):
-            log.warning("refused %r: it does not come from the page", scope["path"][:80])
-            await self._refuse(scope, receive, send, "open the address that `uavgram pick` printed")
+            log.warning("refused %r: %s", scope["path"][:80], NO_KEY)
+            await self._refuse(scope, receive, send, NO_KEY)
             return
         await self._app(scope, receive, _strict(send))
 
@@ -152,16 +165,23 @@ class Guard:
         return ""
 
     def _known(self, connection: HTTPConnection) -> bool:
-        return _same(connection.cookies.get(self._cookie, ""), self._key)
+        return same(connection.cookies.get(self._cookie, ""), self._key)
+
+    def _fresh(self, connection: HTTPConnection) -> Response:
+        """A token for who knows the secret; or whether one was used, where it is named."""
+        if not same(connection.headers.get("x-secret", ""), self.secret):
+            log.warning("refused a fresh address: the secret is another")
+            return PlainTextResponse("", 403)
+        token = connection.headers.get("x-token")
+        if token is not None:
+            return PlainTextResponse(WAITS if self._tokens.is_open(token) else USED)
+        return PlainTextResponse(self._tokens.new(LASTS_S))
 
     def _exchanged(self, connection: HTTPConnection, given: str) -> Response:
         """The token's answer: a cookie, once, and the address without it."""
         if not self._known(connection):
-            if self._token is None or not _same(given, self._token):
-                return PlainTextResponse(
-                    "This address has been used. Start `uavgram pick` again.", 403
-                )
-            self._token = None
+            if not self._tokens.use(given):
+                return HTMLResponse(no_entry("This address was used already, or is too old."), 403)
             self._entered()
         bare = URL(scope=connection.scope).remove_query_params("token")
         answer: Response = RedirectResponse(bare.path, 303)
@@ -176,11 +196,10 @@ class Guard:
         if scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": POLICY_VIOLATION, "reason": why[:100]})
             return
-        await PlainTextResponse(f"Refused: {why}", 403)(scope, receive, _strict(send))
-
-
-def _same(given: str, wanted: str) -> bool:
-    return hmac.compare_digest(given.encode(), wanted.encode())
+        answer: Response = PlainTextResponse(f"Refused: {why}", 403)
+        if why == NO_KEY:
+            answer = HTMLResponse(no_entry("This browser has no key to the page."), 403)
+        await answer(scope, receive, _strict(send))
 
 
 def _strict(send: Send) -> Send:

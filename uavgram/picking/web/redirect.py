@@ -1,7 +1,7 @@
-"""A file that leads the browser to the page: its command line, which others can read, has no key.
+"""Documents beside the page: one that leads the browser to it, one for who may not come in.
 
-The page's address holds a token. Given to the browser as an argument it would stand in the list of
-processes; so the browser is given a file that only its own user can read.
+The page's address holds a token, and command lines can be read by others in the list of processes;
+so the browser is given a file that only its own user can read.
 """
 
 from __future__ import annotations
@@ -45,4 +45,16 @@ def leading_to(address: str) -> str:
     return (
         '<!doctype html><meta charset="utf-8"><title>uavgram pick</title>'
         f'<meta http-equiv="refresh" content="0;url={html.escape(address)}">\n'
+    )
+
+
+def no_entry(why: str) -> str:
+    """A document that says how to get an address that lets a browser in."""
+    return (
+        '<!doctype html><html lang="en"><meta charset="utf-8"><title>uavgram pick</title>'
+        '<meta name="color-scheme" content="light dark">'
+        f"<h1>This page needs a fresh address</h1><p>{html.escape(why)} Nothing is lost.</p>"
+        "<p>In a terminal, run <code>uavgram pick</code> once more for the same project, with the "
+        "same words as the first time. While the first one runs, the second opens the page anew, "
+        "prints an address that lets one browser in, and ends.</p></html>\n"
     )

@@ -29,6 +29,7 @@ from uavgram.picking.web.guard import Guard, Pace
 from uavgram.picking.web.malloc import give_back_large_blocks
 from uavgram.picking.web.patience import PatientProtocol
 from uavgram.picking.web.routes import file_routes
+from uavgram.picking.web.running import Door, left_in
 from uavgram.pipeline.pick.live import LiveSurvey
 from uavgram.pipeline.threads import with_one_blas_thread
 
@@ -270,5 +271,6 @@ def serve(
             timeout_graceful_shutdown=2,
             server_header=False,
         )
-        with contextlib.suppress(KeyboardInterrupt):  # the way to end it
+        told = left_in(Path(survey.inputs.project.output), Door(bound, guard[0].secret))
+        with told, contextlib.suppress(KeyboardInterrupt):  # the way to end it
             uvicorn.Server(config).run(sockets=[door])

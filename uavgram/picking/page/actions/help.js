@@ -32,12 +32,15 @@ const WORDS = [
   ["grey numbers", "are being computed anew"],
 ];
 
-/** @param {HTMLDialogElement} dialog */
-export function buildHelp(dialog) {
+/** @param {HTMLDialogElement} dialog @param {() => void} showSteps */
+export function buildHelp(dialog, showSteps) {
   dialog.append(node("h2", { id: "help-title", class: "unseen" }, "Help"),
-    node("div", { class: "keys" }, ...KEYS.map(([title, rows]) => part(title, rows)),
-      part("What is drawn", MARKS.map(([kind, path, what]) => /** @type {[Node, string]} */ ([swatch(kind, path), what]))), part("What is written", WORDS)),
-    node("button", { onclick: () => dialog.close() }, "Close (Esc)"));
+    node("div", { class: "row" },
+      node("button", { onclick: () => dialog.close() }, "Close (Esc)"),
+      node("button", { onclick: () => { dialog.close(); showSteps(); } }, "Show the first steps")),
+    node("p", {}, "To try things out: ", node("code", {}, "uavgram pick --sample"), " in a terminal makes a small survey to play with. For another browser, or a lost page, run the command that started this one once more."),
+    node("div", { class: "keys" }, ...KEYS.map(([title, rows]) => part(title, rows.map(({ keys, what }) => [keys, what]))),
+      part("What is drawn", MARKS.map(([kind, path, what]) => /** @type {[Node, string]} */ ([swatch(kind, path), what]))), part("What is written", WORDS)));
 }
 
 /** @param {string} title @param {[string | Node, string][]} rows */

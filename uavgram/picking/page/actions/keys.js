@@ -6,7 +6,7 @@ import { snap } from "./snap.js";
 /** @import { Kind } from "../connection/protocol.js" */
 /** @import { Panes } from "../photos/panes.js" */
 /** @import { Navigation } from "./navigation.js" */
-/** @import { PageState } from "./page_state.js" */
+/** @import { PageState, ShownKind } from "./page_state.js" */
 /** @import { ProjectActions } from "./project_actions.js" */
 /** @import { Tools } from "./tools.js" */
 
@@ -22,41 +22,19 @@ import { snap } from "./snap.js";
  */
 
 /** @typedef {"pick" | "length" | Kind} ToolName */
-/** @typedef {{ key: string, name: string, prefix: string, least: number, most?: number, apart?: boolean, more?: boolean, what: string }} Tool */
-
-/** @type {[string, [string, string][]][]} */
-export const KEYS = [
-  ["Photos", [
-    ["wheel, + \u2212", "zoom at the pointer"], ["drag, Space + drag", "pan (middle and right button too)"], ["Ctrl + arrows", "pan; the arrows alone where no point is selected"],
-    ["F   1   Z", "fit; one to one; to the selected point, \u00d74"], ["Page Down, Page Up", "next, previous photo; Alt: where the label is expected"],
-    ["Ctrl+1  2  4", "panes"], ["K", "all panes show the same ground"], ["E R O T U", "ellipses, residuals, predictions, labels, lines"], ["M", "magnifier"],
-  ]],
-  ["Points", [
-    ["click, Enter", "the point that is expected there, else a new one (Enter: in the middle of the photo)"], ["drag, Shift + drag", "move; ten times finer"],
-    ["arrows, Shift, Alt", "nudge by 0.1, 1, 10 px"], ["G", "go to where the label is expected"], ["S, Shift+S", "snap to a corner, to a round target"],
-    ["Q", "height: free (found from photos), or on the ground"], ["N, B, Tab", "next, previous point"], ["/", "to the label: type the name of the next point; Enter selects it"], ["F2", "rename"], ["Delete, Shift+Delete", "remove here, everywhere"],
-    [".   Delete", "a hollow mark (P1?): accept, refuse"], ["Shift, Ctrl + Enter", "accept all of the point, all in the photo"],
-  ]],
-  ["Lengths and measurements", [
-    ["P L D A Y J", "tools: point, length, distance, area, polyline, angle"], ["I V C H", "distance from a line, skid, coordinate, speed"],
-    ["3 9 8", "height, profile, volume"], ["4 5 6 7", "level distance, rise, slope, distance from a plane"],
-    ["click points; N B, Enter", "points in order; Enter takes one, once more ends"], ["Esc", "stop"],
-  ]],
-  ["All", [["Ctrl+Z, Ctrl+Shift+Z", "undo, redo"], ["F6, Shift+F6", "next, previous part of the page"], ["X, Shift+X", "next, previous tab: measure, frames, camera"], ["up, down", "in a table: the same in the next row"],
-    ["W", "write report and exports"], ["?", "this help"]]],
-];
+/** @typedef {{ key: string, name: string, prefix: string, use?: "mark" | "known", least: number, most?: number, apart?: boolean, more?: boolean, what: string }} Tool */
 
 // `what` is for who has never used the tool; `apart`: each point is a place of its own, in one photo;
-// `more`: it stands in the menu.
+// `more`: it stands in the menu. A tool marks a place, enters what is known, or measures what is wanted.
 /** @type {Record<ToolName, Tool>} */
 export const TOOLS = {
-  pick: { key: "p", name: "Point", prefix: "P", least: 1, what: "marks a place on the ground by a label" },
-  length: { key: "l", name: "Length", prefix: "L", least: 2, most: 2, what: "a length that was taped, which the adjustment takes as known" },
-  distance: { key: "d", name: "Distance", prefix: "D", least: 2, most: 2, what: "how far two points are apart" },
+  pick: { key: "p", name: "Point", prefix: "P", use: "mark", least: 1, what: "marks a place on the ground by a label; the same label in another photo is the same place" },
+  length: { key: "l", name: "Taped length", prefix: "L", use: "known", least: 2, most: 2, what: "known: a length that somebody taped on the ground; type what the tape said, and everything is scaled by it" },
+  distance: { key: "d", name: "Distance", prefix: "D", least: 2, most: 2, what: "wanted: how far two points are apart, computed from the photos" },
   area: { key: "a", name: "Area", prefix: "A", least: 3, what: "what three or more points enclose, in their order" },
   polyline: { key: "y", name: "Polyline", prefix: "W", least: 2, what: "the way along points, in their order" },
   height: { key: "3", name: "Height", prefix: "HT", least: 1, most: 2, what: "how high a point stands over the ground, or over the first of two points" },
-  profile: { key: "9", name: "Profile", prefix: "PR", least: 2, what: "heights of points along the line from the first to the last" },
+  profile: { key: "9", name: "Profile", prefix: "PR", least: 2, more: true, what: "heights of points along the line from the first to the last" },
   angle: { key: "j", name: "Angle", prefix: "J", least: 3, most: 3, more: true, what: "the angle at the second of three points" },
   line_distance: { key: "i", name: "From line", prefix: "H", least: 3, most: 3, more: true, what: "how far the first point is from the line through the two others" },
   plane_distance: { key: "7", name: "From plane", prefix: "PD", least: 4, most: 4, more: true, what: "how far the first point is from the plane through the three others: a dent, a rut" },
@@ -132,66 +110,92 @@ function isTyped({ key, target }) {
   return isField || (target.matches("button, a, summary") && ["Enter", " "].includes(key));
 }
 
+// What a key is called in the tables above.
+/** @param {KeyboardEvent} event */
+function* namesOf({ key, shiftKey, altKey, ctrlKey, metaKey }) {
+  const control = ctrlKey || metaKey ? "Ctrl+" : "";
+  const one = control ? key.toLowerCase() : key;
+  const named = key.length > 1 ? key : one;
+  if (shiftKey) yield `${control}Shift+${named}`;
+  if (altKey) yield `${control}Alt+${named}`;
+  yield `${control}${named}`;
+  yield `${control}${named.toLowerCase()}`; // with the capitals' lock on
+}
+
 // Does what a key says; whether it says something.
 /** @param {Acted} acted @param {KeyboardEvent} event @returns {boolean} */
 function handle(acted, event) {
-  const { key, shiftKey, altKey } = event;
-  const arrow = ARROWS[key];
-  if (key === "Enter" && (shiftKey || event.ctrlKey)) return acted.tools.proposals.acceptAll(event.ctrlKey);
-  if (event.ctrlKey || event.metaKey) return arrow ? acted.navigation.pan(...arrow) : withControl(acted, key.toLowerCase(), shiftKey);
-  if (arrow) return acted.navigation.arrow(...arrow, shiftKey ? 1 : altKey ? 10 : 0.1);
-  if (key === "Enter") return acted.tools.proposals.acceptFocused() || acted.navigation.enter();
-  const named = NAMED[key];
-  if (named) {
-    named(acted, event);
-    return true;
+  for (const name of namesOf(event)) {
+    const act = ACTS.get(name);
+    if (act) return act(acted, event) !== false;
   }
-  const tool = Object.entries(TOOLS).find(([, one]) => one.key === key.toLowerCase());
-  if (tool) acted.tools.setTool(/** @type {ToolName} */ (tool[0]));
-  return Boolean(tool);
+  return false;
 }
 
-/** @param {Acted} acted @param {string} key @param {boolean} shift */
-function withControl({ tools, setPanes }, key, shift) {
-  if (key === "z") tools.send({ t: shift ? "redo" : "undo" });
-  else if (key === "y") tools.send({ t: "redo" });
-  else if (["1", "2", "4"].includes(key)) setPanes(Number(key));
-  else return false;
-  return true;
-}
+/**
+ * What keys, or the mouse, do.
+ * @typedef {(acted: Acted, event: KeyboardEvent) => void | boolean} Act false: nothing was to be done
+ * @typedef {object} Binding
+ * @property {string} keys as the help names them
+ * @property {string} what in words
+ * @property {Record<string, Act>} [does] by what the keyboard calls the key; what the mouse does has its place elsewhere
+ */
 
-/** @type {Record<string, ((acted: Acted, event: KeyboardEvent) => void) | undefined>} */
-const NAMED = {
-  Escape: ({ tools }) => tools.cancel(),
-  Delete: ({ tools }, { shiftKey }) => tools.remove(shiftKey),
-  ".": ({ tools }) => tools.proposals.acceptSelected(),
-  F2: ({ navigation }) => navigation.beginRename(),
-  "/": ({ tools }) => tools.toLabel(),
-  F6: ({ navigation }, { shiftKey }) => navigation.nextRegion(shiftKey ? -1 : 1),
-  PageDown: ({ navigation }, { altKey }) => navigation.turn(1, altKey),
-  PageUp: ({ navigation }, { altKey }) => navigation.turn(-1, altKey),
-  "+": ({ navigation }) => navigation.zoom(1.25),
-  "=": ({ navigation }) => navigation.zoom(1.25),
-  "-": ({ navigation }) => navigation.zoom(0.8),
-  " ": ({ state }) => { state.spaceHeld = true; },
-  "?": ({ navigation }) => navigation.help(),
-  f: ({ panes }) => panes.active?.fit(),
-  1: ({ panes }) => panes.active?.scaleTo(1),
-  z: ({ navigation }) => navigation.toSelected(4),
-  g: ({ navigation }) => navigation.goToPredicted(),
-  n: ({ navigation }) => navigation.step(1),
-  b: ({ navigation }) => navigation.step(-1),
-  k: ({ panes }) => panes.toggleLink(),
-  m: ({ navigation }) => navigation.toggleLoupe(),
-  e: ({ navigation }) => navigation.toggle("ellipses"),
-  r: ({ navigation }) => navigation.toggle("residuals"),
-  o: ({ navigation }) => navigation.toggle("predicted"),
-  t: ({ navigation }) => navigation.toggle("labels"),
-  u: ({ navigation }) => navigation.toggle("lines"),
-  s: ({ tools }) => void snap(tools, "corner"),
-  S: ({ tools }) => void snap(tools, "circle"),
-  q: ({ tools }) => tools.heights.toggle(),
-  x: ({ navigation }) => navigation.nextTab(1),
-  X: ({ navigation }) => navigation.nextTab(-1),
-  w: ({ project }) => void project.exportAll(),
-};
+/** @param {string} before @param {(acted: Acted, dx: number, dy: number, event: KeyboardEvent) => void | boolean} act */
+const arrows = (before, act) => Object.fromEntries(Object.entries(ARROWS).map(([key, to]) => [`${before}${key}`, /** @type {Act} */ ((acted, event) => act(acted, ...(to ?? [0, 0]), event))]));
+
+/** @param {Record<string, ShownKind>} kinds @returns {Record<string, Act>} */
+const toggles = (kinds) => Object.fromEntries(Object.entries(kinds).map(([key, kind]) => [key, ({ navigation }) => navigation.toggle(kind)]));
+
+/** @returns {Binding[]} */
+const toolBindings = () => Object.entries(TOOLS).map(([name, { key, name: words, what }]) => ({
+  keys: key.toUpperCase(), what: `${words}: ${what}`, does: { [key]: ({ tools }) => tools.setTool(/** @type {ToolName} */ (name)) },
+}));
+
+// Everything that a key does; the help is made of it.
+/** @type {[string, Binding[]][]} */
+export const KEYS = [
+  ["Photos", [
+    { keys: "wheel, + \u2212", what: "zoom at the pointer; by touch: two fingers", does: { "+": ({ navigation }) => navigation.zoom(1.25), "=": ({ navigation }) => navigation.zoom(1.25), "-": ({ navigation }) => navigation.zoom(0.8) } },
+    { keys: "drag, Space + drag", what: "pan (middle and right button too)", does: { " ": ({ state }) => { state.spaceHeld = true; } } },
+    { keys: "Ctrl + arrows", what: "pan; the arrows alone where no point is selected", does: arrows("Ctrl+", ({ navigation }, dx, dy) => navigation.pan(dx, dy)) },
+    { keys: "F   1   Z", what: "fit; one to one; to the selected point, \u00d74", does: { f: ({ panes }) => panes.active?.fit(), 1: ({ panes }) => panes.active?.scaleTo(1), z: ({ navigation }) => navigation.toSelected(4) } },
+    { keys: "Page Down, Page Up", what: "next, previous photo; Alt: where the label is expected", does: {
+      PageDown: ({ navigation }) => navigation.turn(1, false), PageUp: ({ navigation }) => navigation.turn(-1, false),
+      "Alt+PageDown": ({ navigation }) => navigation.turn(1, true), "Alt+PageUp": ({ navigation }) => navigation.turn(-1, true) } },
+    { keys: "Ctrl+1  2  4", what: "panes", does: Object.fromEntries([1, 2, 4].map((count) => [`Ctrl+${count}`, /** @type {Act} */ (({ setPanes }) => setPanes(count))])) },
+    { keys: "K", what: "all panes show the same ground", does: { k: ({ panes }) => panes.toggleLink() } },
+    { keys: "E R O T U", what: "ellipses, residuals, predictions, labels, lines", does: toggles({ e: "ellipses", r: "residuals", o: "predicted", t: "labels", u: "lines" }) },
+    { keys: "M", what: "magnifier; by touch: let a finger rest, slide, and lift it to place", does: { m: ({ navigation }) => navigation.toggleLoupe() } },
+  ]],
+  ["Points", [
+    { keys: "click, Enter", what: "the point that is expected there, else a new one (Enter: in the middle of the photo)", does: { Enter: ({ tools, navigation }) => tools.proposals.acceptFocused() || navigation.enter() } },
+    { keys: "drag, Shift + drag", what: "move; ten times finer" },
+    { keys: "arrows, Shift, Alt", what: "nudge by 0.1, 1, 10 px", does: arrows("", ({ navigation }, dx, dy, { shiftKey, altKey }) => navigation.arrow(dx, dy, shiftKey ? 1 : altKey ? 10 : 0.1)) },
+    { keys: "G", what: "go to where the label is expected", does: { g: ({ navigation }) => navigation.goToPredicted() } },
+    { keys: "S, Shift+S", what: "snap to a corner, to a round target", does: { s: ({ tools }) => void snap(tools, "corner"), S: ({ tools }) => void snap(tools, "circle") } },
+    { keys: "Q", what: "height: free (found from photos), or on the ground", does: { q: ({ tools }) => tools.heights.toggle() } },
+    { keys: "N, B, Tab", what: "next, previous point", does: { n: ({ navigation }) => navigation.step(1), b: ({ navigation }) => navigation.step(-1) } },
+    { keys: "/", what: "to the label: type one, Enter selects it", does: { "/": ({ tools }) => tools.toLabel() } },
+    { keys: "F2", what: "rename", does: { F2: ({ navigation }) => navigation.beginRename() } },
+    { keys: "Delete, Shift+Delete", what: "remove here, everywhere", does: { Delete: ({ tools }) => tools.remove(false), "Shift+Delete": ({ tools }) => tools.remove(true) } },
+    { keys: ".   Delete", what: "a hollow mark (P1?): accept, refuse", does: { ".": ({ tools }) => tools.proposals.acceptSelected() } },
+    { keys: "Shift, Ctrl + Enter", what: "accept all of the point, all in the photo", does: { "Shift+Enter": ({ tools }) => tools.proposals.acceptAll(false), "Ctrl+Enter": ({ tools }) => tools.proposals.acceptAll(true) } },
+  ]],
+  ["Tools", [
+    ...toolBindings(),
+    { keys: "click points; N B, Enter", what: "points in order; Enter takes one, once more ends" },
+    { keys: "Esc", what: "stop", does: { Escape: ({ tools }) => tools.cancel() } },
+  ]],
+  ["All", [
+    { keys: "Ctrl+Z, Ctrl+Shift+Z", what: "undo, redo", does: { "Ctrl+z": ({ tools }) => tools.send({ t: "undo" }), "Ctrl+Shift+z": ({ tools }) => tools.send({ t: "redo" }), "Ctrl+y": ({ tools }) => tools.send({ t: "redo" }) } },
+    { keys: "F6, Shift+F6", what: "next, previous part of the page", does: { F6: ({ navigation }) => navigation.nextRegion(1), "Shift+F6": ({ navigation }) => navigation.nextRegion(-1) } },
+    { keys: "X, Shift+X", what: "next, previous tab: measure, frames, camera", does: { x: ({ navigation }) => navigation.nextTab(1), X: ({ navigation }) => navigation.nextTab(-1) } },
+    { keys: "up, down", what: "in a table: the same in the next row" },
+    { keys: "W", what: "write report and exports", does: { w: ({ project }) => void project.exportAll() } },
+    { keys: "?", what: "this help", does: { "?": ({ navigation }) => navigation.help() } },
+  ]],
+];
+
+/** @type {Map<string, Act>} */
+const ACTS = new Map(KEYS.flatMap(([, all]) => all.flatMap(({ does = {} }) => Object.entries(does))));

@@ -41,6 +41,7 @@ export class PageState {
     this.tab = "measure";
     /** @type {string | null} */
     this.side = null; // name of the measurement that is shown from the side
+    this.showsSteps = false; // though all of the first steps are done
     this.exporting = false;
     /** @type {Folder[] | null} */
     this.folders = null; // in which photos of a board could be

@@ -1,6 +1,7 @@
 // The tools: those used most as buttons, the others in a menu that says what each is for.
 
 import { as, byId, choose, node } from "../elements/dom.js";
+import { icon } from "../elements/icons.js";
 import { roving, TOOLS } from "./keys.js";
 
 /** @import { Tool, ToolName } from "./keys.js" */
@@ -11,13 +12,14 @@ const ALL = Object.entries(TOOLS).map(([name, tool]) => [/** @type {ToolName} */
 /** @param {(tool: ToolName) => void} setTool */
 export function buildTools(setTool) {
   const menu = byId("more-tools");
-  for (const [name, { key, name: words, what, more }] of ALL) {
-    const shown = more ? [node("span", { class: "key" }, key.toUpperCase()), node("span", {}, words), node("span", { class: "dim" }, what)] : [words];
-    (more ? menu : byId("tools")).append(node("button", { role: "radio", "data-tool": name, title: `${words} (${key.toUpperCase()}): ${what}`, onclick: () => setTool(name) }, ...shown));
+  for (const [name, { key, name: words, what, more, use = "wanted" }] of ALL) {
+    const shown = more ? [node("span", { class: "key" }, key.toUpperCase()), icon(name), node("span", {}, words), node("span", { class: "dim" }, what)] : [icon(name), words];
+    (more ? menu : byId("tools")).append(node("button", { role: "radio", "data-tool": name, "data-use": use, title: `${words} (${key.toUpperCase()}): ${what}`, onclick: () => setTool(name) }, ...shown));
   }
   menu.addEventListener("toggle", () => {
     if (!menu.matches(":popover-open")) return;
-    Object.assign(menu.style, { left: `${byId("more").getBoundingClientRect().left}px` });
+    const left = Math.min(byId("more").getBoundingClientRect().left, window.innerWidth - menu.offsetWidth - 4);
+    menu.style.left = `${Math.max(left, 0)}px`;
     as(HTMLElement, menu.querySelector("[aria-checked=true]") ?? menu.firstElementChild).focus();
   });
   for (const group of ["tools", "more-tools"]) roving(byId(group));

@@ -8,6 +8,7 @@ import { alternativesText, degrees, fixed, gradeText, missing, valueText, withSi
 import { about, beneath, drop, fill, keep, list, remove, standingSign, table, titled, trusted, wCell, withValues } from "../elements/table.js";
 import { fieldText, fieldUnit, inLength, lengthUnit, smallUnit } from "../elements/units.js";
 import { entryPart, KINDS, readLength } from "./entry.js";
+import { firstStepsPart } from "./first_steps.js";
 import { pointPart } from "./point.js";
 import { proposalParts } from "./proposals.js";
 import { placeText } from "./speed.js";
@@ -21,8 +22,10 @@ import { placeText } from "./speed.js";
 
 /** @param {Element} section @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @param {SideView} side */
 export function showMeasure(section, state, image, tools, side) {
+  const steps = firstStepsPart(state);
+  const measured = store.measurements.length > 0; // its values come first
   fill(section, [
-    missingPart(), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), ...proposalParts(state, image, tools), lengthsPart(tools),
+    missingPart(), measured ? null : steps, hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), measured ? steps : null, ...proposalParts(state, image, tools), lengthsPart(tools),
     advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), remarksPart(),
   ]);
 }

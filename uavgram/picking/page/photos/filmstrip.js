@@ -36,7 +36,7 @@ export class Filmstrip {
   build() {
     this.box.replaceChildren(...store.photos.map((photo, k) => node("button", { "data-image": k, onclick: () => { this.panes.active?.show(k); this.panes.active?.focus(); } },
       node("img", { "data-src": `/photo/${k}/thumbnail.jpg?${photo.digest}`, alt: "", loading: "lazy", draggable: "false" }),
-      node("span", { class: "name" }, node("bdi", {}, photo.name.replace(/\.\w+$/, ""))), node("span", { class: "badge" }))));
+      node("span", { class: "name" }, node("bdi", {}, photo.name.replace(/\.\w+$/, ""))), node("span", { class: "badge" }), node("span", { class: "unseen" }))));
     setTimeout(() => this.loadThumbnails(), THUMBNAILS_AFTER_MS);
   }
 
@@ -53,12 +53,12 @@ export class Filmstrip {
     button.classList.toggle("unmatched", !photo.matched && store.photos.some((one) => one.matched));
     button.setAttribute("aria-current", `${this.panes.all.some((pane) => pane.image === k)}`);
     button.tabIndex = k === (this.panes.active?.image ?? 0) ? 0 : -1;
-    const badge = as(HTMLElement, button.lastChild);
+    const [badge, spoken] = [...button.querySelectorAll("span")].slice(-2);
     badge.textContent = `${count || ""}${found ? ` +${found}` : ""}${isBad ? ` \u25c6 ${worst.w.toFixed(1)}` : ""}${SIGNS[wrong]}`;
     badge.hidden = !badge.textContent;
     badge.classList.toggle("bad", isBad || wrong === "contradicted");
     const words = `${matchOf(photo)}, ${count} picks${found ? `, ${found} more found by the program` : ""}${worst.w ? `, worst w ${worst.w.toFixed(1)}` : ""}${standing.words}`;
-    button.setAttribute("aria-label", `${photo.name}, ${words}`);
+    spoken.textContent = `, ${words}`;
     button.title = `${photo.name}: ${words}`;
   }
 

@@ -1,6 +1,7 @@
-// What the mouse does on a pane: it zooms, pans, clicks and drags marks.
+// What the mouse, a pen or fingers do on a pane: they zoom, pan, click and drag marks.
 
 import { pickAt } from "../connection/store.js";
+import { Fingers } from "./fingers.js";
 
 /** @import { Pane } from "./pane.js" */
 
@@ -12,12 +13,15 @@ import { pickAt } from "../connection/store.js";
  * @property {[number, number]} last where the pointer was last
  * @property {boolean} far whether it moved so far that it is no click
  * @property {boolean} primary
+ * @property {boolean} rests whether a finger rested, and now moves the magnifier
  * @property {boolean} pans whether it can do nothing else
  * @property {string | null} offered label of the proposal that is held
  * @property {{ label: string, at: [number, number], step: number } | null} mark that is held
  */
 
 const CLICK_PX = 3; // a press that moves less is a click
+const TAP_PX = 10; // of a finger
+const REST_MS = 500; // a finger that is still for so long wants the magnifier
 const FINE = 0.1; // of a move with Shift held
 const ZOOM_PER_PX = 0.0015; // of the wheel
 const LINE_PX = 16; // of a wheel that counts in lines
@@ -45,12 +49,14 @@ export class Pointer {
     this.press = null;
     /** @type {[number, number] | null} */
     this.hover = null; // where it is, over the pane
+    this.fingers = new Fingers(pane);
+    this.resting = 0; // timer
     const { svg, box, events } = pane;
     svg.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     svg.addEventListener("pointerdown", (event) => this.down(event));
     svg.addEventListener("pointermove", (event) => this.move(event));
     svg.addEventListener("pointerup", (event) => this.up(event));
-    svg.addEventListener("pointercancel", () => { this.press = null; });
+    svg.addEventListener("pointercancel", (event) => { this.fingers.gone(event); this.letGo(); });
     svg.addEventListener("pointerleave", () => { this.hover = null; pane.pointAway(); });
     svg.addEventListener("contextmenu", (event) => event.preventDefault());
     svg.addEventListener("dblclick", (event) => {
@@ -83,16 +89,21 @@ export class Pointer {
     const { pane } = this;
     pane.events.entered(pane);
     const [x, y] = this.local(event);
+    if (this.fingers.come(event, [x, y])) {
+      this.letGo();
+      return;
+    }
     const mark = markAt(event);
     const primary = event.button === 0;
     const pans = !primary || pane.state.spaceHeld;
     const label = mark?.dataset.label;
     const pick = label && !pans ? pickAt(pane.image, label) : null;
     this.press = {
-      x, y, last: [x, y], far: false, primary, pans, offered: offeredAt(event),
+      x, y, last: [x, y], far: false, primary, rests: false, pans, offered: offeredAt(event),
       mark: pick ? { label: pick.label, at: [pick.u_px, pick.v_px], step: pane.events.newStep() } : null,
     };
     if (pick && pane.state.tool === "pick") pane.events.selected(pick.label);
+    if (event.pointerType === "touch" && !pick) this.resting = setTimeout(() => this.rest(x, y), REST_MS);
     try {
       pane.svg.setPointerCapture(event.pointerId);
     } catch {
@@ -106,18 +117,48 @@ export class Pointer {
   move(event) {
     const { press, pane } = this;
     const [x, y] = this.local(event);
+    if (this.fingers.move(event, [x, y])) return;
     this.hover = [x, y];
-    if (press) {
-      press.far ||= Math.hypot(x - press.x, y - press.y) >= CLICK_PX;
-      if (press.far && press.mark && pane.state.tool === "pick") this.drag(press.mark, event, x - press.last[0], y - press.last[1]);
-      else if (press.far) {
+    if (press && !press.rests) this.follow(press, event, x, y);
+    const looks = event.pointerType !== "touch" || press?.rests; // a finger that pans does not
+    if (!press?.mark && looks) pane.magnify(...pane.view.toPhoto(x, y), x, y);
+  }
+
+  // What is pressed goes along: a mark, else the photo.
+  /** @param {Press} press @param {PointerEvent} event @param {number} x @param {number} y */
+  follow(press, event, x, y) {
+    const { pane } = this;
+    press.far ||= Math.hypot(x - press.x, y - press.y) >= (event.pointerType === "touch" ? TAP_PX : CLICK_PX);
+    if (press.far) {
+      clearTimeout(this.resting);
+      if (press.mark && pane.state.tool === "pick") this.drag(press.mark, event, x - press.last[0], y - press.last[1]);
+      else {
         pane.box.classList.add("moving");
         pane.view.panBy(x - press.last[0], y - press.last[1]);
         pane.moved();
       }
-      press.last = [x, y];
     }
-    if (!press?.mark) pane.magnify(...pane.view.toPhoto(x, y), x, y);
+    press.last = [x, y];
+  }
+
+  // A finger that rests hides what it points at: the magnifier shows it, and where the finger is lifted
+  // is the click.
+  /** @param {number} x @param {number} y */
+  rest(x, y) {
+    const { press, pane } = this;
+    if (!press) return;
+    press.rests = true;
+    pane.magnify(...pane.view.toPhoto(x, y), x, y);
+  }
+
+  // Ends a press that is no click; a mark that was moved stays where it is.
+  letGo() {
+    const { press, pane } = this;
+    this.press = null;
+    clearTimeout(this.resting);
+    pane.box.classList.remove("moving");
+    if (press?.far && press.mark && pane.state.tool === "pick") pane.events.dragged(pane.image, press.mark.label, press.mark.at, press.mark.step, true);
+    return press;
   }
 
   /** @param {NonNullable<Press["mark"]>} mark @param {PointerEvent} event @param {number} dx @param {number} dy */
@@ -131,15 +172,17 @@ export class Pointer {
 
   /** @param {PointerEvent} event */
   up(event) {
-    const { press, pane } = this;
-    this.press = null;
-    pane.box.classList.remove("moving");
-    if (!press) return;
+    const several = this.fingers.gone(event);
+    const press = this.letGo();
+    const { pane } = this;
+    if (event.pointerType === "touch") {
+      this.hover = null;
+      pane.pointAway();
+    }
+    if (!press || several || press.far) return;
     const { mark } = press;
-    if (press.far) {
-      if (mark && pane.state.tool === "pick") pane.events.dragged(pane.image, mark.label, mark.at, mark.step, true);
-    } else if (mark) pane.events.clickedMark(mark.label);
-    else if (press.primary && !press.pans && press.offered) pane.events.accepted(pane, press.offered);
+    if (mark) pane.events.clickedMark(mark.label);
+    else if (press.primary && !press.pans && press.offered && !press.rests) pane.events.accepted(pane, press.offered);
     else if (press.primary && !press.pans) {
       const [u, v] = pane.view.toPhoto(...this.local(event));
       if (pane.contains(u, v)) pane.events.clicked(pane, u, v);

@@ -1,0 +1,134 @@
+"""A fresh address of a page that runs: from the terminal, for who can read the project's files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import httpx
+import pytest
+from pick_pages import LONGEST_WAIT_S, Server, ask, cookie_of, running, small_project
+
+from uavgram.cli import main
+from uavgram.picking.web.running import FILE, PATH, fresh_address
+from uavgram.picking.web.tokens import MOST_OPEN, Tokens
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return small_project(tmp_path_factory.mktemp("running"))
+
+
+@pytest.fixture(scope="module")
+def server(project: Path) -> Iterator[Server]:
+    with running(project) as server:
+        yield server
+
+
+def asked(server: Server, **headers: str) -> httpx.Response:
+    named = {name.replace("_", "-"): value for name, value in headers.items()}
+    return httpx.post(server.origin + PATH, headers=named, timeout=LONGEST_WAIT_S)
+
+
+def secret(project: Path) -> str:
+    text = (project.parent / "out" / FILE).read_text(encoding="utf-8")
+    return str(json.loads(text)["secret"])
+
+
+def test_the_same_command_gives_another_browser_an_address_of_its_own(
+    project: Path, server: Server, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = cookie_of(server)
+    assert main(["pick", str(project), "--no-browser"]) == 0
+    said = capsys.readouterr().out
+    (word,) = (word for word in said.split() if word.startswith("http"))
+    assert word.startswith(server.origin)
+    answer = ask(word, follow_redirects=False)
+    assert answer.status_code == 303
+    assert answer.headers["set-cookie"].split(";")[0] == first  # the same page, by another way
+    assert ask(word, follow_redirects=False).status_code == 403
+
+
+def test_whoever_waits_for_the_browser_is_told_when_it_has_come(
+    project: Path, server: Server
+) -> None:
+    fresh = fresh_address(project)
+    assert fresh is not None
+    known = {"X_Secret": secret(project), "X_Token": fresh.token}
+    assert asked(server, **known).text == "waits"
+    ask(fresh.text)
+    assert asked(server, **known).text == "used"
+    fresh.wait_until_used()
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {},
+        {"X_Secret": ""},
+        {"X_Secret": "guess"},
+        {"X_Secret": "OURS", "Host": "evil.example"},
+        {"X_Secret": "OURS", "Origin": "http://evil.example"},
+        {"X_Secret": "OURS", "Sec_Fetch_Site": "same-site", "Sec_Fetch_Mode": "no-cors"},
+    ],
+    ids=range(6),
+)
+def test_others_get_no_address(project: Path, server: Server, headers: dict[str, str]) -> None:
+    given = {name: secret(project) if value == "OURS" else value for name, value in headers.items()}
+    answer = asked(server, **given)
+    assert answer.status_code == 403
+    assert "token" not in answer.text
+
+
+def test_the_secret_opens_nothing_else(project: Path, server: Server) -> None:
+    known = {"X-Secret": secret(project)}
+    assert ask(server.origin + "/", headers=known).status_code == 403
+    assert ask(server.origin + PATH, headers=known).status_code == 403
+    name = f"uavgram-pick-{urlsplit(server.origin).port}"
+    with_cookie = {"Cookie": f"{name}={secret(project)}"}
+    assert ask(server.origin + "/", headers=with_cookie).status_code == 403
+
+
+def test_only_its_user_can_read_the_file_and_it_goes_with_the_server(tmp_path: Path) -> None:
+    project = small_project(tmp_path)
+    file = tmp_path / "out" / FILE
+    with running(project):
+        assert file.stat().st_mode & 0o777 == 0o600
+    assert not file.exists()
+
+
+def test_what_a_killed_server_left_behind_leads_nowhere(tmp_path: Path) -> None:
+    project = small_project(tmp_path)
+    killed = Server(project)
+    killed.kill()
+    assert (tmp_path / "out" / FILE).exists()
+    assert fresh_address(project) is None
+    with running(project) as server:
+        fresh = fresh_address(project)
+        assert fresh is not None
+        assert fresh.text.startswith(server.origin)
+
+
+def test_a_page_without_its_cookie_says_which_command_helps(server: Server) -> None:
+    answer = ask(server.origin + "/")
+    assert answer.status_code == 403
+    assert answer.headers["content-type"].startswith("text/html")
+    assert "<code>uavgram pick</code>" in answer.text
+
+
+def test_a_token_serves_once_and_not_for_ever() -> None:
+    now = 0.0
+    tokens = Tokens(clock=lambda: now)
+    first, short = tokens.new(), tokens.new(lasts_s=5)
+    now = 6.0
+    assert not tokens.is_open(short)
+    assert not tokens.use(short)
+    assert tokens.is_open(first)
+    assert tokens.use(first)
+    assert not tokens.use(first)
+    many = [tokens.new() for _ in range(MOST_OPEN + 1)]
+    assert [tokens.use(token) for token in many] == [False, *[True] * MOST_OPEN]
+    assert not tokens.use("")
+    assert not tokens.use("\u00e9")

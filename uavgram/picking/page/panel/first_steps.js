@@ -1,0 +1,56 @@
+// What a new user does first, ticked as it is done. It goes when all is done, and comes back with help.
+
+import { TOOLS } from "../actions/keys.js";
+import { labels, picksOf, store } from "../connection/store.js";
+import { fillIfNew, node } from "../elements/dom.js";
+
+/** @import { PageState } from "../actions/page_state.js" */
+/** @typedef {{ words: string, how: string, done: boolean }} Step */
+
+const list = node("ol", {});
+const title = node("summary", {});
+const box = node("details", { class: "steps", open: true, "aria-label": "First steps" }, title, list);
+
+/** @param {PageState} state */
+export function firstStepsPart(state) {
+  const steps = stepsOf();
+  const done = steps.filter((step) => step.done).length;
+  if (!store.begun || (done === steps.length && !state.showsSteps)) return null;
+  fillIfNew(title, `${done} ${steps.length}`, () => [`First steps: ${done} of ${steps.length} done`]);
+  fillIfNew(list, JSON.stringify(steps), () => steps.map((step) => stepItem(step, step === steps.find((one) => !one.done))));
+  return box;
+}
+
+// As who asks for help wants them: unfolded.
+export const unfold = () => { box.open = true; };
+
+// How it is done stands beneath the one that is next.
+/** @param {Step} step @param {boolean} isNext */
+const stepItem = ({ words, how, done }, isNext) => node("li", { class: done ? "done" : "" },
+  node("span", { class: "unseen" }, done ? "Done: " : ""), node("b", {}, words), isNext ? node("span", { class: "dim" }, how) : null);
+
+/** @returns {Step[]} */
+function stepsOf() {
+  const several = store.photos.length > 1;
+  const twice = labels().filter((label) => picksOf(label).length > 1).length;
+  const measure = {
+    words: "Measure what you want to know", done: store.measurements.length > 0,
+    how: `Tool ${TOOLS.distance.name} (D), then click the two points. Areas, heights and more have tools of their own.`,
+  };
+  if (!isPlaced()) {
+    return [
+      { words: several ? "Mark the same four points in two photos" : "Mark four points", done: (several ? twice : labels().length) >= 4, how: several ? "Click things on the ground that both photos show. Page Down shows the next photo; there the same label means the same thing." : "Click things on the ground." },
+      { words: "Enter two lengths that were taped", done: store.lines.length >= 2, how: `Tool ${TOOLS.length.name} (L): click both ends, type what the tape said. Nothing else says how large things are.` },
+      measure,
+    ];
+  }
+  return [
+    { words: "Mark two points", done: labels().length >= 2, how: "Click them in a photo: things on the ground, as near as the zoom allows (wheel)." },
+    measure,
+    ...(several ? [{ words: "Mark the same points in a second photo", done: twice >= 2, how: "Page Down shows the next photo; there the same label means the same thing. Only this shows a wrong click." }] : []),
+    { words: "Enter a length that was taped, if you have one", done: store.lines.length >= 1, how: `Tool ${TOOLS.length.name} (L). It makes all values more exact; here the photos' places are known, so it can do without.` },
+  ];
+}
+
+// Whether the photos have places in the world without taped lengths: by a log, their tags, or known points.
+const isPlaced = () => store.photos.some(({ seed }) => seed) || store.control.length >= 3;
