@@ -16,6 +16,7 @@ from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.imaging.photos.preview import read_preview
 from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
 from uavgram.imaging.photos.tiles import TILE_PX
+from uavgram.imaging.photos.tone import AS_IT_IS, Tone
 from uavgram.io.photos.board_photos import read_grey
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
@@ -260,7 +261,9 @@ class PickSession:
         self.fault = fault
         self._broadcast({"t": "saved", "version": self.version, "fault": fault})
 
-    def tile(self, photo: int, level: int, column: int, row: int) -> bytes | None:
+    def tile(
+        self, photo: int, level: int, column: int, row: int, tone: Tone = AS_IT_IS
+    ) -> bytes | None:
         """JPEG of a tile; None where there is none.
 
         Parameters
@@ -271,8 +274,14 @@ class PickSession:
             0: every pixel; each further one halves the photo's size.
         column, row
             Of the tile on its level, from the top left.
+        tone
+            How bright it is shown.
         """
-        return self._tiled.tile(photo, level, column, row)
+        return self._tiled.tile(photo, level, column, row, tone)
+
+    def tones(self, photo: int) -> tuple[Tone, Tone] | None:
+        """How bright a photo is shown until somebody chooses, and stretched; None: no photo."""
+        return self._tiled.tones(photo)
 
     def show(self, page: str, photos: tuple[int, ...]) -> None:
         """Know which photos a page shows side by side."""

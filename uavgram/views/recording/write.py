@@ -91,16 +91,17 @@ def _log_everything(
     texture: Callable[[], GroundTexture | None],
     ties: TieCloud | None,
 ) -> None:
-    log_photos(recorder, result, photos)
+    brightened = log_photos(recorder, result, photos)
     ground = texture()
     scene, picks = measure_scene(result, ground), project_picks(result)
     curves, poses = frame_curves(result, picks), pose_curves(result)
     log_origin(recorder, result)
     log_survey(recorder, result, scene, ground)
     log_close_up(recorder, result, scene)
-    log_legend(recorder, result, scene, 1.0 if ground is None else ground.gain)
+    is_brighter = ground is not None and not ground.tone.is_identity
+    log_legend(recorder, result, scene, brightened=is_brighter)
     log_camera(recorder, result, scene)
-    log_overlay(recorder, result, scene, picks, PHOTO)
+    log_overlay(recorder, result, scene, picks, PHOTO, brightened)
     if ties is not None:
         log_sightings(recorder, result, ties, PHOTO)
         log_tie_points(recorder, ties)

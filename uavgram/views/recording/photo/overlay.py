@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,7 +38,7 @@ from uavgram.views.survey.drawing import in_photo, project_from, sampled, uncove
 from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.survey.off_ground import OffGround
 from uavgram.views.survey.verdict import named_picks
-from uavgram.views.wording import FRAME_STATE_WORDS, number, worst_first
+from uavgram.views.wording import BRIGHTENED, FRAME_STATE_WORDS, number, worst_first
 
 # Pixel and text of a label.
 Word = tuple[Floats, str]
@@ -73,7 +74,12 @@ NAME_ABOVE = 0.075
 
 
 def log_overlay(
-    recorder: Recorder, result: Result, scene: Scene, picks: FramePicks, photo: str
+    recorder: Recorder,
+    result: Result,
+    scene: Scene,
+    picks: FramePicks,
+    photo: str,
+    brightened: Collection[int] = (),
 ) -> None:
     """Log all that is drawn on the photo, below the entity `photo`.
 
@@ -89,21 +95,25 @@ def log_overlay(
         By frame, with their projections [px].
     photo
         Path of the photo's entity.
+    brightened
+        Rows of the frames whose photos are brighter than the files.
     """
     words = _lines(recorder, result, picks, photo)
     if scene.off_ground is not None:
         _rulers(recorder, result, scene.off_ground, picks, photo)
     _residuals(recorder, result, scene, picks, photo)
     _names(recorder, result, picks, words, photo)
-    _title(recorder, result, photo)
+    _title(recorder, result, photo, brightened)
 
 
-def _title(recorder: Recorder, result: Result, photo: str) -> None:
+def _title(recorder: Recorder, result: Result, photo: str, brightened: Collection[int]) -> None:
     """Name and state of each photo above it."""
     spot = np.array([[0.5 * result.camera.width_px, -NAME_ABOVE * result.camera.height_px]])
     texts = [
-        [f"{name}: {FRAME_STATE_WORDS[state]}"]
-        for name, state in zip(result.frames.frame_id, frame_states(result), strict=True)
+        [f"{name}: {FRAME_STATE_WORDS[state]}{f', {BRIGHTENED}' if k in brightened else ''}"]
+        for k, (name, state) in enumerate(
+            zip(result.frames.frame_id, frame_states(result), strict=True)
+        )
     ]
     log_texts(recorder, f"{photo}/name", [spot] * len(texts), texts)
 
