@@ -65,6 +65,9 @@ class TiledPhotos:
             lambda overview: overview.size_bytes,
             OVERVIEWS_BYTES,
         )
+        self._tones: LruCache[int, tuple[Tone, Tone]] = LruCache(
+            self._find_tones, len, 2 * len(self._files)
+        )
         self._shown: dict[str, tuple[float, frozenset[int]]] = {}
         self._lock = threading.Lock()
 
@@ -94,7 +97,7 @@ class TiledPhotos:
         return self._pixels.get(photo)
 
     def tile(
-        self, photo: int, level: int, column: int, row: int, tone: Tone = AS_IT_IS
+        self, photo: int, level: int, column: int, row: int, tone: Tone | None = AS_IT_IS
     ) -> bytes | None:
         """JPEG of one tile; None where there is none.
 
@@ -107,7 +110,7 @@ class TiledPhotos:
         column, row
             Of the tile at that level.
         tone
-            How bright it is shown.
+            How bright it is shown; None: as bright as it is seen well.
 
         Raises
         ------
@@ -116,6 +119,7 @@ class TiledPhotos:
         """
         if not 0 <= photo < len(self._files):
             return None
+        tone = self._tones.get(photo)[0] if tone is None else tone
         if level < FIRST_COARSE:
             return fine_tile(self._pixels.get(photo), level, column, row, tone)
         overview = self._overviews.get(photo)
@@ -132,13 +136,16 @@ class TiledPhotos:
         """
         if not 0 <= photo < len(self._files):
             return None
-        small = self._overviews.get(photo).coarsest
-        pixels = self._pixels.get(photo) if small is None else small
-        return automatic_tone(pixels), stretched_tone(pixels)
+        return self._tones.get(photo)
 
     def read_ahead(self, photo: int) -> None:
         """Begin to decode and reduce a photo that will be looked at."""
         self._overviews.prefetch(photo)
+
+    def _find_tones(self, photo: int) -> tuple[Tone, Tone]:
+        small = self._overviews.get(photo).coarsest
+        pixels = self._pixels.get(photo) if small is None else small
+        return automatic_tone(pixels), stretched_tone(pixels)
 
     def _decode(self, photo: int) -> Pixels:
         file = self._files[photo]

@@ -16,7 +16,7 @@ from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.imaging.photos.preview import read_preview
 from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
 from uavgram.imaging.photos.tiles import TILE_PX
-from uavgram.imaging.photos.tone import AS_IT_IS, Tone
+from uavgram.imaging.photos.tone import Tone
 from uavgram.io.photos.board_photos import read_grey
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
@@ -262,7 +262,7 @@ class PickSession:
         self._broadcast({"t": "saved", "version": self.version, "fault": fault})
 
     def tile(
-        self, photo: int, level: int, column: int, row: int, tone: Tone = AS_IT_IS
+        self, photo: int, level: int, column: int, row: int, tone: Tone | None = None
     ) -> bytes | None:
         """JPEG of a tile; None where there is none.
 
@@ -275,7 +275,7 @@ class PickSession:
         column, row
             Of the tile on its level, from the top left.
         tone
-            How bright it is shown.
+            How bright it is shown; None: as bright as it is seen well.
         """
         return self._tiled.tile(photo, level, column, row, tone)
 

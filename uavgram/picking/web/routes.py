@@ -15,7 +15,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, RedirectRespons
 from starlette.routing import Route
 
 from uavgram.errors import UavgramError
-from uavgram.imaging.photos.tone import AS_IT_IS, Tone
+from uavgram.imaging.photos.tone import Tone
 from uavgram.io.own_files import read_own
 from uavgram.picking.session.project import OpenProject
 
@@ -32,6 +32,9 @@ _TYPES = {
     ".css": "text/css; charset=utf-8",
     ".svg": "image/svg+xml",
 }
+
+FIRST_TONE = "first"
+"""How bright a page asks for tiles until somebody chooses."""
 
 # Values that become black and white, and how much the middle is lifted.
 _TONE = re.compile(
@@ -84,8 +87,9 @@ class Files:
 
     async def tile(self, request: Request) -> Response:
         """A tile of a photo, as bright as the page says."""
-        tone = _tone(request.query_params.get("tone"))
-        if tone is None:
+        said = request.query_params.get("tone", FIRST_TONE)
+        tone = None if said == FIRST_TONE else _tone(said)
+        if said != FIRST_TONE and tone is None:
             return PlainTextResponse("That is no curve of brightness.", 400)
         shown = _SHOWN.fullmatch(request.headers.get("x-shown", ""))
         if shown:  # what the page shows beside it stays at hand
@@ -111,7 +115,7 @@ class Files:
         return await self._picture(self._project.picking.thumbnail, request.path_params["photo"])
 
     @staticmethod
-    async def _picture(make: Callable[..., bytes | None], *place: int | Tone) -> Response:
+    async def _picture(make: Callable[..., bytes | None], *place: int | Tone | None) -> Response:
         try:
             jpeg = await to_thread.run_sync(make, *place)
         except UavgramError as why:
@@ -153,10 +157,8 @@ class Files:
         return Response(content, media_type=_TYPES[".html"], headers=DOCUMENT_HEADERS)
 
 
-def _tone(text: str | None) -> Tone | None:
+def _tone(text: str) -> Tone | None:
     """The curve that a page asks for; None where it is none."""
-    if text is None:
-        return AS_IT_IS
     said = _TONE.fullmatch(text)
     try:
         return None if said is None else Tone(*map(float, said.groups()))

@@ -1,6 +1,8 @@
 // Everything by key. Keys are letters where they name a thing, and nothing while text is typed.
 
 import { as } from "../elements/dom.js";
+import { toggleStretch } from "../photos/tone.js";
+import { stepTone } from "../photos/tone_control.js";
 import { snap } from "./snap.js";
 
 /** @import { Kind } from "../connection/protocol.js" */
@@ -29,7 +31,7 @@ export const KEYS = [
   ["Photos", [
     ["wheel, + \u2212", "zoom at the pointer"], ["drag, Space + drag", "pan (middle and right button too)"], ["Ctrl + arrows", "pan; the arrows alone where no point is selected"],
     ["F   1   Z", "fit; one to one; to the selected point, \u00d74"], ["Page Down, Page Up", "next, previous photo; Alt: where the label is expected"],
-    ["Ctrl+1  2  4", "panes"], ["K", "all panes show the same ground"], ["E R O T U", "ellipses, residuals, predictions, labels, lines"], ["M", "magnifier"],
+    ["Ctrl+1  2  4", "panes"], ["K", "all panes show the same ground"], ["E R O T U", "ellipses, residuals, predictions, labels, lines"], ["M", "magnifier"], ["0   [ ]   { }", "brightness: automatic or as it is; darker, brighter; contrast"],
   ]],
   ["Points", [
     ["click, Enter", "place the label (Enter: in the middle of the photo)"], ["drag, Shift + drag", "move; ten times finer"],
@@ -192,5 +194,10 @@ const NAMED = {
   q: ({ tools }) => tools.heights.toggle(),
   x: ({ navigation }) => navigation.nextTab(1),
   X: ({ navigation }) => navigation.nextTab(-1),
+  0: ({ panes }) => { if (panes.active) toggleStretch(panes.active.image); },
+  "[": ({ panes }) => { if (panes.active) stepTone(panes.active.image, { brightness: -1 }); },
+  "]": ({ panes }) => { if (panes.active) stepTone(panes.active.image, { brightness: 1 }); },
+  "{": ({ panes }) => { if (panes.active) stepTone(panes.active.image, { contrast: -1 }); },
+  "}": ({ panes }) => { if (panes.active) stepTone(panes.active.image, { contrast: 1 }); },
   w: ({ project }) => void project.exportAll(),
 };

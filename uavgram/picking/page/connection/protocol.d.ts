@@ -27,6 +27,9 @@ export interface Photo {
   seed: { up_m: Maybe; sigma_m: Maybe[]; turn_sigma_deg: Maybe } | null;
   event: { status: string; residual_s: Maybe; why: string } | null;
 }
+// How bright a photo is shown: values that become black and white, and how much the middle is lifted.
+export interface Tone { black: number; white: number; gamma: number }
+export interface Tones { first: Tone; stretched: Tone } // where nobody chose; with the automatic stretch
 export interface Camera {
   name: string; model: string; width_px: number; height_px: number; parameters: string[][]; facts: string[]; source: string[]; file: string; messages: Remark[];
 }
