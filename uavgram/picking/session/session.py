@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 
 from uavgram.errors import OutputError
@@ -24,6 +25,7 @@ from uavgram.picking.document.proposals import Outcomes, accepted
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import State, state_of
 from uavgram.picking.protocol.encode_answers import same_ground_json, side_json, snap_json
+from uavgram.picking.protocol.encode_flight import flight_json
 from uavgram.picking.protocol.encode_project import (
     camera_json,
     clock_json,
@@ -115,10 +117,14 @@ class PickSession:
 
     def open(self) -> None:
         """Begin: adjust what is there, and decode the photo that a page shows first."""
-        self._tiled.read_ahead(0)
+        self._tiled.read_ahead(self._most_picked())
         self._live.start()
         self._seeker.start()
         self._live.submit(Task(self.version, self.state, final=True))
+
+    def _most_picked(self) -> int:
+        counts = Counter(pick.image for pick in self.state.picks)
+        return max(range(len(self.photos)), key=lambda k: counts[self.photos[k].name])
 
     def stop(self) -> None:
         """Adjust and seek no more; waits for an adjustment under way."""
@@ -150,6 +156,7 @@ class PickSession:
             "photos": photos_json(self.survey, self.photos),
             "camera": camera_json(self.survey),
             "clock": clock_json(self.survey),
+            "flight": flight_json(self.survey),
             "control": list(inputs.control.label),
             "check": list(inputs.check.label),
             "expected": self._expected(),

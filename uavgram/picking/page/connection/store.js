@@ -1,6 +1,6 @@
 // What the server sent: the picked state, and what the adjustment makes of it.
 
-/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, Fit, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Predicted, Proposal, Proposals, Remark, ServerMessage, Standing } from "./protocol.js" */
+/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, Fit, Flight, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Predicted, Proposal, Proposals, Remark, ServerMessage, Standing } from "./protocol.js" */
 
 /**
  * @typedef {object} Store
@@ -15,6 +15,7 @@
  * @property {Remark[]} opening
  * @property {boolean} recovered
  * @property {Clock | null} clock
+ * @property {Flight | null} flight
  * @property {Predicted[]} expected
  * @property {Outputs | null} outputs
  * @property {string[]} outside
@@ -51,6 +52,7 @@ export const store = {
   opening: [],
   recovered: false,
   clock: null,
+  flight: null,
   expected: [],
   outputs: null,
   outside: [],
@@ -96,10 +98,10 @@ export function receive(message, moved) {
 }
 
 /** @param {InitialState} message */
-function begin({ project, photos, camera, control, check, recovered, clock, expected, outputs, outside, aside, calibration, ...message }) {
+function begin({ project, photos, camera, control, check, recovered, clock, flight, expected, outputs, outside, aside, calibration, ...message }) {
   const { picks, lines, measurements } = message.state;
   Object.assign(store, {
-    begun: true, project, photos, camera, control, check, recovered, clock, expected, outputs, outside, aside, calibration, lines, measurements,
+    begun: true, project, photos, camera, control, check, recovered, clock, flight, expected, outputs, outside, aside, calibration, lines, measurements,
     tilePx: message.tile_px,
     pickSigmaPx: message.pick_sigma_px,
     opening: message.messages,
@@ -223,6 +225,12 @@ export function labels() {
 /** @param {number} image */
 export function picksIn(image) {
   return [...store.picks.values()].filter((pick) => pick.image === image);
+}
+
+// The photo in which most is picked: what was worked on last, and shows most.
+export function mostPicked() {
+  const counts = store.photos.map((_, image) => picksIn(image).length);
+  return Math.max(counts.indexOf(Math.max(...counts)), 0);
 }
 
 // Labels that are picked in other photos, and points with known coordinates that are in none yet.

@@ -2,18 +2,19 @@
 
 import { adjusted, picksIn, store } from "../connection/store.js";
 import { node } from "../elements/dom.js";
-import { fixed, missing } from "../elements/numbers.js";
+import { fixed } from "../elements/numbers.js";
 import { about, fill, keep, list, table, titled } from "../elements/table.js";
+import { flightMap, utcText } from "./flight_map.js";
 
 /** @import { Adjusted, ClockOffset, Photo, Remark } from "../connection/protocol.js" */
 /** @typedef {{ photo: Photo, k: number, picks: number, found: Adjusted["frames"][number] }} Facts of a photo */
 
-/** @param {Element} section @param {(image: number) => void} show */
-export function showFrames(section, show) {
+/** @param {Element} section @param {(image: number) => void} show @param {number | undefined} current the photo in use */
+export function showFrames(section, show, current) {
   const now = adjusted();
   const facts = store.photos.map((photo, k) => ({ photo, k, picks: picksIn(k).length, found: now?.frames[k] }));
-  const sign = [facts, now?.clock, store.clock, store.opening];
-  fill(section, [keep("frames", sign, () => node("div", {}, clockPart(now), framesPart(facts, show), unmatchedPart(facts), foundPart()))]);
+  fill(section, [keep("clock", [now?.clock, store.clock], () => clockPart(now)), flightMap(show, current),
+    keep("frames", [facts, store.clock, store.opening], () => node("div", {}, framesPart(facts, show), unmatchedPart(facts), foundPart()))]);
 }
 
 /** @param {Adjusted | null} now */
@@ -36,7 +37,7 @@ function framesPart(facts, show) {
     const seed = most(photo.seed?.sigma_m);
     const refined = found?.status === "refined" ? most(found.sigma_m) : null;
     const status = found?.status ?? (photo.matched ? "matched" : "unmatched");
-    const utc = photo.time_utc_s === null ? missing : new Date(photo.time_utc_s * 1000).toISOString().slice(11, 22);
+    const utc = utcText(photo.time_utc_s, 2);
     const words = [photo.time_utc_s === null ? "" : `${utc} UTC`, photo.reason, photo.event ? `event ${photo.event.status}, ${fixed(photo.event.residual_s, 3)} s off` : "",
       photo.seed ? `seed: ${photo.seed.up_m} m up, direction \u00b1 ${photo.seed.turn_sigma_deg}\u00b0` : "", found?.moved_m ? `moved by ${fixed(found.moved_m, 2)} m` : ""];
     return node("tr", { title: words.filter(Boolean).join("; "), "data-row": `frame ${k}` },
