@@ -283,7 +283,7 @@ def test_every_plot_starts_at_zero(result: Result) -> None:
     layout = blueprint(result, scene, frame_curves(result, picks), pose_curves(result))
     plots = [view for view in views(layout.root_container) if view.class_identifier == "TimeSeries"]
 
-    assert len(plots) == 7
+    assert len(plots) == 9
     for plot in plots:
         axis = plot.properties["ScalarAxis"]
         assert isinstance(axis, rrb.ScalarAxis)

@@ -13,13 +13,12 @@ from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.views.recording.photo.frame_picks import FramePicks
 from uavgram.views.recording.photo.sources import FOUND_PICKS, SIGHTINGS, log_found
+from uavgram.views.recording.photo.words import Word, log_names
 from uavgram.views.recording.photo_marks import log_dots, log_polylines, log_texts
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.world.footprint_marks import NEIGHBOURS
 from uavgram.views.recording.world.labels import (
-    HALF_LETTER,
-    LINE_HEIGHT,
     line_width,
     measured_text,
     reference_text,
@@ -34,18 +33,11 @@ from uavgram.views.style import (
     SEED,
     Rgb,
 )
-from uavgram.views.survey.drawing import in_photo, project_from, sampled, uncovered, visible_runs
+from uavgram.views.survey.drawing import in_photo, project_from, sampled, visible_runs
 from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.survey.off_ground import OffGround
 from uavgram.views.survey.verdict import named_picks
-from uavgram.views.wording import BRIGHTENED, FRAME_STATE_WORDS, number, worst_first
-
-# Pixel and text of a label.
-Word = tuple[Floats, str]
-
-# More labels than this hide the photo: of lines, and of lines and points.
-MOST_LINE_WORDS = 10
-MOST_WORDS = 22
+from uavgram.views.wording import BRIGHTENED, FRAME_STATE_WORDS, worst_first
 
 # Below it the rulers from the ground to points off it, by where their heights are from.
 HEIGHTS = "heights"
@@ -102,7 +94,7 @@ def log_overlay(
     if scene.off_ground is not None:
         _rulers(recorder, result, scene.off_ground, picks, photo)
     _residuals(recorder, result, scene, picks, photo)
-    _names(recorder, result, picks, words, photo)
+    log_names(recorder, result, picks, words, photo)
     _title(recorder, result, photo, brightened)
 
 
@@ -252,37 +244,3 @@ def _rulers(
         log_polylines(
             recorder, f"{photo}/{HEIGHTS}/{source}", per_frame, HEIGHT_COLOURS[source], RULER_WIDTH
         )
-
-
-def _with_heights(result: Result) -> dict[str, str]:
-    """``V21 +1.40 m`` of each point off the ground."""
-    points = result.points
-    rows = np.flatnonzero(points.is_off_ground).tolist()
-    heights = [number(points.height_above_ground_m[row], 2, signed=True) for row in rows]
-    return {
-        points.label[row]: f"{points.label[row]} {height} m"
-        for row, height in zip(rows, heights, strict=True)
-    }
-
-
-def _names(
-    recorder: Recorder, result: Result, picks: FramePicks, words: list[list[Word]], photo: str
-) -> None:
-    """Texts of the lines, then names of the points, as far as they do not cover each other."""
-    anchors, texts, named = [], [], _with_heights(result)
-    for rows, lines in zip(picks.rows, words, strict=True):
-        kept = _fitting(result, lines, MOST_LINE_WORDS)
-        labels = [result.picks.label[p] for p in rows]
-        at = result.picks.pixel_px[rows]
-        names = [(spot, named.get(label, label)) for spot, label in zip(at, labels, strict=True)]
-        every = _fitting(result, kept + names, MOST_WORDS)
-        anchors.append(np.reshape([anchor for anchor, _ in every], (-1, 2)))
-        texts.append([text for _, text in every])
-    log_texts(recorder, f"{photo}/labels", anchors, texts)
-
-
-def _fitting(result: Result, words: list[Word], most: int) -> list[Word]:
-    at = np.reshape([anchor for anchor, _ in words], (-1, 2))
-    half_widths = HALF_LETTER * result.camera.width_px * np.array([len(t) for _, t in words])
-    kept = uncovered(at, half_widths, LINE_HEIGHT * result.camera.height_px, most)
-    return [words[k] for k in kept]

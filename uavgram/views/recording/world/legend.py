@@ -32,7 +32,7 @@ from uavgram.views.style import (
 )
 from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.survey.verdict import STATUS_WORDS, headline
-from uavgram.views.wording import BRIGHTENED, size_text
+from uavgram.views.wording import size_text
 
 LEGEND = "legend"
 # Twice the size it is shown at, for sharp letters; wider where more must be said.
@@ -96,7 +96,7 @@ def draw_legend(result: Result, scene: Scene, *, brightened: bool = False) -> Im
         right = _scale(pen, font, result, scene, right)
     remarks = ["± is one sigma"]
     if brightened:
-        remarks.append(f"ground {BRIGHTENED}")
+        remarks.append("ground brightened")
     if scene.off_ground is not None:
         remarks.append(f"ellipsoids off the ground {enlarged(scene.ellipsoid_factor)}")
     ends = [right, right]
