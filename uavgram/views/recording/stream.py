@@ -24,8 +24,8 @@ APPLICATION_ID = "uavgram"
 FRAME_TIMELINE = "frame"
 TIME_TIMELINE = "capture_time"
 
-# The viewer opens at the first instant, and no layout can say otherwise: so what it is to show first
-# is there once more, before the first frame.
+# The viewer opens at the first instant, and no layout can say otherwise: so what it is to show is
+# there once more, before the first frame.
 OPENING = -1
 
 # Rerun ends a complete file with a footer that ends with this mark and 4 bytes of its version.

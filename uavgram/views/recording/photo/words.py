@@ -42,11 +42,11 @@ def log_names(
     """
     anchors, texts, named = [], [], _with_heights(result)
     for rows, lines in zip(picks.rows, words, strict=True):
-        kept = _fitting(result, _inside(result, lines), MOST_LINE_WORDS)
+        kept = _fitting(result, inside(result, lines), MOST_LINE_WORDS)
         labels = [result.picks.label[p] for p in rows]
         at = result.picks.pixel_px[rows]
         names = [(spot, named.get(label, label)) for spot, label in zip(at, labels, strict=True)]
-        every = _fitting(result, kept + _inside(result, names), MOST_WORDS)
+        every = _fitting(result, kept + inside(result, names), MOST_WORDS)
         anchors.append(np.reshape([anchor for anchor, _ in every], (-1, 2)))
         texts.append([text for _, text in every])
     log_texts(recorder, f"{photo}/labels", anchors, texts)
@@ -57,7 +57,7 @@ def _half_widths(result: Result, words: list[Word]) -> Floats:
     return HALF_LETTER * result.camera.width_px * np.array([len(t) for _, t in words], dtype=float)
 
 
-def _inside(result: Result, words: list[Word]) -> list[Word]:
+def inside(result: Result, words: list[Word]) -> list[Word]:
     """The same texts, moved into the photo where they would reach beyond it."""
     width, height = result.camera.width_px, result.camera.height_px
     moved = []
