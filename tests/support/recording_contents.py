@@ -7,6 +7,8 @@ from typing import Any
 
 from rerun.chunk import RrdReader
 
+from uavgram.views.recording.stream import FIRST, OPENING
+
 
 class Contents:
     """Columns of a recording by entity: static values, by frame, and what it opens with."""
@@ -27,7 +29,7 @@ class Contents:
             for name, column in data.items():
                 rows = self.by_frame.setdefault(chunk.entity_path, {}).setdefault(name, {})
                 for frame, value in zip(columns["frame"], column, strict=True):
-                    if frame < 0:
+                    if frame == OPENING:
                         self.opening.setdefault(chunk.entity_path, {})[name] = value
                     else:
-                        rows[frame] = value
+                        rows[frame - FIRST] = value

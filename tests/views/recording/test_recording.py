@@ -31,7 +31,7 @@ from uavgram.views.recording.blueprint import blueprint
 from uavgram.views.recording.curves.plots import frame_curves
 from uavgram.views.recording.curves.pose_curves import pose_curves
 from uavgram.views.recording.photo.frame_picks import project_picks
-from uavgram.views.recording.photo.words import inside
+from uavgram.views.recording.photo.words import ON_SMALL_SCREENS, inside
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.world.labels import HALF_LETTER
 from uavgram.views.survey.limits import pick_limit
@@ -370,18 +370,19 @@ def test_it_opens_with_the_photo_that_has_most_picks(result: Result, contents: C
     assert not any(entity.startswith("/plots") for entity in contents.opening)
 
 
-@pytest.mark.parametrize("spot", [(0.0, 0.0), (1639.0, 10.0), (3.0, 1231.0), (900.0, 600.0)])
+@pytest.mark.parametrize("spot", [(0.0, 0.0), (1639.0, 10.0), (3.0, 1231.0), (850.0, 600.0)])
 def test_a_label_stands_wholly_in_the_photo(result: Result, spot: tuple[float, float]) -> None:
     (moved, text), (long, _) = inside(
         result, [(np.array(spot), "P1"), (np.array(spot), "south 19.93 m ± 0.29 (not checked)")]
     )
 
+    wide = ON_SMALL_SCREENS * HALF_LETTER * 1640
     assert text == "P1"
     for at, letters in ((moved, 2), (long, 34)):
-        assert at[0] - letters * HALF_LETTER * 1640 >= -1e-9
-        assert at[0] + letters * HALF_LETTER * 1640 <= 1640 + 1e-9
+        assert at[0] - letters * wide >= -1e-9
+        assert at[0] + letters * wide <= 1640 + 1e-9
         assert 0 <= at[1] <= 1232
-    if spot == (900.0, 600.0):
+    if spot == (850.0, 600.0):
         assert tuple(moved) == tuple(long) == spot
 
 

@@ -201,19 +201,19 @@ def _plots(result: Result, curves: Curves, poses: PoseCurves) -> rrb.Tabs:
     """Rows of plots: how well the picks fit, on the ground and in pixels; how the poses changed."""
     worst = plot(
         WORST_W,
-        f"Worst pick in sigmas, limit {curves.limit_w:.2f}",
+        "Worst pick [σ]",
         np.append(curves.worst_w, curves.limit_w),
     )
     missed = np.concatenate([curves.refined_rms_m, curves.sigma_m])
-    fit = [plot(MISS_REFINED, "Picks miss by [m], expected white", missed), worst]
+    fit = [plot(MISS_REFINED, "Picks miss [m]", missed), worst]
     both = np.concatenate([curves.refined_rms_px, curves.sigma_px])
-    pixels = [plot(RESIDUAL_REFINED, "Picks miss by [px], expected white", both)]
+    pixels = [plot(RESIDUAL_REFINED, "Picks miss [px]", both)]
     if np.isfinite(curves.seed_rms_px).any():
-        fit.append(plot(MISS_SEED, "Flight log alone misses by [m]", curves.seed_rms_m))
-        pixels.append(plot(RESIDUAL_SEED, "Flight log alone [px]", curves.seed_rms_px))
+        fit.append(plot(MISS_SEED, "Log misses [m]", curves.seed_rms_m))
+        pixels.append(plot(RESIDUAL_SEED, "Log misses [px]", curves.seed_rms_px))
     moved = _pose_plots(result, curves, poses)
     rows = [
-        rrb.Horizontal(*fit, name="How the picks fit"),
+        rrb.Horizontal(*fit, name="How the picks fit: white expected, red limit"),
         rrb.Horizontal(*pixels, name="In pixels"),
     ]
     if moved:

@@ -25,8 +25,8 @@ FRAME_TIMELINE = "frame"
 TIME_TIMELINE = "capture_time"
 
 # The viewer opens at the first instant, and no layout can say otherwise: so what it is to show is
-# there once more, before the first frame.
-OPENING = -1
+# there once more, before the first frame. Not at -1: there the viewer shows no pictures.
+OPENING, FIRST = 0, 1
 
 # Rerun ends a complete file with a footer that ends with this mark and 4 bytes of its version.
 FOOTER_MARK = b"RRF2FOOT"
@@ -97,7 +97,7 @@ class Recorder:
         for some in (frames[timed], frames[~timed]):
             if not len(some):
                 continue
-            indexes = [rr.TimeColumn(FRAME_TIMELINE, sequence=some)]
+            indexes = [rr.TimeColumn(FRAME_TIMELINE, sequence=FIRST + some)]
             if timed.any() and np.isfinite(self.time_utc_s[some[0]]):
                 nanoseconds = np.round(self.time_utc_s[some] * 1e9).astype("datetime64[ns]")
                 indexes.append(rr.TimeColumn(TIME_TIMELINE, timestamp=nanoseconds))
@@ -157,7 +157,7 @@ class Recorder:
 
     def after_the_last(self, path: str, column: rr.ComponentColumnList) -> None:
         """Log one row where the next frame would be."""
-        indexes = [rr.TimeColumn(FRAME_TIMELINE, sequence=[len(self.time_utc_s)])]
+        indexes = [rr.TimeColumn(FRAME_TIMELINE, sequence=[FIRST + len(self.time_utc_s)])]
         known = np.sort(self.time_utc_s[np.isfinite(self.time_utc_s)])
         if len(known):
             step = float(np.median(np.diff(known))) if len(known) > 1 else 1.0

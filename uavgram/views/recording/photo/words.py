@@ -19,6 +19,9 @@ Word = tuple[Floats, str]
 MOST_LINE_WORDS, MOST_WORDS = 10, 22
 """More labels than this hide the photo: of lines, and of lines and points."""
 
+ON_SMALL_SCREENS = 1.55
+"""Texts are as many times as long there, in shares of the photo: on 1280 x 720 pixels."""
+
 
 def log_names(
     recorder: Recorder, result: Result, picks: FramePicks, words: list[list[Word]], photo: str
@@ -62,7 +65,7 @@ def inside(result: Result, words: list[Word]) -> list[Word]:
     width, height = result.camera.width_px, result.camera.height_px
     moved = []
     for (anchor, text), half in zip(words, _half_widths(result, words), strict=True):
-        edge = min(half, width / 2)
+        edge = min(ON_SMALL_SCREENS * half, width / 2)
         u = np.clip(anchor[0], edge, width - edge)
         moved.append((np.array([u, np.clip(anchor[1], 0.0, (1 - LINE_HEIGHT) * height)]), text))
     return moved
