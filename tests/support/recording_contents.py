@@ -7,13 +7,16 @@ from typing import Any
 
 from rerun.chunk import RrdReader
 
+from uavgram.views.recording.stream import FIRST, OPENING
+
 
 class Contents:
-    """Columns of a recording by entity: static values, and values by frame."""
+    """Columns of a recording by entity: static values, by frame, and what it opens with."""
 
     def __init__(self, path: Path) -> None:
         self.static: dict[str, dict[str, list[Any]]] = {}
         self.by_frame: dict[str, dict[str, dict[int, Any]]] = {}
+        self.opening: dict[str, dict[str, Any]] = {}
         self.timelines: set[str] = set()
         for chunk in RrdReader(str(path)).stream().to_chunks():
             columns = chunk.to_record_batch().to_pydict()
@@ -25,4 +28,8 @@ class Contents:
                 continue
             for name, column in data.items():
                 rows = self.by_frame.setdefault(chunk.entity_path, {}).setdefault(name, {})
-                rows.update(zip(columns["frame"], column, strict=True))
+                for frame, value in zip(columns["frame"], column, strict=True):
+                    if frame == OPENING:
+                        self.opening.setdefault(chunk.entity_path, {})[name] = value
+                    else:
+                        rows[frame - FIRST] = value

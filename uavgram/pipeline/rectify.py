@@ -13,6 +13,7 @@ import numpy as np
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground.top_view import FrameKnowledge, View, place_sigma
 from uavgram.imaging.photos.preview import Pixels
+from uavgram.imaging.photos.tone import Tone, automatic_tone, toned
 from uavgram.imaging.top_view.map_sheet import map_sheet
 from uavgram.imaging.top_view.photo_cache import photo_cache
 from uavgram.imaging.top_view.warp import warp_window
@@ -37,6 +38,7 @@ from uavgram.stages.messages import in_order
 from uavgram.stages.products.top_view import boxes, choose_view, lay_raster, reductions
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import round_bar, units_of
+from uavgram.views.wording import BRIGHTENED
 
 PICTURE, SHEET, SIGMA = "rectified.tif", "rectified.png", "rectified_sigma.tif"
 SHEET_PX = 3000
@@ -113,7 +115,9 @@ def rectify(
         picture = read_reduced(staging / PICTURE, SHEET_PX)
         pixel = raster.pixel_m * raster.width / picture.shape[1]
         bar = partial(round_bar, units=inputs.project.units)
-        sheet = map_sheet(picture, pixel, _caption(view, raster), SHEET_PX, bar)
+        shown, tone = _to_be_seen(picture)
+        caption = _caption(view, raster) + ("" if tone.is_identity else f", {BRIGHTENED}")
+        sheet = map_sheet(shown, pixel, caption, SHEET_PX, bar)
         (staging / SHEET).write_bytes(sheet)
     return Rectified(
         folder=folder.absolute(),
@@ -121,7 +125,9 @@ def rectify(
         frames=view.frame_id,
         covered=float((picture[..., 3] > 0).mean()),
         sigma_m=_usual_and_large(sigma),
-        messages=in_order(*computed.result.messages, *_other_planes(view)),
+        messages=in_order(
+            *computed.result.messages, *_other_planes(view), *_brightened_messages(tone)
+        ),
     )
 
 
@@ -157,6 +163,24 @@ def _other_planes(view: View) -> tuple[Message, ...]:
         f"be in {names}, leans away from the photo, and distances there are those of that plane."
     )
     return (Message("warning", "rectified-on-one-plane", text),)
+
+
+def _to_be_seen(picture: Pixels) -> tuple[Pixels, Tone]:
+    """(H, W, 4) RGB and opacity for people to look at, and how it was brightened."""
+    rgb = np.ascontiguousarray(picture[..., :3])
+    tone = automatic_tone(rgb[picture[..., 3] > 0][:, None, ::-1])
+    return np.dstack([toned(rgb, tone), picture[..., 3]]), tone
+
+
+def _brightened_messages(tone: Tone) -> tuple[Message, ...]:
+    if tone.is_identity:
+        return ()
+    text = (
+        f"The photos are dark or flat, so {SHEET} is brightened to be seen. {PICTURE} keeps the "
+        "photos' own brightness, which is data: stretch its contrast where you look at it, in QGIS "
+        "by Layer properties, Symbology, Contrast enhancement."
+    )
+    return (Message("info", "rectified-brightened", text),)
 
 
 def _caption(view: View, raster: GroundRaster) -> str:

@@ -104,6 +104,9 @@ GROUP_WORDS = {
 
 FRAME_STATE_WORDS = {**FRAME_STATUS_WORDS, "check": "to check"}
 
+BRIGHTENED = "brightened for display"
+"""Of a picture that is shown brighter than its file, which stays as it is."""
+
 WHY_TWO_ELLIPSES = (
     "Ellipses within the survey are free of the shift and turn that all points have in common, "
     "such as the bias of the flight's receiver; ellipses on the earth contain it. It cancels in "

@@ -22,13 +22,12 @@ from uavgram.model.arrays import Floats
 
 
 def photo(width: int, height: int, colour: tuple[int, int, int] = (1, 1, 1)) -> Pixels:
-    """RGB photo with a bright blob a quarter from the left and a third from the top."""
-    rgb = np.full((height, width, 3), 40, np.uint8)
+    """Well exposed RGB photo with a dark blob a quarter from the left, a third from the top."""
     u, v = np.meshgrid(np.arange(width), np.arange(height))
     sigma = width / 60
     blob = np.exp(-((u - width / 4) ** 2 + (v - height / 3) ** 2) / (2 * sigma**2))
-    rgb[:] = 40 + 200 * blob[..., None] * colour
-    return rgb
+    ground = np.linspace(170, 240, width)[:, None]
+    return np.asarray(ground - 150 * blob[..., None] * colour, dtype=np.uint8)
 
 
 def write(path: Path, rgb: Pixels) -> Path:
@@ -37,7 +36,7 @@ def write(path: Path, rgb: Pixels) -> Path:
 
 
 def centroid(rgb: Pixels) -> Floats:
-    weight = rgb[..., 0].astype(float) - 60
+    weight = 130 - rgb[..., 0].astype(float)
     weight[weight < 0] = 0
     v, u = np.indices(weight.shape)
     place: Floats = np.array([(u * weight).sum(), (v * weight).sum()]) / weight.sum()
@@ -67,9 +66,9 @@ def test_colours_stay_in_their_channels(tmp_path: Path) -> None:
     preview, _ = read_preview(write(tmp_path / "photo.png", photo(400, 300, (1, 0, 0))), 200)
     red, green, blue = decode_preview(preview)[50, 50].astype(int)
 
-    assert red > 180
-    assert green < 80
-    assert blue < 80
+    assert red < 60
+    assert green > 170
+    assert blue > 170
 
 
 def test_the_rotation_in_exif_is_not_applied(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from uavgram.imaging.photos import tiled_photos as module
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
 from uavgram.imaging.photos.tiles import FIRST_COARSE, TILE_PX, fine_tile, overview_of, read_pixels
+from uavgram.imaging.photos.tone import AS_IT_IS
 
 WIDTH, HEIGHT = 1500, 1100
 
@@ -155,3 +156,24 @@ def test_a_photo_that_is_read_ahead_is_decoded_once(
     assert photos.tile(2, FIRST_COARSE, 0, 0) is not None
     assert photos.tile(2, 0, 0, 0) is not None
     assert decoded == ["2.bmp"]
+
+
+def test_a_dark_photo_is_brightened_on_its_tiles_and_not_in_its_pixels(tmp_path: Path) -> None:
+    dark = np.random.default_rng(1).integers(30, 60, (HEIGHT // 20, WIDTH // 20, 3), np.uint8)
+    dark = np.asarray(cv2.resize(dark, (WIDTH, HEIGHT), interpolation=cv2.INTER_LINEAR), np.uint8)
+    cv2.imwrite(str(tmp_path / "dark.bmp"), dark)
+    photos = TiledPhotos([PhotoFile(str(tmp_path / "dark.bmp"), WIDTH, HEIGHT)])
+    found = photos.tones(0)
+    assert found is not None
+    first, stretched = found
+    shown = [
+        cv2.imdecode(np.frombuffer(photos.tile(0, level, 0, 0, None) or b"", np.uint8), 1)
+        for level in (0, FIRST_COARSE)
+    ]
+
+    assert first == stretched != AS_IT_IS
+    assert dark.mean() < 50
+    assert all(tile.mean() > 100 for tile in shown)
+    assert photos.tile(0, 0, 0, 0) == fine_tile(dark, 0, 0, 0)
+    assert np.array_equal(photos.pixels(0), dark)
+    assert photos.tones(1) is None

@@ -83,5 +83,5 @@ def test_the_legend_has_both_colours_only_where_bars_are(result: Result) -> None
 @pytest.mark.parametrize("telemetry", [True, False])
 def test_the_legend_has_room_for_them(telemetry: bool) -> None:  # noqa: FBT001
     rough = uneven(survey.build(telemetry=telemetry))
-    image = np.asarray(draw_legend(rough, measure_scene(rough), 2.5))
+    image = np.asarray(draw_legend(rough, measure_scene(rough), brightened=True))
     assert (image[BAND_PX + 1 :, -8:] == BACKGROUND).all()

@@ -291,7 +291,9 @@ def test_the_legend_has_their_colours_and_room_for_them(result: Result) -> None:
 
     assert has_colour(result)
     assert not has_colour(survey.build(frame_count=2))
-    everything = np.asarray(draw_legend(uneven(result), measure_scene(uneven(result)), 2.5))
+    everything = np.asarray(
+        draw_legend(uneven(result), measure_scene(uneven(result)), brightened=True)
+    )
     assert (everything[BAND_PX + 1 :, -8:] == BACKGROUND).all()
 
 

@@ -31,7 +31,9 @@ from uavgram.views.recording.blueprint import blueprint
 from uavgram.views.recording.curves.plots import frame_curves
 from uavgram.views.recording.curves.pose_curves import pose_curves
 from uavgram.views.recording.photo.frame_picks import project_picks
+from uavgram.views.recording.photo.words import ON_SMALL_SCREENS, inside
 from uavgram.views.recording.scene import measure_scene
+from uavgram.views.recording.world.labels import HALF_LETTER
 from uavgram.views.survey.limits import pick_limit
 
 PHOTO = "/survey/current_camera/photo"
@@ -283,7 +285,7 @@ def test_every_plot_starts_at_zero(result: Result) -> None:
     layout = blueprint(result, scene, frame_curves(result, picks), pose_curves(result))
     plots = [view for view in views(layout.root_container) if view.class_identifier == "TimeSeries"]
 
-    assert len(plots) == 7
+    assert len(plots) == 9
     for plot in plots:
         axis = plot.properties["ScalarAxis"]
         assert isinstance(axis, rrb.ScalarAxis)
@@ -349,6 +351,55 @@ def test_a_photo_shows_the_measurements_whose_points_are_all_picked_in_it(
     for words in by_frame[f"{PHOTO}/labels"]["Points2D:labels"].values():
         assert len([word for word in words if " m" in word]) <= 10
     assert by_frame[f"{PHOTO}/known_lengths/used"]["LineStrips2D:strips"][0]
+
+
+def test_it_opens_with_the_photo_that_has_most_picks(result: Result, contents: Contents) -> None:
+    counts = [result.picks.image.count(name) for name in result.frames.frame_id]
+    most = int(np.argmax(counts))
+    assert most > 0
+    for entity in (
+        PHOTO,
+        f"{PHOTO}/picture",
+        f"{PHOTO}/picked",
+        f"{PHOTO}/labels",
+        "/documents/frame",
+    ):
+        for name, value in contents.opening[entity].items():
+            assert value == contents.by_frame[entity][name][most], (entity, name)
+
+    assert not any(entity.startswith("/plots") for entity in contents.opening)
+
+
+@pytest.mark.parametrize("spot", [(0.0, 0.0), (1639.0, 10.0), (3.0, 1231.0), (850.0, 600.0)])
+def test_a_label_stands_wholly_in_the_photo(result: Result, spot: tuple[float, float]) -> None:
+    (moved, text), (long, _) = inside(
+        result, [(np.array(spot), "P1"), (np.array(spot), "south 19.93 m ± 0.29 (not checked)")]
+    )
+
+    wide = ON_SMALL_SCREENS * HALF_LETTER * 1640
+    assert text == "P1"
+    for at, letters in ((moved, 2), (long, 34)):
+        assert at[0] - letters * wide >= -1e-9
+        assert at[0] + letters * wide <= 1640 + 1e-9
+        assert 0 <= at[1] <= 1232
+    if spot == (850.0, 600.0):
+        assert tuple(moved) == tuple(long) == spot
+
+
+def test_misses_are_told_in_metres_at_the_distance_of_the_points(
+    result: Result, contents: Contents
+) -> None:
+    miss = contents.by_frame["/plots/miss/refined"]["Scalars:scalars"]
+    pixels = contents.by_frame["/plots/residual/refined"]["Scalars:scalars"]
+    center, rows = result.frames.refined.center_world_m[7], []
+    for k, image in enumerate(result.picks.image):
+        if image == result.frames.frame_id[7] and np.isfinite(result.picks.residual_px[k, 0]):
+            point = result.points.position_world_m[result.points.label.index(result.picks.label[k])]
+            away = math.dist(point, center) / float(result.shared.intrinsics.value[0])
+            rows.append(away * result.picks.residual_px[k])
+
+    assert sorted(miss) == sorted(pixels)
+    assert miss[7][0] == pytest.approx(np.sqrt(np.mean(np.square(rows))))
 
 
 def test_the_photo_is_shown_whole(result: Result) -> None:

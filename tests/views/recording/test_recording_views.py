@@ -256,7 +256,7 @@ def test_the_summary_says_whose_plane_the_ground_lies_on() -> None:
 @pytest.mark.parametrize("variant", [{}, {"clean": True}, {"telemetry": False}], ids=str)
 def test_the_legend_is_not_cut_off(variant: survey.Variant) -> None:
     result = survey.build(**variant)
-    image = np.asarray(draw_legend(result, measure_scene(result), 2.5))
+    image = np.asarray(draw_legend(result, measure_scene(result), brightened=True))
 
     assert image.shape == (HEIGHT_PX, WIDTH_PX, 3)
     assert (image[BAND_PX + 1 :, -8:] == BACKGROUND).all()
@@ -265,7 +265,7 @@ def test_the_legend_is_not_cut_off(variant: survey.Variant) -> None:
 
 def test_the_legend_says_that_the_ground_is_brightened(result: Result) -> None:
     scene = measure_scene(result)
-    plain, said = (np.asarray(draw_legend(result, scene, gain)) for gain in (1.0, 2.5))
+    plain, said = (np.asarray(draw_legend(result, scene, brightened=b)) for b in (False, True))
     changed = (plain != said).any(axis=(0, 2))
 
     assert changed.any()
@@ -282,7 +282,7 @@ def test_every_view_has_a_name_and_something_to_show(result: Result, contents: C
         names.append(str(view.name))
         origin = str(view.origin)
         assert origin == "/" or any(e.startswith(f"/{origin}") for e in entities), view.name
-    assert len(names) == len(set(names)) == 21
+    assert len(names) == len(set(names)) == 23
     assert "Worst point P24, true scale: 4.7 cm × 2.8 cm" in names
     assert "20 frames: 17 refined (1 to check), 1 no picks, 1 not in the log, 1 rejected" in names
     assert "Messages: 1 error, 1 warning" in names

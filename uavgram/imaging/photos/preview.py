@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
+from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, toned
 
 Pixels = NDArray[np.uint8]
 
@@ -44,18 +45,21 @@ class Preview:
     scale
         Original pixels per preview pixel, along u and v. With (0, 0) the centre of the top-left
         pixel in both: original = (preview + 0.5) * scale - 0.5.
+    tone
+        By which it is brightened, to be seen.
     """
 
     jpeg: bytes
     width_px: int
     height_px: int
     scale: tuple[float, float]
+    tone: Tone = AS_IT_IS
 
 
 def read_preview(
     path: str | os.PathLike[str], max_width_px: int = MAX_WIDTH_PX
 ) -> tuple[Preview, Pixels]:
-    """Reduce one photo.
+    """Reduce one photo, and brighten it where it is too dark or flat to be seen.
 
     Parameters
     ----------
@@ -66,7 +70,7 @@ def read_preview(
 
     Returns
     -------
-    The preview, and its (height, width, 3) pixels, BGR, before they were encoded.
+    The preview, and its (height, width, 3) pixels, BGR, before they were brightened and encoded.
 
     Raises
     ------
@@ -78,7 +82,9 @@ def read_preview(
     # libjpeg's last column stands for a partial block: its pixels are `reduction` wide all the same
     covered = np.array([width, height], dtype=np.float64) * reduction
     pixels = _no_wider(pixels, max_width_px)
-    return _encoded(pixels, (float(covered[0]), float(covered[1]))), pixels
+    tone = automatic_tone(pixels)
+    preview = _encoded(toned(pixels, tone), (float(covered[0]), float(covered[1])))
+    return replace(preview, tone=tone), pixels
 
 
 def read_reduced(path: str | os.PathLike[str], choose: Callable[[int], int]) -> tuple[Pixels, int]:

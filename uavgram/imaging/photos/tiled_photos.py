@@ -20,6 +20,7 @@ from uavgram.imaging.photos.tiles import (
     overview_of,
     read_pixels,
 )
+from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, stretched_tone
 
 PIXELS_BYTES = 200_000_000
 """Of decoded photos: one of 48 megapixels takes 144 MB, one of 12 takes 36."""
@@ -64,6 +65,9 @@ class TiledPhotos:
             lambda overview: overview.size_bytes,
             OVERVIEWS_BYTES,
         )
+        self._tones: LruCache[int, tuple[Tone, Tone]] = LruCache(
+            self._find_tones, len, 2 * len(self._files)
+        )
         self._shown: dict[str, tuple[float, frozenset[int]]] = {}
         self._lock = threading.Lock()
 
@@ -92,7 +96,9 @@ class TiledPhotos:
         """
         return self._pixels.get(photo)
 
-    def tile(self, photo: int, level: int, column: int, row: int) -> bytes | None:
+    def tile(
+        self, photo: int, level: int, column: int, row: int, tone: Tone | None = AS_IT_IS
+    ) -> bytes | None:
         """JPEG of one tile; None where there is none.
 
         Parameters
@@ -103,6 +109,8 @@ class TiledPhotos:
             0: full size; each further one half of it.
         column, row
             Of the tile at that level.
+        tone
+            How bright it is shown; None: as bright as it is seen well.
 
         Raises
         ------
@@ -111,15 +119,33 @@ class TiledPhotos:
         """
         if not 0 <= photo < len(self._files):
             return None
+        tone = self._tones.get(photo)[0] if tone is None else tone
         if level < FIRST_COARSE:
-            return fine_tile(self._pixels.get(photo), level, column, row)
+            return fine_tile(self._pixels.get(photo), level, column, row, tone)
         overview = self._overviews.get(photo)
         self._pixels.prefetch(photo)  # who looks at the whole will look closer
-        return overview.tile(level, column, row)
+        return overview.tile(level, column, row, tone)
+
+    def tones(self, photo: int) -> tuple[Tone, Tone] | None:
+        """How a photo is shown where nobody chose, and stretched; None where there is none.
+
+        Raises
+        ------
+        InputError
+            The file cannot be read, or is no photo.
+        """
+        if not 0 <= photo < len(self._files):
+            return None
+        return self._tones.get(photo)
 
     def read_ahead(self, photo: int) -> None:
         """Begin to decode and reduce a photo that will be looked at."""
         self._overviews.prefetch(photo)
+
+    def _find_tones(self, photo: int) -> tuple[Tone, Tone]:
+        small = self._overviews.get(photo).coarsest
+        pixels = self._pixels.get(photo) if small is None else small
+        return automatic_tone(pixels), stretched_tone(pixels)
 
     def _decode(self, photo: int) -> Pixels:
         file = self._files[photo]

@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels, read_reduced
+from uavgram.imaging.photos.tone import AS_IT_IS, Tone, toned
 
 TILE_PX = 512
 TILE_QUALITY = 95
@@ -48,11 +49,16 @@ class Overview:
     levels: tuple[Pixels, ...]
 
     @property
+    def coarsest(self) -> Pixels | None:
+        """The whole photo at its smallest; None of a photo that has no overview."""
+        return self.levels[-1] if self.levels else None
+
+    @property
     def size_bytes(self) -> int:
         """Memory it takes."""
         return sum(level.nbytes for level in self.levels)
 
-    def tile(self, level: int, column: int, row: int) -> bytes | None:
+    def tile(self, level: int, column: int, row: int, tone: Tone = AS_IT_IS) -> bytes | None:
         """JPEG of one tile; None where the overview has none. Edge tiles are smaller.
 
         Parameters
@@ -61,14 +67,18 @@ class Overview:
             `FIRST_COARSE` or more.
         column, row
             Of the tile at that level.
+        tone
+            How bright it is shown.
         """
         if not 0 <= level - FIRST_COARSE < len(self.levels):
             return None
         pixels = self.levels[level - FIRST_COARSE]
-        return _encoded(_part(pixels, column * TILE_PX, row * TILE_PX, TILE_PX))
+        return _encoded(_part(pixels, column * TILE_PX, row * TILE_PX, TILE_PX), tone)
 
 
-def fine_tile(photo: Pixels, level: int, column: int, row: int) -> bytes | None:
+def fine_tile(
+    photo: Pixels, level: int, column: int, row: int, tone: Tone = AS_IT_IS
+) -> bytes | None:
     """JPEG of one tile of a level that is finer than an overview's; None where there is none.
 
     Parameters
@@ -77,13 +87,15 @@ def fine_tile(photo: Pixels, level: int, column: int, row: int) -> bytes | None:
         (height, width, 3) BGR: level 0.
     level, column, row
         Of the tile.
+    tone
+        How bright it is shown.
     """
     height, width = photo.shape[:2]
     if not 0 <= level < min(FIRST_COARSE, level_count(width, height)):
         return None
     left, top, side = ((TILE_PX * place) << level for place in (column, row, 1))
     part = _part(photo, left, top, side)
-    return None if part is None else _encoded(reduced(part, level))
+    return None if part is None else _encoded(reduced(part, level), tone)
 
 
 def _part(pixels: Pixels, left: int, top: int, side: int) -> Pixels | None:
@@ -94,8 +106,11 @@ def _part(pixels: Pixels, left: int, top: int, side: int) -> Pixels | None:
     return pixels[top : top + side, left : left + side]
 
 
-def _encoded(part: Pixels | None) -> bytes | None:
-    return None if part is None else cv2.imencode(".jpg", part, _TILE_CODING)[1].tobytes()
+def _encoded(part: Pixels | None, tone: Tone) -> bytes | None:
+    if part is None:
+        return None
+    # Brightened before it is encoded: the steps of a JPEG would be brightened with it after.
+    return cv2.imencode(".jpg", toned(part, tone), _TILE_CODING)[1].tobytes()
 
 
 def level_count(width_px: int, height_px: int) -> int:

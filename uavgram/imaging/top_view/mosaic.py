@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
+from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, toned
 from uavgram.imaging.top_view.mosaic_grid import (
     Cameras,
     Grid,
@@ -26,10 +27,8 @@ MARGIN = 0.35
 # Frames times cells when choosing the frame of each cell: about a second of projections.
 CHOICE_BUDGET = 4_000_000
 CELL_PX = 16
-# Ground whose brightest hundredth is darker than this cannot be seen on a dark page: it is
-# brightened up to the second number, but not beyond the noise of the photos.
-DARK, BRIGHT, MOST_GAIN = 110.0, 200.0, 3.0
-GAIN_STEP_PX = 4
+# Of the pixels that say whether the ground is too dark to be seen.
+TONE_STEP_PX = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +45,8 @@ class GroundTexture:
         World coordinates of the outer corner of pixel [0, 0].
     pixel_size_m
         Edge of a pixel.
-    gain
-        How many times brighter than in the photos it is.
+    tone
+        By which it was brightened, to be seen.
     """
 
     rgb: Pixels
@@ -55,7 +54,7 @@ class GroundTexture:
     west_m: float
     north_m: float
     pixel_size_m: float
-    gain: float = 1.0
+    tone: Tone = AS_IT_IS
 
 
 class Mosaic:
@@ -132,16 +131,11 @@ class Mosaic:
         if not covered.any():
             return None
         rgb = total[..., :3] / np.maximum(total[..., 3:], np.finfo(np.float32).tiny)
-        some = np.s_[::GAIN_STEP_PX, ::GAIN_STEP_PX]
-        gain = _gain(rgb[some][covered[some]])
-        shown = np.minimum(np.round(gain * rgb), 255).astype(np.uint8)
-        return GroundTexture(shown, covered, grid.west_m, grid.north_m, grid.pixel_size_m, gain)
-
-
-def _gain(rgb: Floats) -> float:
-    """By what to multiply (n, 3) pixels, so that they are seen, to a tenth; 1 for usual photos."""
-    bright = float(np.percentile(rgb, 99.0)) if len(rgb) else BRIGHT
-    return 1.0 if bright >= DARK else round(min(BRIGHT / max(bright, 1.0), MOST_GAIN), 1)
+        plain = np.minimum(np.round(rgb), 255).astype(np.uint8)
+        some = np.s_[::TONE_STEP_PX, ::TONE_STEP_PX]
+        tone = automatic_tone(plain[some][covered[some]][:, None, ::-1])
+        shown = toned(plain, tone)
+        return GroundTexture(shown, covered, grid.west_m, grid.north_m, grid.pixel_size_m, tone)
 
 
 def _lay_grid(result: Result, cameras: Cameras, preview_scale: float, max_size_px: int) -> Grid:

@@ -20,6 +20,7 @@ import { SideView } from "./panel/side_view.js";
 import { Filmstrip } from "./photos/filmstrip.js";
 import { Panes } from "./photos/panes.js";
 import { onTile } from "./photos/tiles.js";
+import { onTone } from "./photos/tone.js";
 
 /** @import { Change, ServerMessage } from "./connection/protocol.js" */
 
@@ -58,6 +59,7 @@ class App {
     const side = new SideView({ state, link, notice, show: () => this.panel.show() });
     this.panel = new Panel({ state, panes, side, tools: this.tools, project: this.project });
     onTile((image) => { for (const pane of panes.all) if (pane.image === image) pane.redraw(); });
+    onTone((image) => { for (const pane of panes.all) if (pane.image === image) { pane.tone.show(image); pane.redraw(); } });
     this.build();
   }
 

@@ -46,6 +46,7 @@ def photos_json(survey: LiveSurvey, sizes: tuple[PhotoSize, ...]) -> list[Json]:
             "levels": level_count(photo.width_px, photo.height_px),
             "matched": bool(frames is not None and frames.matched[k]),
             "reason": "" if frames is None else frames.reason[k],
+            "file_time_s": number(survey.inputs.photos.file_time_s[k]),
             "time_utc_s": None if frames is None else number(frames.time_utc_s[k]),
             "seed": seeds.get(photo.name),
             "event": pairs.get(photo.name),
@@ -55,13 +56,15 @@ def photos_json(survey: LiveSurvey, sizes: tuple[PhotoSize, ...]) -> list[Json]:
 
 
 def _seeds(posed: Posed | None) -> dict[str, Json]:
-    """Sigmas of the seed poses: centre (e n u) [m], and directions together [deg]."""
+    """The seed poses: centres (e n u) with sigmas [m], sigma of the directions together [deg]."""
     if posed is None or posed.telemetry is None:
         return {}
     poses = posed.telemetry.poses
     sigma = np.sqrt(np.einsum("nii->ni", poses.covariance))
     return {
         name: {
+            "east_m": number(poses.center_world_m[k, 0], 2),
+            "north_m": number(poses.center_world_m[k, 1], 2),
             "up_m": number(poses.center_world_m[k, 2], 2),
             "sigma_m": numbers(sigma[k, :3], 3),
             "turn_sigma_deg": number(np.degrees(np.linalg.norm(sigma[k, 3:])), 2),

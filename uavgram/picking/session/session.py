@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
+from collections import Counter
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict
 
@@ -17,6 +18,7 @@ from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.imaging.photos.preview import read_preview
 from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
 from uavgram.imaging.photos.tiles import TILE_PX
+from uavgram.imaging.photos.tone import Tone
 from uavgram.io.photos.board_photos import read_grey
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
@@ -24,6 +26,7 @@ from uavgram.picking.document.proposals import Outcomes, accepted
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import State, state_of
 from uavgram.picking.protocol.encode_answers import same_ground_json, side_json, snap_json
+from uavgram.picking.protocol.encode_flight import flight_json
 from uavgram.picking.protocol.encode_places import expected_json
 from uavgram.picking.protocol.encode_project import (
     camera_json,
@@ -115,10 +118,14 @@ class PickSession:
 
     def open(self) -> None:
         """Begin: adjust what is there, and decode the photo that a page shows first."""
-        self._tiled.read_ahead(0)
+        self._tiled.read_ahead(self._most_picked())
         self._live.start()
         self._seeker.start()
         self._live.submit(Task(self.version, self.state, final=True))
+
+    def _most_picked(self) -> int:
+        counts = Counter(pick.image for pick in self.state.picks)
+        return max(range(len(self.photos)), key=lambda k: counts[self.photos[k].name])
 
     def stop(self) -> None:
         """Adjust and seek no more; waits for an adjustment under way."""
@@ -151,6 +158,7 @@ class PickSession:
             "photos": photos_json(self.survey, self.photos),
             "camera": camera_json(self.survey),
             "clock": clock_json(self.survey),
+            "flight": flight_json(self.survey),
             "control": list(inputs.control.label),
             "check": list(inputs.check.label),
             "expected": self._expected(),
@@ -262,7 +270,9 @@ class PickSession:
         self.fault = fault
         self._broadcast({"t": "saved", "version": self.version, "fault": fault})
 
-    def tile(self, photo: int, level: int, column: int, row: int) -> bytes | None:
+    def tile(
+        self, photo: int, level: int, column: int, row: int, tone: Tone | None = None
+    ) -> bytes | None:
         """JPEG of a tile; None where there is none.
 
         Parameters
@@ -273,8 +283,14 @@ class PickSession:
             0: every pixel; each further one halves the photo's size.
         column, row
             Of the tile on its level, from the top left.
+        tone
+            How bright it is shown; None: as bright as it is seen well.
         """
-        return self._tiled.tile(photo, level, column, row)
+        return self._tiled.tile(photo, level, column, row, tone)
+
+    def tones(self, photo: int) -> tuple[Tone, Tone] | None:
+        """How bright a photo is shown until somebody chooses, and stretched; None: no photo."""
+        return self._tiled.tones(photo)
 
     def show(self, page: str, photos: tuple[int, ...]) -> None:
         """Know which photos a page shows side by side."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -14,6 +15,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, RedirectRespons
 from starlette.routing import Route
 
 from uavgram.errors import UavgramError
+from uavgram.imaging.photos.tone import Tone
 from uavgram.io.own_files import read_own
 from uavgram.picking.session.project import OpenProject
 
@@ -31,6 +33,14 @@ _TYPES = {
     ".svg": "image/svg+xml",
 }
 
+FIRST_TONE = "first"
+"""How bright a page asks for tiles until somebody chooses."""
+
+# Values that become black and white, and how much the middle is lifted.
+_TONE = re.compile(
+    r"(-?[0-9]{1,4}(?:\.[0-9])?),(-?[0-9]{1,4}(?:\.[0-9])?),([0-9]{1,2}(?:\.[0-9]{1,2})?)"
+)
+
 # A page's own name, and the photos in its panes.
 _SHOWN = re.compile(r"([0-9a-z]{1,16}) ([0-9]{1,6}(?:,[0-9]{1,6}){0,3})")
 
@@ -43,6 +53,7 @@ def file_routes(project: OpenProject) -> list[Route]:
         Route("/page/{name:path}", files.page),
         Route("/photo/{photo:int}/{level:int}/{column:int}/{row:int}.jpg", files.tile),
         Route("/photo/{photo:int}/thumbnail.jpg", files.thumbnail),
+        Route("/photo/{photo:int}/tones.json", files.tones),
         Route("/output/{name}", files.output),
         Route("/recording", files.recording),
         Route("/calibration", files.calibration),
@@ -75,20 +86,36 @@ class Files:
         return Response(self._page[name], media_type=kind, headers={"cache-control": "no-cache"})
 
     async def tile(self, request: Request) -> Response:
-        """A tile of a photo."""
+        """A tile of a photo, as bright as the page says."""
+        said = request.query_params.get("tone", FIRST_TONE)
+        tone = None if said == FIRST_TONE else _tone(said)
+        if said != FIRST_TONE and tone is None:
+            return PlainTextResponse("That is no curve of brightness.", 400)
         shown = _SHOWN.fullmatch(request.headers.get("x-shown", ""))
         if shown:  # what the page shows beside it stays at hand
             page, photos = shown.groups()
             self._project.picking.show(page, tuple(map(int, photos.split(","))))
         place = (request.path_params[key] for key in ("photo", "level", "column", "row"))
-        return await self._picture(self._project.picking.tile, *place)
+        return await self._picture(self._project.picking.tile, *place, tone)
+
+    async def tones(self, request: Request) -> Response:
+        """How bright a photo is shown until somebody chooses, and with the automatic stretch."""
+        make, photo = self._project.picking.tones, request.path_params["photo"]
+        try:
+            tones = await to_thread.run_sync(make, photo)
+        except UavgramError as why:
+            return JSONResponse({"why": str(why)}, 404)
+        if tones is None:
+            return Response(status_code=404)
+        first, stretched = map(asdict, tones)
+        return JSONResponse({"first": first, "stretched": stretched})
 
     async def thumbnail(self, request: Request) -> Response:
         """A small picture of a photo."""
         return await self._picture(self._project.picking.thumbnail, request.path_params["photo"])
 
     @staticmethod
-    async def _picture(make: Callable[..., bytes | None], *place: int) -> Response:
+    async def _picture(make: Callable[..., bytes | None], *place: int | Tone | None) -> Response:
         try:
             jpeg = await to_thread.run_sync(make, *place)
         except UavgramError as why:
@@ -128,6 +155,15 @@ class Files:
         if not content:
             return PlainTextResponse("There is no calibration yet.", 404)
         return Response(content, media_type=_TYPES[".html"], headers=DOCUMENT_HEADERS)
+
+
+def _tone(text: str) -> Tone | None:
+    """The curve that a page asks for; None where it is none."""
+    said = _TONE.fullmatch(text)
+    try:
+        return None if said is None else Tone(*map(float, said.groups()))
+    except ValueError:
+        return None
 
 
 def _page_files(folder: Traversable, above: str = "") -> Iterator[tuple[str, bytes]]:

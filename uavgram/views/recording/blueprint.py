@@ -11,6 +11,8 @@ from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.views.recording.curves.plots import (
     HEIGHT,
+    MISS_REFINED,
+    MISS_SEED,
     RESIDUAL_REFINED,
     RESIDUAL_SEED,
     STATUS,
@@ -198,23 +200,24 @@ def space_view(
 
 
 def _plots(result: Result, curves: Curves, poses: PoseCurves) -> rrb.Tabs:
-    """Two rows of plots: how well the picks fit, and how the poses changed."""
-    fit = [
-        plot(
-            RESIDUAL_REFINED,
-            "Pick misfit, σ white [px]",
-            np.concatenate([curves.refined_rms_px, curves.sigma_px]),
-        ),
-        plot(
-            WORST_W,
-            f"Worst pick in sigmas, limit {curves.limit_w:.2f}",
-            np.append(curves.worst_w, curves.limit_w),
-        ),
-    ]
+    """Rows of plots: how well the picks fit, on the ground and in pixels; how the poses changed."""
+    worst = plot(
+        WORST_W,
+        "Worst pick [σ]",
+        np.append(curves.worst_w, curves.limit_w),
+    )
+    missed = np.concatenate([curves.refined_rms_m, curves.sigma_m])
+    fit = [plot(MISS_REFINED, "Picks miss [m]", missed), worst]
+    both = np.concatenate([curves.refined_rms_px, curves.sigma_px])
+    pixels = [plot(RESIDUAL_REFINED, "Picks miss [px]", both)]
     if np.isfinite(curves.seed_rms_px).any():
-        fit.append(plot(RESIDUAL_SEED, "Flight log alone [px]", curves.seed_rms_px))
+        fit.append(plot(MISS_SEED, "Log misses [m]", curves.seed_rms_m))
+        pixels.append(plot(RESIDUAL_SEED, "Log misses [px]", curves.seed_rms_px))
     moved = _pose_plots(result, curves, poses)
-    rows = [rrb.Horizontal(*fit, name="How the picks fit")]
+    rows = [
+        rrb.Horizontal(*fit, name="How the picks fit: white expected, red limit"),
+        rrb.Horizontal(*pixels, name="In pixels"),
+    ]
     if moved:
         rows.append(rrb.Horizontal(*moved, name="Heights, attitudes and sigmas"))
     return rrb.Tabs(*rows, active_tab=0)

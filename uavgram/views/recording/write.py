@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import logging
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -73,7 +74,8 @@ def write_recording(
         made = result.provenance
         identity = (result.name, made.program, made.version, made.inputs, made.options)
         times = result.frames.time_utc_s
-        with open_recording(unfinished, identity, result.name, times) as recorder:
+        first = _most_picked(result)
+        with open_recording(unfinished, identity, result.name, times, first) as recorder:
             _log_everything(recorder, result, photos, texture, ties)
         unfinished.replace(target)
     except OSError as error:
@@ -85,6 +87,12 @@ def write_recording(
     log.info("recording of %d frames: %s", len(result.frames.frame_id), target)
 
 
+def _most_picked(result: Result) -> int:
+    """The frame that shows most; the first where none has picks."""
+    counts = Counter(result.picks.image)
+    return max(range(len(result.frames.frame_id)), key=lambda k: counts[result.frames.frame_id[k]])
+
+
 def _log_everything(
     recorder: Recorder,
     result: Result,
@@ -92,16 +100,17 @@ def _log_everything(
     texture: Callable[[], GroundTexture | None],
     ties: TieCloud | None,
 ) -> None:
-    log_photos(recorder, result, photos)
+    brightened = log_photos(recorder, result, photos)
     ground = texture()
     scene, picks = measure_scene(result, ground), project_picks(result)
     curves, poses = frame_curves(result, picks), pose_curves(result)
     log_origin(recorder, result)
     log_survey(recorder, result, scene, ground)
     log_close_up(recorder, result, scene)
-    log_legend(recorder, result, scene, 1.0 if ground is None else ground.gain)
+    is_brighter = ground is not None and not ground.tone.is_identity
+    log_legend(recorder, result, scene, brightened=is_brighter)
     log_camera(recorder, result, scene)
-    log_overlay(recorder, result, scene, picks, PHOTO)
+    log_overlay(recorder, result, scene, picks, PHOTO, brightened)
     if ties is not None:
         log_sightings(recorder, result, ties, PHOTO)
         log_tie_points(recorder, ties)

@@ -1,6 +1,8 @@
 // Everything by key. Keys are letters where they name a thing, and nothing while text is typed.
 
 import { as } from "../elements/dom.js";
+import { toggleStretch } from "../photos/tone.js";
+import { stepTone } from "../photos/tone_control.js";
 import { snap } from "./snap.js";
 
 /** @import { Kind } from "../connection/protocol.js" */
@@ -147,6 +149,9 @@ const arrows = (before, act) => Object.fromEntries(Object.entries(ARROWS).map(([
 /** @param {Record<string, ShownKind>} kinds @returns {Record<string, Act>} */
 const toggles = (kinds) => Object.fromEntries(Object.entries(kinds).map(([key, kind]) => [key, ({ navigation }) => navigation.toggle(kind)]));
 
+/** @param {{ brightness?: number, contrast?: number }} step @returns {Act} */
+const toning = (step) => ({ panes }) => { if (panes.active) stepTone(panes.active.image, step); };
+
 /** @returns {Binding[]} */
 const toolBindings = () => Object.entries(TOOLS).map(([name, { key, name: words, what }]) => ({
   keys: key.toUpperCase(), what: `${words}: ${what}`, does: { [key]: ({ tools }) => tools.setTool(/** @type {ToolName} */ (name)) },
@@ -167,6 +172,9 @@ export const KEYS = [
     { keys: "K", what: "all panes show the same ground", does: { k: ({ panes }) => panes.toggleLink() } },
     { keys: "E R O T U", what: "ellipses, residuals, predictions, labels, lines", does: toggles({ e: "ellipses", r: "residuals", o: "predicted", t: "labels", u: "lines" }) },
     { keys: "M", what: "magnifier; by touch: let a finger rest, slide, and lift it to place", does: { m: ({ navigation }) => navigation.toggleLoupe() } },
+    { keys: "0   [ ]   { }", what: "brightness: automatic or as it is; darker, brighter; contrast", does: {
+      0: ({ panes }) => { if (panes.active) toggleStretch(panes.active.image); },
+      "[": toning({ brightness: -1 }), "]": toning({ brightness: 1 }), "{": toning({ contrast: -1 }), "}": toning({ contrast: 1 }) } },
   ]],
   ["Points", [
     { keys: "click, Enter", what: "the point that is expected there, else a new one (Enter: in the middle of the photo)", does: { Enter: ({ tools, navigation }) => tools.proposals.acceptFocused() || navigation.enter() } },

@@ -24,14 +24,19 @@ export interface Note { level: "error" | "warning" | "info"; code: string; text:
 
 export interface Photo {
   name: string; digest: string; width_px: number; height_px: number; levels: number; matched: boolean; reason: string; time_utc_s: Maybe;
-  seed: { up_m: Maybe; sigma_m: Maybe[]; turn_sigma_deg: Maybe } | null;
+  file_time_s: Maybe; // by the camera's own clock
+  seed: { east_m: Maybe; north_m: Maybe; up_m: Maybe; sigma_m: Maybe[]; turn_sigma_deg: Maybe } | null;
   event: { status: string; residual_s: Maybe; why: string } | null;
 }
+// How bright a photo is shown: values that become black and white, and how much the middle is lifted.
+export interface Tone { black: number; white: number; gamma: number }
+export interface Tones { first: Tone; stretched: Tone } // where nobody chose; with the automatic stretch
 export interface Camera {
   name: string; model: string; width_px: number; height_px: number; parameters: string[][]; facts: string[]; source: string[]; file: string; messages: Note[];
 }
 export interface ClockOffset { offset_s: Maybe; sigma_s: Maybe }
 export interface Clock extends ClockOffset { log: string; events: number; unused: string[] }
+export interface Flight { track: [number, number, number][] } // UTC time [s], east and north [m]
 export interface Predicted { image: number; label: string; pixel_px: [number, number]; spread: Spread }
 // What the program found of a label in a photo, and where it is to be picked by hand, and why.
 export interface Proposal { image: number; label: string; u_px: number; v_px: number; sigma_px: number; score: number; from_image: number }
@@ -87,7 +92,7 @@ export type FullLive = Exclude<Live, Linearised>;
 export interface Units { length: "m" | "ft" | "ft-in"; speed: "km/h" | "mph" | "m/s" }
 export interface Standing { version: number; undo: number; redo: number }
 export interface InitialState extends Standing {
-  t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null;
+  t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null;
   control: string[]; check: string[]; expected: Predicted[]; recovered: boolean; messages: Note[];
   state: { picks: Pick[]; lines: Line[]; measurements: Measurement[] };
   live: FullLive | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;

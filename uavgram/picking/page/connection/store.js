@@ -2,7 +2,7 @@
 
 import { useUnits } from "../elements/units.js";
 
-/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, Fit, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Predicted, Proposal, Proposals, Remark, ServerMessage, Standing } from "./protocol.js" */
+/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, Fit, Flight, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Predicted, Proposal, Proposals, Remark, ServerMessage, Standing } from "./protocol.js" */
 
 /**
  * @typedef {object} Store
@@ -17,6 +17,7 @@ import { useUnits } from "../elements/units.js";
  * @property {Remark[]} opening
  * @property {boolean} recovered
  * @property {Clock | null} clock
+ * @property {Flight | null} flight
  * @property {Predicted[]} expected
  * @property {Outputs | null} outputs
  * @property {string[]} outside
@@ -54,6 +55,7 @@ export const store = {
   opening: [],
   recovered: false,
   clock: null,
+  flight: null,
   expected: [],
   outputs: null,
   outside: [],
@@ -100,11 +102,11 @@ export function receive(message, moved) {
 }
 
 /** @param {InitialState} message */
-function begin({ project, units, photos, camera, control, check, recovered, clock, expected, outputs, outside, aside, calibration, ...message }) {
+function begin({ project, units, photos, camera, control, check, recovered, clock, flight, expected, outputs, outside, aside, calibration, ...message }) {
   const { picks, lines, measurements } = message.state;
   useUnits(units);
   Object.assign(store, {
-    begun: true, project, photos, camera, control, check, recovered, clock, expected, outputs, outside, aside, calibration, lines, measurements,
+    begun: true, project, photos, camera, control, check, recovered, clock, flight, expected, outputs, outside, aside, calibration, lines, measurements,
     tilePx: message.tile_px,
     pickSigmaPx: message.pick_sigma_px,
     opening: message.messages,
@@ -228,6 +230,12 @@ export function labels() {
 /** @param {number} image */
 export function picksIn(image) {
   return [...store.picks.values()].filter((pick) => pick.image === image);
+}
+
+// The photo in which most is picked: what was worked on last, and shows most.
+export function mostPicked() {
+  const counts = store.photos.map((_, image) => picksIn(image).length);
+  return Math.max(counts.indexOf(Math.max(...counts)), 0);
 }
 
 // Labels that are picked in other photos, and points with known coordinates that are in none yet.

@@ -2,19 +2,20 @@
 
 import { adjusted, picksIn, store } from "../connection/store.js";
 import { node } from "../elements/dom.js";
-import { fixed, missing, withSigma } from "../elements/numbers.js";
+import { fixed, withSigma } from "../elements/numbers.js";
 import { about, fill, keep, list, standingSign, table, titled, trusted } from "../elements/table.js";
 import { inLength, lengthUnit } from "../elements/units.js";
+import { flightMap, utcText } from "./flight_map.js";
 
 /** @import { Adjusted, ClockOffset, Photo, Remark } from "../connection/protocol.js" */
 /** @typedef {{ photo: Photo, k: number, picks: number, found: Adjusted["frames"][number] }} Facts of a photo */
 
-/** @param {Element} section @param {(image: number) => void} show */
-export function showFrames(section, show) {
+/** @param {Element} section @param {(image: number) => void} show @param {number | undefined} current the photo in use */
+export function showFrames(section, show, current) {
   const now = adjusted();
   const facts = store.photos.map((photo, k) => ({ photo, k, picks: picksIn(k).length, found: now?.frames[k] }));
-  const sign = [facts, now?.clock, store.clock, store.opening];
-  fill(section, [keep("frames", sign, () => node("div", {}, clockPart(now), framesPart(facts, show), unmatchedPart(facts), foundPart()))]);
+  fill(section, [keep("clock", [now?.clock, store.clock], () => clockPart(now)), flightMap(show, current),
+    keep("frames", [facts, store.clock, store.opening], () => node("div", {}, framesPart(facts, show), unmatchedPart(facts), foundPart()))]);
 }
 
 /** @param {Adjusted | null} now */
@@ -37,7 +38,7 @@ function framesPart(facts, show) {
     const seed = most(photo.seed?.sigma_m);
     const refined = found?.status === "refined" ? most(found.sigma_m) : null;
     const [status, trust] = found ? [found.status, found.standing] : [photo.matched ? "matched" : "unmatched", undefined];
-    const utc = photo.time_utc_s === null ? missing : new Date(photo.time_utc_s * 1000).toISOString().slice(11, 22);
+    const utc = utcText(photo.time_utc_s, 2);
     const words = [photo.time_utc_s === null ? "" : `${utc} UTC`, photo.reason, photo.event ? `event ${photo.event.status}, ${fixed(photo.event.residual_s, 3)} s off` : "",
       photo.seed ? `seed: ${withSigma(photo.seed.up_m, null, "m")} up, direction \u00b1 ${photo.seed.turn_sigma_deg}\u00b0` : "", found?.moved_m ? `moved by ${withSigma(found.moved_m, null, "m")}` : ""];
     return node("tr", { title: words.filter(Boolean).join("; "), "data-row": `frame ${k}`, "data-status": trust?.status },

@@ -31,7 +31,7 @@ export class Panel {
     const section = byId(`tab-${tab}`);
     for (const [name] of TABS) byId(`tab-${name}`).hidden = name !== tab;
     if (tab === "measure") showMeasure(section, this.state, this.panes.active?.image, this.tools, this.side);
-    else if (tab === "frames") showFrames(section, (image) => this.panes.active?.show(image));
+    else if (tab === "frames") showFrames(section, (image) => this.panes.active?.show(image), this.panes.active?.image);
     else showCamera(section, this.state.folders ?? [], this.project);
     this.showTrust();
   }

@@ -8,6 +8,8 @@ import { buildMarks, residualScale } from "./marks.js";
 import { Picture } from "./picture.js";
 import { Pointer } from "./pointer.js";
 import { forget, tile } from "./tiles.js";
+import { askTones } from "./tone.js";
+import { ToneControl } from "./tone_control.js";
 import { View } from "./view.js";
 
 /** @import { PageState } from "../actions/page_state.js" */
@@ -56,9 +58,10 @@ export class Pane {
     this.canvas = node("canvas", { class: "photo" });
     this.svg = shape("svg", { class: "marks", tabindex: 0, role: "application" });
     this.choice = node("select", { "aria-label": "Photo", onchange: () => this.show(Number(this.choice.value)) });
+    this.tone = new ToneControl();
     this.readout = node("div", { class: "readout" });
     this.box = node("div", { class: "pane" }, this.canvas, this.svg,
-      node("div", { class: "aim", "aria-hidden": true }), this.choice, this.readout); // the aim is where Enter places a point
+      node("div", { class: "aim", "aria-hidden": true }), node("div", { class: "choices" }, this.choice, this.tone.button), this.tone.box, this.readout); // the aim is where Enter places a point
     parent.append(this.box);
     this.picture = new Picture(this.id, this.canvas, this.view);
     this.loupe = new Loupe(this.box);
@@ -89,6 +92,8 @@ export class Pane {
     this.choice.value = `${image}`;
     this.svg.setAttribute("aria-label", `${this.photo.name}: arrows pan, Enter places a point in the middle`);
     this.box.dataset.image = this.photo.name;
+    this.tone.show(image);
+    void askTones(image);
     this.fit();
     this.rebuild();
     this.events.shown();

@@ -1,6 +1,6 @@
 // The panes side by side: how many, which one is in use, and all of them over the same ground.
 
-import { store } from "../connection/store.js";
+import { mostPicked, store } from "../connection/store.js";
 import { byId, choose } from "../elements/dom.js";
 import { Pane } from "./pane.js";
 
@@ -31,7 +31,7 @@ export class Panes {
   setCount(count) {
     while (this.all.length > count) this.all.pop()?.remove();
     this.box.dataset.count = `${count}`;
-    const before = this.active?.image ?? 0;
+    const before = this.active?.image ?? mostPicked();
     while (this.all.length < count) {
       const pane = new Pane(this.box, this.state, this.events);
       this.all.push(pane);

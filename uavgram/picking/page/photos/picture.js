@@ -1,7 +1,7 @@
 // The picture of a pane: tiles on a canvas at their exact places, coarse ones first.
 
 import { store } from "../connection/store.js";
-import { tile, tileKey, want } from "./tiles.js";
+import { isCurrent, tile, tileKey, want } from "./tiles.js";
 
 /** @import { Photo } from "../connection/protocol.js" */
 /** @import { View } from "./view.js" */
@@ -41,8 +41,8 @@ export class Picture {
     }
     if (covered) for (const one of base) this.put(context, one, grow);
     for (const one of fine) this.put(context, one, grow);
-    const missing = [...base, ...fine].filter((one) => !isThere(one));
-    const under = beneath.filter((key) => !tile(key)).map((key) => ({ key, level: 0, away: 0 }));
+    const missing = [...base, ...fine].filter(({ key }) => !isCurrent(key));
+    const under = beneath.filter((key) => !isCurrent(key)).map((key) => ({ key, level: 0, away: 0 }));
     const wanted = [...missing, ...under].sort((a, b) => b.level - a.level || a.away - b.away);
     want(this.id, image, wanted.map(({ key }) => key), base.length + fine.length + beneath.length);
     return { pictured: covered || base.every(isThere), sharp: rests && !missing.length };

@@ -1,11 +1,12 @@
 // Tiles of all photos: fetched few at a time, the most wanted first, the longest unused dropped.
 
 import { store } from "../connection/store.js";
+import { toneSign } from "./tone.js";
 
-const LEAST_KEPT = 48; // a tile takes a megabyte
+const LEAST_KEPT = 32; // a tile takes a megabyte
 const SPARE = 1.25; // of what is drawn: fewer than that would be fetched again and again
 const AT_ONCE = 6;
-/** @type {Map<string, ImageBitmap>} */
+/** @type {Map<string, { picture: ImageBitmap, tone: string }>} */
 const kept = new Map(); // by key, in the order of their last use
 /** @type {Map<string, AbortController>} */
 const under = new Map(); // by key
@@ -37,12 +38,15 @@ export function tile(key) {
     kept.delete(key);
     kept.set(key, found);
   }
-  return found;
+  return found?.picture;
 }
+
+/** Whether a tile is there, as bright as its photo is to be shown now. @param {string} key */
+export const isCurrent = (key) => kept.get(key)?.tone === toneSign(photoOf(key));
 
 /** @param {number} pane @param {number} photo @param {string[]} keys @param {number} drawn */
 export function want(pane, photo, keys, drawn) {
-  panes.set(pane, { keys: keys.filter((key) => !kept.has(key) && !failed.has(key)), drawn, photo });
+  panes.set(pane, { keys: keys.filter((key) => !isCurrent(key) && !failed.has(key)), drawn, photo });
   const all = new Set([...panes.values()].flatMap((one) => one.keys));
   for (const [key, control] of under) {
     if (!all.has(key)) control.abort();
@@ -65,7 +69,7 @@ function next() {
     const row = lists.filter((list) => rank < list.length).map((list) => list[rank]);
     if (!row.length) return;
     for (const key of row) {
-      if (under.size < AT_ONCE && !under.has(key) && !kept.has(key) && !failed.has(key)) void load(key);
+      if (under.size < AT_ONCE && !under.has(key) && !isCurrent(key) && !failed.has(key)) void load(key);
     }
   }
 }
@@ -78,13 +82,16 @@ async function load(key) {
     const digest = store.photos[photoOf(key)]?.digest;
     // The server keeps decoded what is shown side by side, and little else.
     const headers = { "x-shown": `${page} ${[...new Set([...panes.values()].map(({ photo }) => photo))].join()}` };
-    const answer = await fetch(`/photo/${key}.jpg?${digest}`, { signal: control.signal, headers });
+    const tone = toneSign(photoOf(key));
+    const answer = await fetch(`/photo/${key}.jpg?${digest}&tone=${tone}`, { signal: control.signal, headers });
     if (!answer.ok) throw new Error(`${answer.status}`);
     const picture = await createImageBitmap(await answer.blob());
-    kept.set(key, picture);
+    kept.get(key)?.picture.close();
+    kept.delete(key);
+    kept.set(key, { picture, tone });
     const spare = kept.size - mostKept();
-    for (const [oldest, bitmap] of [...kept].slice(0, Math.max(Math.ceil(spare), 0))) {
-      bitmap.close();
+    for (const [oldest, { picture: gone }] of [...kept].slice(0, Math.max(Math.ceil(spare), 0))) {
+      gone.close();
       kept.delete(oldest);
     }
   } catch {

@@ -19,6 +19,8 @@ from uavgram.views.survey.limits import pick_limit
 from uavgram.views.units import column, units_of
 from uavgram.views.wording import FRAME_STATE_WORDS
 
+MISS_REFINED = "plots/miss"
+MISS_SEED = "plots/miss_of_flight_log/flight_log"
 RESIDUAL_REFINED = "plots/residual"
 WORST_W = "plots/worst_w"
 RESIDUAL_SEED = "plots/residual_of_flight_log/flight_log"
@@ -36,6 +38,8 @@ class Curves:
         (F,) root mean square of the picks' residuals in one coordinate [px]; NaN without picks.
     sigma_px
         (F,) the same of the picks' own sigmas; where a frame has none, that of all picks.
+    seed_rms_m, refined_rms_m, sigma_m
+        (F,) the same as seen by the camera at the distance of the points [m]: across its sight.
     worst_w
         (F,) largest |w| of the picks; NaN without picks.
     limit_w
@@ -47,6 +51,9 @@ class Curves:
     seed_rms_px: Floats
     refined_rms_px: Floats
     sigma_px: Floats
+    seed_rms_m: Floats
+    refined_rms_m: Floats
+    sigma_m: Floats
     worst_w: Floats
     limit_w: float
     seed_height_m: Floats
@@ -58,15 +65,34 @@ def frame_curves(result: Result, picks: FramePicks) -> Curves:
     seed, own = picks.seed_px - result.picks.pixel_px, result.picks.sigma_px[:, None]
     sigma = np.array([_rms(own[rows]) for rows in picks.rows])
     w = np.abs(result.picks.w)
+    pixel_m = _pixel_sizes(result, picks)[:, None]
+    sigma_m = np.array([_rms((own * pixel_m)[rows]) for rows in picks.rows])
     return Curves(
         seed_rms_px=np.array([_rms(seed[rows]) for rows in picks.rows]),
         refined_rms_px=np.array([_rms(result.picks.residual_px[rows]) for rows in picks.rows]),
         sigma_px=np.where(np.isfinite(sigma), sigma, _rms(own)),
+        seed_rms_m=np.array([_rms((seed * pixel_m)[rows]) for rows in picks.rows]),
+        refined_rms_m=np.array(
+            [_rms((result.picks.residual_px * pixel_m)[rows]) for rows in picks.rows]
+        ),
+        sigma_m=np.where(np.isfinite(sigma_m), sigma_m, _rms(own * pixel_m)),
         worst_w=np.array([largest_known(w[rows]) for rows in picks.rows]),
         limit_w=pick_limit(result),
         seed_height_m=_height(result, result.frames.seed),
         refined_height_m=_height(result, result.frames.refined),
     )
+
+
+def _pixel_sizes(result: Result, picks: FramePicks) -> Floats:
+    """(n,) metres that a pixel spans at each picked point, across the sight; NaN where unknown."""
+    place = dict(zip(result.points.label, result.points.position_world_m, strict=True))
+    unknown, focal = np.full(3, np.nan), float(result.shared.intrinsics.value[0])
+    size = np.full(len(result.picks.label), np.nan)
+    for frame, rows in enumerate(picks.rows):
+        at = np.reshape([place.get(result.picks.label[row], unknown) for row in rows], (-1, 3))
+        away = np.linalg.norm(at - result.frames.refined.center_world_m[frame], axis=1)
+        size[rows] = away / focal
+    return size
 
 
 def _rms(residual: Floats) -> float:
@@ -93,6 +119,9 @@ def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
     """
     limit = np.full(len(curves.worst_w), curves.limit_w)
     for path, values, name, colour in (
+        (f"{MISS_REFINED}/refined", curves.refined_rms_m, "after the adjustment [m]", REFINED),
+        (f"{MISS_REFINED}/sigma_of_picks", curves.sigma_m, "as the picks say [m]", OBSERVED),
+        (MISS_SEED, curves.seed_rms_m, "flight log alone [m]", SEED),
         (f"{RESIDUAL_REFINED}/refined", curves.refined_rms_px, "refined [px]", REFINED),
         (f"{RESIDUAL_REFINED}/sigma_of_picks", curves.sigma_px, "σ of the picks [px]", OBSERVED),
         (f"{WORST_W}/worst", curves.worst_w, "largest |w|", REFINED),
@@ -120,6 +149,7 @@ def _heights(
             path,
             known,
             lambda some: rr.Measurements.columns(values=height[some], variances=variance[some]),
+            opening=False,
         )
 
 

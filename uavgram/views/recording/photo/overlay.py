@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,13 +13,12 @@ from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.views.recording.photo.frame_picks import FramePicks
 from uavgram.views.recording.photo.sources import FOUND_PICKS, SIGHTINGS, log_found
+from uavgram.views.recording.photo.words import Word, log_names
 from uavgram.views.recording.photo_marks import log_dots, log_polylines, log_texts
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.world.footprint_marks import NEIGHBOURS
 from uavgram.views.recording.world.labels import (
-    HALF_LETTER,
-    LINE_HEIGHT,
     line_width,
     measured_text,
     reference_text,
@@ -33,20 +33,11 @@ from uavgram.views.style import (
     SEED,
     Rgb,
 )
-from uavgram.views.survey.drawing import in_photo, project_from, sampled, uncovered, visible_runs
+from uavgram.views.survey.drawing import in_photo, project_from, sampled, visible_runs
 from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.survey.off_ground import OffGround
 from uavgram.views.survey.verdict import named_picks
-from uavgram.views.unit_words import in_units
-from uavgram.views.units import units_of
-from uavgram.views.wording import FRAME_STATE_WORDS, number, worst_first
-
-# Pixel and text of a label.
-Word = tuple[Floats, str]
-
-# More labels than this hide the photo: of lines, and of lines and points.
-MOST_LINE_WORDS = 10
-MOST_WORDS = 22
+from uavgram.views.wording import BRIGHTENED, FRAME_STATE_WORDS, worst_first
 
 # Below it the rulers from the ground to points off it, by where their heights are from.
 HEIGHTS = "heights"
@@ -75,7 +66,12 @@ NAME_ABOVE = 0.075
 
 
 def log_overlay(
-    recorder: Recorder, result: Result, scene: Scene, picks: FramePicks, photo: str
+    recorder: Recorder,
+    result: Result,
+    scene: Scene,
+    picks: FramePicks,
+    photo: str,
+    brightened: Collection[int] = (),
 ) -> None:
     """Log all that is drawn on the photo, below the entity `photo`.
 
@@ -91,21 +87,25 @@ def log_overlay(
         By frame, with their projections [px].
     photo
         Path of the photo's entity.
+    brightened
+        Rows of the frames whose photos are brighter than the files.
     """
     words = _lines(recorder, result, picks, photo)
     if scene.off_ground is not None:
         _rulers(recorder, result, scene.off_ground, picks, photo)
     _residuals(recorder, result, scene, picks, photo)
-    _names(recorder, result, picks, words, photo)
-    _title(recorder, result, photo)
+    log_names(recorder, result, picks, words, photo)
+    _title(recorder, result, photo, brightened)
 
 
-def _title(recorder: Recorder, result: Result, photo: str) -> None:
+def _title(recorder: Recorder, result: Result, photo: str, brightened: Collection[int]) -> None:
     """Name and state of each photo above it."""
     spot = np.array([[0.5 * result.camera.width_px, -NAME_ABOVE * result.camera.height_px]])
     texts = [
-        [f"{name}: {FRAME_STATE_WORDS[state]}"]
-        for name, state in zip(result.frames.frame_id, frame_states(result), strict=True)
+        [f"{name}: {FRAME_STATE_WORDS[state]}{f', {BRIGHTENED}' if k in brightened else ''}"]
+        for k, (name, state) in enumerate(
+            zip(result.frames.frame_id, frame_states(result), strict=True)
+        )
     ]
     log_texts(recorder, f"{photo}/name", [spot] * len(texts), texts)
 
@@ -244,37 +244,3 @@ def _rulers(
         log_polylines(
             recorder, f"{photo}/{HEIGHTS}/{source}", per_frame, HEIGHT_COLOURS[source], RULER_WIDTH
         )
-
-
-def _with_heights(result: Result) -> dict[str, str]:
-    """``V21 +1.40 m`` of each point off the ground."""
-    points = result.points
-    rows = np.flatnonzero(points.is_off_ground).tolist()
-    heights = [number(points.height_above_ground_m[row], 2, signed=True) for row in rows]
-    return {
-        points.label[row]: f"{points.label[row]} {in_units(f'{height} m', units_of(result))}"
-        for row, height in zip(rows, heights, strict=True)
-    }
-
-
-def _names(
-    recorder: Recorder, result: Result, picks: FramePicks, words: list[list[Word]], photo: str
-) -> None:
-    """Texts of the lines, then names of the points, as far as they do not cover each other."""
-    anchors, texts, named = [], [], _with_heights(result)
-    for rows, lines in zip(picks.rows, words, strict=True):
-        kept = _fitting(result, lines, MOST_LINE_WORDS)
-        labels = [result.picks.label[p] for p in rows]
-        at = result.picks.pixel_px[rows]
-        names = [(spot, named.get(label, label)) for spot, label in zip(at, labels, strict=True)]
-        every = _fitting(result, kept + names, MOST_WORDS)
-        anchors.append(np.reshape([anchor for anchor, _ in every], (-1, 2)))
-        texts.append([text for _, text in every])
-    log_texts(recorder, f"{photo}/labels", anchors, texts)
-
-
-def _fitting(result: Result, words: list[Word], most: int) -> list[Word]:
-    at = np.reshape([anchor for anchor, _ in words], (-1, 2))
-    half_widths = HALF_LETTER * result.camera.width_px * np.array([len(t) for _, t in words])
-    kept = uncovered(at, half_widths, LINE_HEIGHT * result.camera.height_px, most)
-    return [words[k] for k in kept]

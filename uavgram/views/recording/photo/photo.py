@@ -65,7 +65,9 @@ def log_camera(recorder: Recorder, result: Result, scene: Scene) -> None:
     )
 
 
-def log_photos(recorder: Recorder, result: Result, photos: Iterable[tuple[str, Preview]]) -> None:
+def log_photos(
+    recorder: Recorder, result: Result, photos: Iterable[tuple[str, Preview]]
+) -> frozenset[int]:
     """Log JPEGs as they come, a few at a time; their scale puts them back into original pixels.
 
     Parameters
@@ -76,12 +78,17 @@ def log_photos(recorder: Recorder, result: Result, photos: Iterable[tuple[str, P
         Of the run.
     photos
         Frame names and reduced photos, in any order.
+
+    Returns
+    -------
+    Rows of the frames whose photos are brightened, to be seen.
     """
     row = {name: i for i, name in enumerate(result.frames.frame_id)}
     shown = np.zeros(len(row), dtype=np.float32)
-    coming = iter(photos)
+    coming, brightened = iter(photos), set[int]()
     while some := {row[name]: photo for name, photo in islice(coming, PHOTOS_PER_CHUNK)}:
         shown[list(some)] = 1.0
+        brightened |= {k for k, photo in some.items() if not photo.tone.is_identity}
         _log_some(recorder, some)
     if shown.any():
         recorder.static(
@@ -89,6 +96,7 @@ def log_photos(recorder: Recorder, result: Result, photos: Iterable[tuple[str, P
         )
         # a frame without a photo must not show that of the frame before
         recorder.each(PICTURE, lambda rows: rr.EncodedImage.columns(opacity=shown[rows]))
+    return frozenset(brightened)
 
 
 def _log_some(recorder: Recorder, photos: dict[int, Preview]) -> None:

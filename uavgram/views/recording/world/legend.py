@@ -53,7 +53,7 @@ HEIGHT_WORDS = {
 SOURCE_MARKS: dict[Source, str] = {"match": "matched (x)", "target": "target (square)"}
 
 
-def log_legend(recorder: Recorder, result: Result, scene: Scene, ground_gain: float) -> None:
+def log_legend(recorder: Recorder, result: Result, scene: Scene, *, brightened: bool) -> None:
     """Log the picture.
 
     Parameters
@@ -64,14 +64,14 @@ def log_legend(recorder: Recorder, result: Result, scene: Scene, ground_gain: fl
         Of the run.
     scene
         Sizes that the pictures are scaled by.
-    ground_gain
-        How many times brighter than in the photos the ground is.
+    brightened
+        Whether the ground is brighter than in the photos.
     """
-    image = np.asarray(draw_legend(result, scene, ground_gain))
+    image = np.asarray(draw_legend(result, scene, brightened=brightened))
     recorder.static(LEGEND, rr.Image(image, color_model="RGB").compress(jpeg_quality=92))
 
 
-def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image.Image:
+def draw_legend(result: Result, scene: Scene, *, brightened: bool = False) -> Image.Image:
     """The verdict, swatches of the lines that occur, the ellipses' colour scale, and remarks.
 
     Parameters
@@ -80,8 +80,8 @@ def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image
         Of the run.
     scene
         Sizes that the pictures are scaled by.
-    ground_gain
-        How many times brighter than in the photos the ground is.
+    brightened
+        Whether the ground is brighter than in the photos.
     """
     image = Image.new("RGB", (2 * WIDTH_PX, HEIGHT_PX), BACKGROUND)
     pen = ImageDraw.Draw(image)
@@ -97,8 +97,8 @@ def draw_legend(result: Result, scene: Scene, ground_gain: float = 1.0) -> Image
     if scene.worst_point is not None:
         right = _scale(pen, font, result, scene, right)
     remarks = ["± is one sigma"]
-    if ground_gain != 1.0:
-        remarks.append(f"ground {ground_gain:g} x brighter")
+    if brightened:
+        remarks.append("ground brightened")
     if scene.off_ground is not None:
         remarks.append(f"ellipsoids off the ground {enlarged(scene.ellipsoid_factor)}")
     ends = [right, right]

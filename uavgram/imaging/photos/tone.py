@@ -1,0 +1,134 @@
+"""How bright a picture is shown: one monotone curve, for looking only.
+
+What is measured never passes here: snapping, matching and targets see the photo's own pixels. The
+page, the recording and the rectified picture take the same curve, so that a photo looks alike
+everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+Values = NDArray[np.uint8]
+
+
+WHITE = 255.0
+
+DARK = 110.0
+"""A picture whose brightest hundredth is darker than this can hardly be seen on a dark page."""
+
+NOISE, FLAT = 24.0, 40.0
+"""Nor can one be read well whose values lie within 40 of the 256, such as haze; but where they lie
+within 24, there is nothing to see: bare asphalt, and noise."""
+
+DUSK = 40.0
+"""Half of the picture below this is dusk, whatever its lamps say."""
+
+BLACK_PERCENTILE, WHITE_PERCENTILE, BRIGHT_PERCENTILE = 0.5, 99.5, 99.0
+
+MOST_GAIN = 5.0
+"""Beyond it the noise and the blocks of a JPEG are all that is brightened."""
+
+MIDDLE, LEAST_GAMMA, MOST_GAMMA = 0.4, 0.1, 10.0
+"""The median is lifted up to here where it stays below half of it."""
+
+SMALL_PX = 256
+"""Longer side of the picture whose values are looked at."""
+
+
+@dataclass(frozen=True)
+class Tone:
+    """A monotone curve from the photo's values to the screen's.
+
+    Attributes
+    ----------
+    black, white
+        Values of the photo that become 0 and 255; what lies outside is cut. They may lie beyond 0
+        and 255: then the contrast is less than the photo's.
+    gamma
+        More than 1 lifts the middle.
+    """
+
+    black: float = 0.0
+    white: float = WHITE
+    gamma: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (self.white - self.black >= 1.0 and LEAST_GAMMA <= self.gamma <= MOST_GAMMA):
+            raise ValueError(f"no curve of brightness: {self}")
+
+    @property
+    def is_identity(self) -> bool:
+        """Whether the photo is shown as it is."""
+        return self == AS_IT_IS
+
+
+AS_IT_IS = Tone()
+
+
+def automatic_tone(pixels: Values) -> Tone:
+    """How a picture is shown where nobody chose: as it is, unless it is dark or flat.
+
+    Parameters
+    ----------
+    pixels
+        (height, width) grey, (height, width, 3) or (n, 1, 3) BGR; a reduced one will do.
+    """
+    values = _luminance(pixels)
+    return _stretched(values) if values.size and _is_hard_to_see(values) else AS_IT_IS
+
+
+def stretched_tone(pixels: Values) -> Tone:
+    """The curve that makes the most of a picture's values, well exposed or not; see above."""
+    values = _luminance(pixels)
+    return _stretched(values) if values.size else AS_IT_IS
+
+
+def _is_hard_to_see(values: Values) -> bool:
+    black, median, bright, white = np.percentile(
+        values, [BLACK_PERCENTILE, 50.0, BRIGHT_PERCENTILE, WHITE_PERCENTILE]
+    )
+    return bool(bright < DARK or median < DUSK or NOISE < white - black < FLAT)
+
+
+def _stretched(values: Values) -> Tone:
+    black, median, white = np.percentile(values, [BLACK_PERCENTILE, 50.0, WHITE_PERCENTILE])
+    least = WHITE / MOST_GAIN
+    if white - black < least:  # about its middle, but not below black
+        middle = max((black + white) / 2.0, least / 2.0)
+        black, white = middle - least / 2.0, middle + least / 2.0
+    share = float((median - black) / (white - black))
+    gamma = 1.0
+    if 0.0 < share < MIDDLE / 2.0:
+        gamma = min(math.log(share) / math.log(MIDDLE), MOST_GAMMA)
+    return Tone(round(float(black), 1), round(float(white), 1), round(gamma, 2))
+
+
+def _luminance(pixels: Values) -> Values:
+    """Grey of a reduced copy: whatever size the picture came in, its curve is the same."""
+    height, width = pixels.shape[:2]
+    share = SMALL_PX / max(height, width, 1)
+    if share < 1.0 and min(height, width) > 1:
+        size = max(1, round(share * width)), max(1, round(share * height))
+        pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
+    if pixels.ndim == 2 or not pixels.size:
+        return pixels
+    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), np.uint8)
+
+
+def curve(tone: Tone) -> Values:
+    """(256,) what each value becomes: never falling."""
+    share = np.clip((np.arange(256.0) - tone.black) / (tone.white - tone.black), 0.0, 1.0)
+    return np.round(WHITE * share ** (1.0 / tone.gamma)).astype(np.uint8)
+
+
+def toned(pixels: Values, tone: Tone) -> Values:
+    """Pixels as they are shown: the same array where nothing is changed."""
+    if tone.is_identity:
+        return pixels
+    return np.asarray(cv2.LUT(pixels, curve(tone)), dtype=np.uint8)
