@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import chain, islice, repeat
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -25,7 +24,7 @@ MOST = 26
 """Clicks and keys, besides the digits of the lengths."""
 
 FIRST, SECOND = 4, 5
-"""The photos that are picked in: one after the other in the list, and both show all eight points."""
+"""The photos that are picked in: neighbours in the list, and both show all eight points."""
 
 TAPED = (("R3", "R7"), ("P5", "P13"), ("P11", "P12"), ("P9", "P14"))
 WANTED = (("R3", "P14"), ("P5", "P11"), ("P12", "P13"))
