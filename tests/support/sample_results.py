@@ -72,6 +72,8 @@ def _points(rng: np.random.Generator) -> PointResults:
         latitude_deg=np.array([50.1, 50.1002, 50.1001]),
         longitude_deg=np.array([-104.6, -104.6003, -104.5999]),
         frames=(("a.jpg", "b.jpg"), ("a.jpg",), ()),
+        neighbour_sigma_m=np.array([0.004, 0.0315, np.nan]),
+        neighbours=(("Q;ü", "R"), ("R", "P"), ()),
     )
 
 

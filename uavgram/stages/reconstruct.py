@@ -8,6 +8,7 @@ import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.departures import departures, heights_above_ground
+from uavgram.estimation.survey.neighbours import neighbours
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
 from uavgram.model.arrays import Floats
@@ -35,6 +36,7 @@ def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = (
     latitude, longitude = _geographic(position, world)
     departure, departure_sigma = departures(adjustment)
     height, height_sigma = heights_above_ground(adjustment)
+    around = neighbours(adjustment)
     return PointResults(
         label=survey.label,
         position_world_m=position,
@@ -51,6 +53,8 @@ def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = (
         longitude_deg=longitude,
         frames=_frames_of_points(survey),
         height_source=_height_sources(survey, found),
+        neighbour_sigma_m=around.sigma_m,
+        neighbours=tuple(tuple(survey.label[k] for k in row) for row in around.row.tolist()),
     )
 
 

@@ -107,6 +107,12 @@ FRAME_STATE_WORDS = {**FRAME_STATUS_WORDS, "check": "to check"}
 BRIGHTENED = "brightened for display"
 """Of a picture that is shown brighter than its file, which stays as it is."""
 
+WHY_TO_NEIGHBOURS = (
+    "How well a point is known is told by the distances to the points next to it: ± is the "
+    "standard deviation of such a distance, the middle one of up to five. Points far away do not "
+    "change it."
+)
+
 WHY_TWO_ELLIPSES = (
     "Ellipses within the survey are free of the shift and turn that all points have in common, "
     "such as the bias of the flight's receiver; ellipses on the earth contain it. It cancels in "

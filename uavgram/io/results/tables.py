@@ -86,6 +86,8 @@ _EARLIER_POINT: Record = {
     "height_sigma_m": None,
     "covariance_m3": [[None] * 3] * 3,
     "height_source": "",
+    "neighbour_sigma_m": None,
+    "neighbours": [],
 }
 """What points lack in files of earlier versions."""
 

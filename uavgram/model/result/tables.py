@@ -143,6 +143,12 @@ class PointResults(FrozenArrays):
         (K,) NaN with gauge ``plane``.
     frames
         (K,) the names of the frames in which it was picked and used.
+    neighbour_sigma_m
+        (K,) how well it is known against the points next to it: the median of the standard
+        deviations of the distances to them. NaN of a point that is alone, and in results of
+        versions that did not tell.
+    neighbours
+        (K,) their names, the nearest first.
     """
 
     label: Annotated[tuple[str, ...], "n"]
@@ -160,8 +166,15 @@ class PointResults(FrozenArrays):
     longitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     frames: tuple[tuple[str, ...], ...]
     height_source: Annotated[tuple[HeightSource, ...], "n"] = ()
+    neighbour_sigma_m: Annotated[Floats, "n", NAN_IS_NONE] = field(
+        default_factory=lambda: np.zeros(0)
+    )
+    neighbours: tuple[tuple[str, ...], ...] = ()
 
     def __post_init__(self) -> None:
+        if not self.neighbours:
+            object.__setattr__(self, "neighbour_sigma_m", np.full(len(self.label), np.nan))
+            object.__setattr__(self, "neighbours", ((),) * len(self.label))
         if not self.height_source:
             told = np.isfinite(self.height_above_ground_m)
             off = np.where(self.height_sigma_m > 0, "free", "stated")

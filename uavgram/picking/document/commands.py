@@ -15,7 +15,7 @@ from typing import Literal
 from uavgram.model.camera.calibration import LensModel
 from uavgram.model.survey.observations import Along, MeasurementKind, Source
 
-Target = Literal["corner", "circle"]
+Target = Literal["any", "target"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,6 +223,13 @@ class SideView:
     name: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Ties:
+    """Where a photo shows tie points."""
+
+    image: str
+
+
 @dataclass(frozen=True)
 class Export:
     """Save, run the project as `uavgram run` does, and write all its outputs."""
@@ -296,4 +303,4 @@ ProjectAction = (
     | StopCalibration
     | UseCamera
 )
-Question = Snap | SameGround | SideView
+Question = Snap | SameGround | SideView | Ties

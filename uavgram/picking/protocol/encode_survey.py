@@ -142,11 +142,16 @@ def unadjusted_json(why: str, messages: Iterable[Message]) -> Json:
 
 
 def _points(adjusted: Adjusted) -> Json:
-    """Sigmas east and north within the survey; of points off the ground, how high they stand."""
+    """How well they are known, within the survey and against their neighbours; their heights."""
     points, standings = adjusted.result.points, point_standings(adjusted.result)
     sigma = np.sqrt(np.einsum("kii->ki", points.relative.covariance_m2))
     found: Json = {
-        label: {"sigma_m": numbers(sigma[k]), **standings[label]}
+        label: {
+            "sigma_m": numbers(sigma[k]),
+            "neighbour_sigma_m": number(points.neighbour_sigma_m[k]),
+            "neighbours": list(points.neighbours[k]),
+            **standings[label],
+        }
         for k, label in enumerate(points.label)
     }
     for k in np.flatnonzero(points.is_off_ground):

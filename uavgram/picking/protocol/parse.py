@@ -41,7 +41,7 @@ LARGEST_INTEGER = 2**53
 
 _UNIT = re.compile(r"_(px|m)$")  # of a field; people know the field without it
 
-_TARGETS: tuple[c.Target, ...] = ("corner", "circle")
+_TARGETS: tuple[c.Target, ...] = ("any", "target")
 
 Choice = TypeVar("Choice", bound=str)
 
@@ -389,4 +389,5 @@ _KINDS: dict[str, type[Body]] = {
     "snap": c.Snap,
     "ground": c.SameGround,
     "side": c.SideView,
+    "ties": c.Ties,
 }

@@ -171,6 +171,7 @@ export const KEYS = [
     { keys: "Ctrl+1  2  4", what: "panes", does: Object.fromEntries([1, 2, 4].map((count) => [`Ctrl+${count}`, /** @type {Act} */ (({ setPanes }) => setPanes(count))])) },
     { keys: "K", what: "all panes show the same ground", does: { k: ({ panes }) => panes.toggleLink() } },
     { keys: "E R O T U", what: "ellipses, residuals, predictions, labels, lines", does: toggles({ e: "ellipses", r: "residuals", o: "predicted", t: "labels", u: "lines" }) },
+    { keys: "Shift+T", what: "tie points", does: { T: ({ navigation }) => void navigation.toggleTies() } },
     { keys: "M", what: "magnifier; by touch: let a finger rest, slide, and lift it to place", does: { m: ({ navigation }) => navigation.toggleLoupe() } },
     { keys: "0   [ ]   { }", what: "brightness: automatic or as it is; darker, brighter; contrast", does: {
       0: ({ panes }) => { if (panes.active) toggleStretch(panes.active.image); },
@@ -181,7 +182,7 @@ export const KEYS = [
     { keys: "drag, Shift + drag", what: "move; ten times finer" },
     { keys: "arrows, Shift, Alt", what: "nudge by 0.1, 1, 10 px", does: arrows("", ({ navigation }, dx, dy, { shiftKey, altKey }) => navigation.arrow(dx, dy, shiftKey ? 1 : altKey ? 10 : 0.1)) },
     { keys: "G", what: "go to where the label is expected", does: { g: ({ navigation }) => navigation.goToPredicted() } },
-    { keys: "S, Shift+S", what: "snap to a corner, to a round target", does: { s: ({ tools }) => void snap(tools, "corner"), S: ({ tools }) => void snap(tools, "circle") } },
+    { keys: "S, Shift+S", what: "snap to the target or corner there; to a target alone", does: { s: ({ tools }) => void snap(tools, "any"), S: ({ tools }) => void snap(tools, "target") } },
     { keys: "Q", what: "height: free (found from photos), or on the ground", does: { q: ({ tools }) => tools.heights.toggle() } },
     { keys: "N, B, Tab", what: "next, previous point", does: { n: ({ navigation }) => navigation.step(1), b: ({ navigation }) => navigation.step(-1) } },
     { keys: "/", what: "to the label: type one, Enter selects it", does: { "/": ({ tools }) => tools.toLabel() } },

@@ -4,7 +4,7 @@
 /** @import { View } from "../photos/view.js" */
 /** @import { ToolName } from "./keys.js" */
 
-/** @typedef {"ellipses" | "residuals" | "predicted" | "labels" | "lines"} ShownKind */
+/** @typedef {"ellipses" | "residuals" | "predicted" | "labels" | "lines" | "ties"} ShownKind */
 /** @typedef {Record<ShownKind, boolean>} Shown */
 /** @typedef {"measure" | "frames" | "camera"} Tab */
 
@@ -29,7 +29,9 @@ export class PageState {
     /** @type {Entry | null} */
     this.entry = null;
     /** @type {Shown} */
-    this.shown = { ellipses: true, residuals: true, predicted: true, labels: true, lines: true };
+    this.shown = { ellipses: true, residuals: true, predicted: true, labels: true, lines: true, ties: false };
+    /** @type {{ image: number, places: [number, number][] } | null} */
+    this.alike = null; // what a snap could not tell apart
     this.magnifies = true;
     this.spaceHeld = false; // a drag pans
     this.typed = false; // the label was typed since the last point was placed

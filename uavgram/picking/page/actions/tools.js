@@ -3,7 +3,7 @@
 import { freeName, labels, pickAt, pickKey, store } from "../connection/store.js";
 import { as, byId } from "../elements/dom.js";
 import { Question } from "../elements/question.js";
-import { entryMessage, noNumber, parse, showFault } from "../panel/entry.js";
+import { entryMessage, noNumber, parse, showFault, typedForm } from "../panel/entry.js";
 import { placeFault } from "../panel/speed.js";
 import { byHand, goneWith } from "../photos/sources.js";
 import { Heights } from "./heights.js";
@@ -134,7 +134,7 @@ export class Tools {
   /** @param {Pane} pane @param {string} label @param {number} u_px @param {number} v_px @param {number | null} sigma_px */
   placeAt(pane, label, u_px, v_px, sigma_px = null) {
     this.send({ t: "place", image: pane.image, label, u_px, v_px, sigma_px });
-    this.state.selected = label;
+    Object.assign(this.state, { selected: label, alike: null });
     this.names.put(label, true);
   }
 
@@ -158,6 +158,9 @@ export class Tools {
 
   /** @param {string} label */
   extend(label) {
+    const form = this.state.entry && typedForm();
+    if (form) this.entered(form); // as Enter does
+    if (form && this.state.entry) return; // and says what is wrong
     const { draft, tool } = this.state;
     const { apart, most } = TOOLS[tool];
     if (draft.at(-1) === label) return;
@@ -241,8 +244,7 @@ export class Tools {
     this.notice.hide();
     panes.active?.calm();
     const nothing = !state.draft.length && !state.entry;
-    state.draft = [];
-    state.entry = null;
+    Object.assign(state, { draft: [], entry: null, alike: null });
     if (nothing && state.tool === "pick") Object.assign(state, { selected: null, side: null });
     if (nothing) this.setTool("pick");
     else this.rebuild();

@@ -64,7 +64,7 @@ export interface LengthFit extends Trust { adjusted_m: Maybe; sigma_m: Maybe; w:
 export interface Remark extends Note { plain: string; labels: string[]; frames: number[]; lengths: string[]; measurements: string[]; mends: Mend[]; show: { image: number; label: string } | null }
 export interface Mend { words: string; changes: SingleChange[] } // sent as one step: { t: "all", changes }
 export type Places = Record<string, [number, number] | undefined>; // latitude and longitude by label
-export interface AdjustedPoint extends Trust { sigma_m: Maybe[]; height_m?: Maybe; height_sigma_m?: Maybe } // over the ground, where it is off it
+export interface AdjustedPoint extends Trust { sigma_m: Maybe[]; neighbour_sigma_m: Maybe; neighbours: string[]; height_m?: Maybe; height_sigma_m?: Maybe } // over the ground, where it is off it
 export interface Adjusted {
   mode: "adjusted"; seconds: number; verdict: Verdict;
   points: Record<string, AdjustedPoint | undefined>;
@@ -122,17 +122,18 @@ export type SingleChange = Place | SetLine | SetMeasurement
   | { t: "sigma"; image: number; label: string; sigma_px: Maybe } | SetHeight
   | { t: "remove-line"; name: string } | { t: "remove-measurement"; name: string };
 
-export type Target = "corner" | "circle";
+export type Target = "any" | "target"; // the likeliest thing; marks that people put down alone
 export type Question =
   | { t: "snap"; image: number; u_px: number; v_px: number; target: Target; expected?: string } | { t: "ground"; image: number; u_px: number; v_px: number }
-  | { t: "side"; name: string } | { t: "refuse"; pairs: Pair[] } | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
+  | { t: "side"; name: string } | { t: "ties"; image: number } | { t: "refuse"; pairs: Pair[] } | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
   | { t: "calibrate"; folder: number; board: string; model: string };
 type Placed = [Maybe, Maybe]; // value and sigma [m]
 export interface SidePoint { label: string; station_m: Placed; offset_m: Placed; height_m: Placed; ground_m: Placed } // heights over the first point
 interface Done { t: "done"; why?: string }
 export interface Answers {
-  snap: { t: "snapped"; why: string } | { t: "snapped"; why?: undefined; u_px: number; v_px: number; sigma_px: number };
+  snap: { t: "snapped"; why: string; places_px: [number, number][] } | { t: "snapped"; why?: undefined; u_px: number; v_px: number; sigma_px: number; what: "corner" | "target" };
   side: { t: "side"; points: SidePoint[] };
+  ties: { t: "ties"; places_px: [number, number][] };
   ground: { t: "ground"; places: Record<number, [number, number, number] | undefined> }; // u, v [px] and scale
   export: { t: "exported"; why?: string; outputs?: Outputs };
   folders: { t: "folders"; why?: string; folders: Folder[] };

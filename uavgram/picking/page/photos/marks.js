@@ -8,8 +8,10 @@ import { shortText } from "../elements/units.js";
 import { askedParts } from "./asked.js";
 import { showTag } from "./labels.js";
 import { linesIn, pathOf, pathPart, wordsPart } from "./paths.js";
+import { residualOf, residualScale } from "./residuals.js";
 import { stroke, textShape, titleShape } from "./shapes.js";
 import { madeBy, SHAPES, sourceOf } from "./sources.js";
+import { tiesPart } from "./ties.js";
 
 /** @import { Fit, Pick, Predicted, Proposal, Spread, Trust } from "../connection/protocol.js" */
 /** @import { PageState, Shown } from "../actions/page_state.js" */
@@ -37,8 +39,6 @@ import { madeBy, SHAPES, sourceOf } from "./sources.js";
 
 /** @typedef {{ path: Path, text: SVGTextElement | null }} Words */
 
-const RESIDUAL_SCALES = [20, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01]; // screen pixels for each of the photo
-const LONGEST_RESIDUAL_PX = 90;
 const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
 
 export const KNOWN = { control: "M0 -13L11.5 7H-11.5Z", check: "M-10 -10H10V10H-10Z" }; // points with known coordinates
@@ -46,32 +46,20 @@ export const HOLLOW = "M-8 0A8 8 0 1 0 8 0A8 8 0 1 0 -8 0ZM-2 0H2M0 -2V2"; // fo
 export const OCTAGON = "M-6 -14H6L14 -6V6L6 14H-6L-14 6V-6Z"; // a point that something contradicts: stop
 export const DIAMOND = "M0 -13L13 0L0 13L-13 0Z";
 
-// The residual of a pick where there is one.
-/** @param {Fit | undefined} fit @returns {[number, number] | null} */
-function residualOf(fit) {
-  const [u, v] = fit?.residual_px ?? [null, null];
-  return u === null || v === null ? null : [u, v];
-}
-
-// The largest scale that leaves the photo's residuals readable; it is written beside the zoom.
-/** @param {number} image */
-export function residualScale(image) {
-  const longest = Math.max(...picksIn(image).map(({ label }) => Math.hypot(...(residualOf(fitOf(image, label)) ?? [0]))), 1e-9);
-  return RESIDUAL_SCALES.find((scale) => scale * longest <= LONGEST_RESIDUAL_PX) ?? 0.01;
-}
-
 // Everything that is drawn in a photo.
 /** @param {number} image @param {PageState} state @returns {Part[]} */
-export function buildMarks(image, { selected, shown, draft, asked }) {
+export function buildMarks(image, { selected, shown, draft, asked, alike }) {
   const paths = shown.lines ? linesIn(image, selected) : [];
   const drawn = draft.length ? pathOf(image, draft, "draft", "", false) : null;
   const scale = residualScale(image);
   return [
+    ...(shown.ties ? [tiesPart(image)] : []),
     ...paths.map(({ name, path }) => pathPart(image, name, path)),
     ...paths.filter(({ path }) => path.words).map(({ name, path }) => wordsPart(name, path)), // over all lines
     ...(drawn ? [pathPart(image, "", drawn)] : []),
     ...(shown.predicted ? predictedIn(image).map((one) => predictedPart(one, selected, shown)) : []),
     ...(shown.predicted ? proposals().filter((one) => one.image === image).map((one) => proposalPart(one, selected, shown)) : []),
+    ...(alike?.image === image ? alike.places.map(alikePart) : []),
     ...picksIn(image).map((pick) => pickPart(pick, selected, shown, scale)),
     ...askedParts(asked, image),
   ];
@@ -187,6 +175,17 @@ function proposalPart(one, selected, shown) {
       return group;
     },
     move: (group, view) => { place(group, view, u_px, v_px); showTag(group); },
+  };
+}
+
+// One of several that a label may be meant to be on.
+/** @param {[number, number]} at @param {number} number @returns {Part} */
+function alikePart(at, number) {
+  return {
+    key: `alike ${number}`,
+    sign: JSON.stringify(at),
+    make: () => shape("g", { class: "alike", role: "img", "data-alike": number, "aria-label": `may be meant: u ${at[0].toFixed(1)}, v ${at[1].toFixed(1)}` }, ...stroke(HOLLOW)),
+    move: (group, view) => place(group, view, ...at),
   };
 }
 

@@ -1,0 +1,150 @@
+"""How well each point is known against those around it: the sigmas of distances to its neighbours.
+
+Where receivers and compasses put a survey says nothing about its shape, and a datum that all points
+make together moves with every point that joins them. A distance hangs on neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+from scipy.spatial import cKDTree
+
+from uavgram.estimation.solver.normal_equations import Block, Factor
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Floats, Ints
+
+NEIGHBOURS = 5
+"""An odd number, so that the median is one of them; two that are badly known do not change it."""
+
+MOST_SOLVED = 2_000
+"""Distances up to which each is solved for where the inverse is not at hand as a whole; beyond
+that their variances are taken from draws of all unknowns."""
+
+DRAWS = 128
+"""The standard deviation of a sigma from so many draws is 6 %: 1 / sqrt(2 n)."""
+
+_AT_ONCE, _SEED = 32, 20
+
+
+@dataclass(frozen=True, eq=False)
+class Neighbours:
+    """The points next to each of K points, k = min(5, K - 1) of them.
+
+    Attributes
+    ----------
+    row
+        (K, k) which, the nearest first.
+    distance_sigma_m
+        (K, k) standard deviations of the distances to them.
+    """
+
+    row: Ints
+    distance_sigma_m: Floats
+
+    @property
+    def sigma_m(self) -> Floats:
+        """(K,) the median of them; NaN of a point that is alone."""
+        if not self.row.shape[1]:
+            return np.full(len(self.row), np.nan)
+        return np.asarray(np.median(self.distance_sigma_m, axis=1))
+
+
+def neighbours(adjustment: Adjustment) -> Neighbours:
+    """The nearest points of every point, and how well the distances to them are known.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+
+    Notes
+    -----
+    Geodesy rates a point likewise, as its local accuracy: the mean of the relative accuracies
+    between it and those next to it (FGDC-STD-007.2-1998, Geospatial Positioning Accuracy Standards,
+    part 2). The median in its place, as one neighbour that hardly any photo shows must not rate
+    all around it.
+    """
+    count = adjustment.problem.layout.points
+    place, gradient, columns = adjustment.points_with_jacobian(np.arange(count))
+    row = _nearest(place)
+    if not row.size:
+        return Neighbours(row, np.zeros(row.shape))
+    here = np.repeat(np.arange(count), row.shape[1])
+    pair, which = np.unique(
+        np.sort(np.column_stack([here, row.ravel()])), axis=0, return_inverse=True
+    )
+    one, other = pair.T
+    apart = place[other] - place[one]
+    length = np.linalg.norm(apart, axis=1, keepdims=True)
+    direction = np.where(length > 0, apart, [1.0, 0.0, 0.0]) / np.where(length > 0, length, 1.0)
+    by = np.concatenate(
+        [
+            -np.einsum("ni,nij->nj", direction, gradient[one]),
+            np.einsum("ni,nij->nj", direction, gradient[other]),
+        ],
+        axis=1,
+    )
+    variance = _variances(adjustment, np.concatenate([columns[one], columns[other]], axis=1), by)
+    return Neighbours(row, np.sqrt(variance)[which.ravel()].reshape(row.shape))
+
+
+def _nearest(place_m: Floats) -> Ints:
+    """(K, k) the nearest others of places (K, 3)."""
+    count = len(place_m)
+    wanted = min(NEIGHBOURS, count - 1)
+    if wanted < 1:
+        return np.zeros((count, 0), dtype=np.int64)
+    found = np.asarray(cKDTree(place_m).query(place_m, wanted + 1)[1], dtype=np.int64)
+    # The point itself is one of them, not always the first: another may stand at the same place.
+    itself = found == np.arange(count)[:, None]
+    itself[~itself.any(axis=1), -1] = True
+    return np.asarray(found[~itself].reshape(count, wanted), dtype=np.int64)
+
+
+def _variances(adjustment: Adjustment, columns: Ints, by: Floats) -> Floats:
+    """Variances (n,) of linear functions: their gradients (n, k) by unknowns (n, k)."""
+    factor = adjustment.minimum.factor
+    if not factor.sparse:
+        joint = adjustment.covariance.blocks(columns)
+        return np.asarray(np.einsum("ni,nij,nj->n", by, joint, by))
+    if len(columns) <= MOST_SOLVED:
+        return factor.variances(columns, by)
+    return drawn_variances(factor, adjustment.minimum.blocks.values(), columns, by)
+
+
+def drawn_variances(factor: Factor, blocks: Iterable[Block], columns: Ints, by: Floats) -> Floats:
+    """Variances (n,) of linear functions from `DRAWS` draws of all unknowns.
+
+    Parameters
+    ----------
+    factor, blocks
+        The normal matrix N = J^T J and the whitened rows J that make it: with z of unit variance
+        N^-1 J^T z has the covariance N^-1.
+    columns, by
+        The functions: their gradients (n, k) by unknowns (n, k).
+    """
+    rng = np.random.default_rng(_SEED)
+    rows = [_sparse(block, factor.size) for block in blocks]
+    total = np.zeros(len(columns))
+    for _ in range(DRAWS // _AT_ONCE):
+        right = np.zeros((factor.size, _AT_ONCE))
+        for jacobian in rows:
+            right += jacobian.T @ rng.standard_normal((jacobian.shape[0], _AT_ONCE))
+        drawn = factor.solve(right)
+        value = np.zeros((len(columns), _AT_ONCE))
+        for k in range(by.shape[1]):  # one at a time: all of them at once are too many numbers
+            value += by[:, [k]] * drawn[columns[:, k]]
+        total += np.sum(value**2, axis=1)
+    return total / DRAWS
+
+
+def _sparse(block: Block, size: int) -> scipy.sparse.csr_array:
+    """The rows (n r, size) of a block."""
+    n, r, k = block.jacobian.shape
+    column = np.repeat(block.columns, r, axis=0)
+    begin = np.arange(0, n * r * k + 1, k)
+    return scipy.sparse.csr_array((block.jacobian.ravel(), column.ravel(), begin), (n * r, size))
