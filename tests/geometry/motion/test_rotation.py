@@ -17,6 +17,7 @@ from uavgram.geometry.motion.rotation import (
     log_so3,
     matrix_from_xyzw,
     matrix_from_ypr,
+    nearest_rotation,
     right_jacobian,
     right_jacobian_inverse,
     xyzw_from_matrix,
@@ -166,3 +167,18 @@ def test_inputs_stay_as_they_were() -> None:
         array.flags.writeable = False
     hat(v), exp_so3(v), right_jacobian(v), right_jacobian_inverse(v)
     matrix_from_xyzw(q), xyzw_from_matrix(r), log_so3(r), ypr_from_matrix(r)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_nearest_rotation_is_the_one_that_aligns_vectors_best(sign: float) -> None:
+    rng = np.random.default_rng(7)
+    seen = rng.normal(size=(6, 9, 3))
+    turned = seen @ exp_so3(rng.normal(size=(6, 3))).swapaxes(1, 2)
+    turned = sign * (turned + 0.1 * rng.normal(size=seen.shape))
+    expected = [
+        Rotation.align_vectors(a, b)[0].as_matrix() for a, b in zip(turned, seen, strict=True)
+    ]
+
+    found = nearest_rotation(turned.swapaxes(1, 2) @ seen)
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+    np.testing.assert_allclose(nearest_rotation(turned[0].T @ seen[0]), expected[0], atol=1e-9)

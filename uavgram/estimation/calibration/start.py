@@ -8,6 +8,7 @@ from uavgram.estimation.calibration.adjustment import fit_poses
 from uavgram.estimation.calibration.normals import UndeterminedError
 from uavgram.estimation.calibration.problem import Corners, Lens, State, linearise
 from uavgram.geometry.camera.projection import back_project
+from uavgram.geometry.motion.rotation import nearest_rotation
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import LensModel
 
@@ -232,9 +233,8 @@ def poses_from_rays(
     length = np.linalg.norm(homography[:, :, :2], axis=1)
     homography /= np.sqrt(length[:, 0] * length[:, 1])[:, None, None]
     first, second, middle = np.moveaxis(homography, 2, 0)
-    left, _, right = np.linalg.svd(np.stack([first, second, np.cross(first, second)], axis=2))
-    left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
-    return left @ right, middle
+    rough = np.stack([first, second, np.cross(first, second)], axis=2)
+    return nearest_rotation(rough), middle
 
 
 def better_of_two(lens: Lens, corners: Corners, state: State) -> State:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.motion.rotation import exp_so3, hat
+from uavgram.geometry.motion.rotation import exp_so3, hat, nearest_rotation
 from uavgram.model.arrays import Floats
 
 Pose = tuple[Floats, Floats]
@@ -67,8 +67,7 @@ def _pose_from_homography(homography: Floats, mean: Floats, size: float) -> tupl
         homography = -homography
     first, second, translation = homography.T
     rough = np.stack([first, second, np.cross(first, second)], axis=1)
-    left, _, right = np.linalg.svd(rough)
-    camera_from_plane = left @ np.diag([1, 1, np.linalg.det(left @ right)]) @ right
+    camera_from_plane = nearest_rotation(rough)
     center = -camera_from_plane.T @ translation * size
     return center + np.array([*mean, 0.0]), camera_from_plane.T
 

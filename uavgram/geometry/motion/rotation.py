@@ -207,6 +207,17 @@ def ypr_from_matrix(rotation: Floats) -> tuple[Floats, Floats, Floats]:
     return yaw, pitch, roll
 
 
+def nearest_rotation(matrix: Floats) -> Floats:
+    """Rotations with the largest trace of ``R^T M``: the nearest to matrices (..., 3, 3) M.
+
+    Also what turns vectors b onto a best, with M = sum of a b^T (Kabsch 1976, "A solution for the
+    best rotation to relate two sets of vectors"; Umeyama 1991 for the sign).
+    """
+    left, _, right = np.linalg.svd(matrix)
+    left[..., 2] *= np.linalg.det(left @ right)[..., None]
+    return np.asarray(left @ right)
+
+
 def _combine(v: Floats, first: Floats, second: Floats) -> Floats:
     """``I + first hat(v) + second hat(v)^2``."""
     cross = hat(v)

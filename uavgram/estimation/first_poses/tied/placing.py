@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
-from uavgram.geometry.motion.rotation import exp_so3
+from uavgram.geometry.motion.rotation import exp_so3, nearest_rotation
 from uavgram.model.arrays import Bools, Floats, Ints
 
 SAMPLES = 200
@@ -142,8 +142,7 @@ def _similar(
     if upright:
         product[2], product[:, 2] = 0.0, 0.0
         product[2, 2] = np.linalg.norm(product)
-    left, _, right = np.linalg.svd(product)
-    turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    turn = nearest_rotation(product)
     turned = from_source @ turn.T
     scale = float(np.sum(from_target * turned) / np.sum(turned**2))
     shift = target.mean(axis=0) - scale * turn @ source.mean(axis=0)

@@ -14,6 +14,7 @@ from uavgram.estimation.first_poses.tied.growth import (
 )
 from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses, TiedRays
 from uavgram.estimation.first_poses.tied.two_views import relative_poses
+from uavgram.geometry.motion.rotation import nearest_rotation
 from uavgram.model.arrays import Floats, Ints
 
 FEWEST_SHARED = 20
@@ -113,8 +114,7 @@ def _parallax(sightings: TiedRays, first: int, second: int) -> float:
     """Typical angle that is left between the rays of two frames after the best turn [rad]."""
     one, other = sightings.of_pair(first, second)
     ray_one, ray_other = sightings.ray[one], sightings.ray[other]
-    left, _, right = np.linalg.svd(ray_other.T @ ray_one)
-    turn = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    turn = nearest_rotation(ray_other.T @ ray_one)
     return float(np.median(np.linalg.norm(ray_other - ray_one @ turn.T, axis=1)))
 
 
