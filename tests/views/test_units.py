@@ -115,6 +115,7 @@ def test_a_result_of_before_units_is_metric_and_a_result_keeps_them() -> None:
             "in photos 3 and 17 ft 1 in off",
         ),
         ("143.0 ± 0.9 m²", "1539.2 ± 9.7 ft²", "1539.2 ± 9.7 ft²"),
+        ("20 x 30 m", "66 x 98 ft", "66 ft x 98 ft"),
         ("50.1 km/h", "31.13 mph", "31.13 mph"),
         ("13.9 m/s", "31.1 mph", "31.1 mph"),
         ("7.5 km from here", "4.66 mi from here", "4.66 mi from here"),
