@@ -31,7 +31,10 @@ INCH_M = 0.0254
 
 @pytest.mark.parametrize("units", NAMED)
 def test_numbers_are_written_as_the_page_writes_them(units: str) -> None:
-    told = [quantity(*case["value"], NAMED[units]) for case in CASES["quantities"]]
+    told = [
+        quantity(value, sigma, unit, NAMED[units])
+        for value, sigma, unit in (case["value"] for case in CASES["quantities"])
+    ]
 
     assert told == [case[units] for case in CASES["quantities"]]
 
