@@ -27,7 +27,7 @@ def test_run_prints_the_measurements_worst_first_and_then_the_messages(
     shares = [
         row.split("%")[0].split()[-1]
         for row in table.splitlines()[2:]
-        if "%" in row and "m/s" not in row
+        if "%" in row and "km/h" not in row
     ]
     assert len(shares) >= 7
     assert shares == sorted(shares, key=float, reverse=True)

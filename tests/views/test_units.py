@@ -31,7 +31,10 @@ INCH_M = 0.0254
 
 @pytest.mark.parametrize("units", NAMED)
 def test_numbers_are_written_as_the_page_writes_them(units: str) -> None:
-    told = [quantity(*case["value"], NAMED[units]) for case in CASES["quantities"]]
+    told = [
+        quantity(value, sigma, unit, NAMED[units])
+        for value, sigma, unit in (case["value"] for case in CASES["quantities"])
+    ]
 
     assert told == [case[units] for case in CASES["quantities"]]
 
@@ -115,6 +118,7 @@ def test_a_result_of_before_units_is_metric_and_a_result_keeps_them() -> None:
             "in photos 3 and 17 ft 1 in off",
         ),
         ("143.0 ± 0.9 m²", "1539.2 ± 9.7 ft²", "1539.2 ± 9.7 ft²"),
+        ("20 x 30 m", "66 x 98 ft", "66 ft x 98 ft"),
         ("50.1 km/h", "31.13 mph", "31.13 mph"),
         ("13.9 m/s", "31.1 mph", "31.1 mph"),
         ("7.5 km from here", "4.66 mi from here", "4.66 mi from here"),

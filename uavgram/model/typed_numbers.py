@@ -4,6 +4,14 @@ from __future__ import annotations
 
 import re
 
+from uavgram.model.units import FOOT_M
+
+_IMPERIAL = re.compile(r"(\d+(?:\.\d*)?)\s*(ft|feet|foot|'|in|inch|inches|\"|yd)", re.IGNORECASE)
+_SCALES_M = {
+    **dict.fromkeys(("ft", "feet", "foot", "'"), FOOT_M),
+    **dict.fromkeys(("in", "inch", "inches", '"'), FOOT_M / 12),
+    "yd": 3 * FOOT_M,
+}
 _COMMA = re.compile(r"[-+]?([0-9]*),([0-9]+)([eE][-+]?[0-9]+)?")
 _THOUSANDS = re.compile(r"[1-9][0-9]{0,2}")
 
@@ -48,9 +56,17 @@ def number_hint(text: str, whose: str) -> str:
         return ": write it with one decimal point, and no comma"
     if digits.startswith("0") and digits.isdigit():
         return ": write it without the leading zero"
+    if in_metres := _metres(digits):
+        return f": write it in metres, {in_metres} (`uavgram pick` takes feet and inches too)"
     if digits[:1].isdigit() and (digits[-1].isalpha() or digits[-1] == "°"):
         return f": write the number alone, {whose}'s name says the unit"
     return ""
+
+
+def _metres(text: str) -> str:
+    """``4.02336`` for ``13.2 ft``; empty for what is not in feet, yards or inches."""
+    found = _IMPERIAL.fullmatch(text)
+    return "" if found is None else f"{float(found[1]) * _SCALES_M[found[2].lower()]:.7g}"
 
 
 def number_text(value: float) -> str:

@@ -174,7 +174,17 @@ def _event_cells(pairing: Pairing | None, row: int) -> tuple[str, str]:
 
 
 def geotag_lines(tags: GeoTags, messages: Sequence[Message], units: Units = METRIC) -> list[str]:
-    """What `uavgram geotag` has to say: one line per photo, the datum, then the messages."""
+    """What `uavgram geotag` has to say: one line per photo, the datum, then the messages.
+
+    Parameters
+    ----------
+    tags
+        Of every photo that has a pose.
+    messages
+        Of the command.
+    units
+        In which heights are shown.
+    """
     datum = "above mean sea level" if tags.datum == "msl" else "above the WGS 84 ellipsoid"
     cells = [("photo", "pose", "latitude", "longitude", "height", "sigma (horizontal, height)")]
     for k, name in enumerate(tags.frame_id):

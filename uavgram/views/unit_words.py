@@ -15,7 +15,7 @@ from uavgram.model.units import FOOT_M, Units
 from uavgram.views.units import INCH_M, INCHES, feet_inches, fixed, quantity, shown, step_in_of
 
 _NUMBER = r"[+\-−]?\d+(?:\.\d+)?(?:e[+\-]?\d+)?"
-_SURE = r"\s?(?:±|\+-|×|–)\s?| to "
+_SURE = r"\s?(?:±|\+-|×|–)\s?| x | to "
 _PATTERN = re.compile(
     rf"(?<![\w.\-/'\"])(?P<numbers>{_NUMBER}(?:(?:{_SURE}|, | and | or ){_NUMBER})*)[ \u00a0]"
     r"(?P<unit>km/h|m/s|mm|cm|km|m²|m³|m2|m3|m)(?![\w²³/^])(?!-\w)(?!\.\w)"

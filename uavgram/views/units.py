@@ -102,14 +102,32 @@ def quantity(value: float, sigma: float, unit: str, units: Units = METRIC) -> st
 
 
 def value_text(value: float, sigma: float, unit: str, units: Units = METRIC) -> str:
-    """``12.345 m``: a value alone, to the decimals that its sigma deserves; see `quantity`."""
+    """``12.345 m``: a value alone, to the decimals that its sigma deserves.
+
+    Parameters
+    ----------
+    value
+        NaN: an en dash.
+    sigma
+        Of it, both in `unit`.
+    unit, units
+        See `quantity`.
+    """
     if not math.isfinite(value):
         return "–"
     return values((value,), sigma, unit, units, "")
 
 
 def spread_text(sigma: float, unit: str, units: Units = METRIC) -> str:
-    """``0.021 m``: a standard deviation alone; see `quantity`."""
+    """``0.021 m``: a standard deviation alone.
+
+    Parameters
+    ----------
+    sigma
+        In `unit`; NaN: an en dash.
+    unit, units
+        See `quantity`.
+    """
     if not math.isfinite(sigma):
         return "–"
     if unit == "m" and units.length == "ft-in":

@@ -265,7 +265,17 @@ def interval(low: float, high: float, sigma: float, unit: str, units: Units = ME
 
 
 def alternatives_text(measurements: MeasurementResults, row: int, units: Units = METRIC) -> str:
-    """``or 31.25, 44.91 m``: what other solutions that fit as well give; empty where none does."""
+    """``or 31.25, 44.91 m``: what other solutions that fit as well give; empty where none does.
+
+    Parameters
+    ----------
+    measurements
+        Of a result.
+    row
+        One of them.
+    units
+        In which they are shown.
+    """
     values, unit = measurements.alternative_values[row], measurements.unit[row]
     if not values:
         return ""
@@ -301,7 +311,17 @@ class MeasurementText(NamedTuple):
 
 
 def measurement_text(rows: MeasurementResults, row: int, units: Units = METRIC) -> MeasurementText:
-    """One measurement in words, in the units of the project."""
+    """One measurement in words.
+
+    Parameters
+    ----------
+    rows
+        Measurements of a result.
+    row
+        One of them.
+    units
+        In which it is shown.
+    """
     value, sigma, unit = float(rows.value[row]), float(rows.sigma[row]), rows.unit[row]
     low, high = map(float, rows.interval_95[row])
     return MeasurementText(

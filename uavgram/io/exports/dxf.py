@@ -44,7 +44,14 @@ _TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters
 def write_local_dxf(features: Features, path: Path, words: Words = METRIC) -> None:
     """Write the drawing in local metres: every distance in it is the distance on the ground.
 
-    Texts and dimensions are written by `words`.
+    Parameters
+    ----------
+    features
+        What is drawn.
+    path
+        The file.
+    words
+        By which texts and dimensions are written.
     """
     note = "local metres: x east, y north, z up; distances are true ground distances"
     if features.origin is None:
@@ -57,6 +64,15 @@ def write_map_dxf(features: Features, path: Path, words: Words = METRIC) -> None
 
     The texts of dimensions are ground values; what CAD measures is longer or shorter by the
     projection's scale, which a note in the drawing states.
+
+    Parameters
+    ----------
+    features
+        What is drawn.
+    path
+        The file.
+    words
+        By which texts and dimensions are written.
     """
     if features.origin is None or features.crs is None:
         raise ValueError("a drawing on the map needs a survey that lies on the earth")

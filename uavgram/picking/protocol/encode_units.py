@@ -29,7 +29,7 @@ def names_to_keep(state: State) -> tuple[str, ...]:
     return like_lengths(dict.fromkeys(named))
 
 
-def told(message: Any, units: Units, keep: Iterable[str]) -> Any:  # noqa: ANN401 (JSON)
+def in_project_units(message: Any, units: Units, keep: Iterable[str]) -> Any:  # noqa: ANN401 (JSON)
     """A message with its sentences in other units.
 
     Parameters
@@ -42,7 +42,7 @@ def told(message: Any, units: Units, keep: Iterable[str]) -> Any:  # noqa: ANN40
         Names that stay as they are.
     """
     if isinstance(message, list):
-        return [told(one, units, keep) for one in message]
+        return [in_project_units(one, units, keep) for one in message]
     if not isinstance(message, dict):
         return message
     return {key: _value(key, value, units, keep) for key, value in message.items()}
@@ -55,4 +55,4 @@ def _value(key: str, value: Any, units: Units, keep: Iterable[str]) -> Any:  # n
         return value
     if key in SENTENCES and all(isinstance(one, str) for one in value):  # several sentences
         return [in_units(one, units, keep) for one in value]
-    return told(value, units, keep)
+    return in_project_units(value, units, keep)

@@ -64,7 +64,17 @@ def height_of(points: PointResults, row: int) -> str:
 
 
 def height_label(points: PointResults, row: int, units: Units = METRIC) -> str:
-    """``V21 1.40 ± 0.03 m``, short enough for pictures; and where it was not left free."""
+    """``V21 1.40 ± 0.03 m``, short enough for pictures; and where it was not left free.
+
+    Parameters
+    ----------
+    points
+        Of a result.
+    row
+        Of the point.
+    units
+        In which it is shown.
+    """
     height, sigma = float(points.height_above_ground_m[row]), float(points.height_sigma_m[row])
     source = points.height_source[row]
     value = with_sigma(height, sigma, "m", units)

@@ -74,5 +74,8 @@ export function gradeText({ value, sigma }) {
 /** @param {Measured} found */
 export function alternativesText({ alternatives, sigma, unit }) {
   const words = alternatives.map((value) => (value === null ? missing : valueOnly(value, sigma, unit)));
-  return words.length ? `or ${words.join(", ")}` : "";
+  if (!words.length) return "";
+  const last = /^\S+( \S+)$/.exec(words[words.length - 1])?.[1] ?? ""; // numbers of one unit have it once
+  const alike = last && words.every((one) => one.endsWith(last));
+  return `or ${words.map((one, k) => (alike && k < words.length - 1 ? one.slice(0, -last.length) : one)).join(", ")}`;
 }

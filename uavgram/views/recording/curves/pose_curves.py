@@ -62,7 +62,17 @@ def pose_curves(result: Result) -> PoseCurves:
 
 
 def log_pose_plots(recorder: Recorder, curves: PoseCurves, units: Units = METRIC) -> None:
-    """Log every curve, lengths in the units of the project."""
+    """Log every curve.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    curves
+        Of the poses.
+    units
+        In which lengths are shown.
+    """
     one = column(units)
     for path, values, name, colour in (
         (f"{CORRECTION}/tilt", curves.tilt_deg, "optical axis tilted [°]", REFINED),

@@ -1,0 +1,57 @@
+"""What commands tell of a project in feet, on both outputs."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from uavgram.cli import main, terminal
+from uavgram.cli.terminal import log_to_stderr, say, say_as_is, tell_as, tell_in
+from uavgram.errors import InputError
+from uavgram.model.units import IMPERIAL, METRIC
+
+
+@pytest.fixture(autouse=True)
+def metric_again() -> Iterator[None]:
+    yield
+    tell_in(METRIC)
+
+
+def test_text_is_told_in_the_units_of_the_project_and_json_is_not(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "camera.yaml").touch()
+    (tmp_path / "project.yaml").write_text(
+        "images: '*.jpg'\ncamera: camera.yaml\npicks: picks.csv\nunits: imperial\n"
+    )
+    tell_as(tmp_path)
+    say("found at 1.40 m")
+    say_as_is('{"height": "1.40 m"}')
+    log_to_stderr(verbose=False)
+    logging.getLogger("uavgram").warning("off by 3.2 cm")
+    said = capsys.readouterr()
+
+    assert said.out == 'found at 4 ft 7 in\n{"height": "1.40 m"}\n'
+    assert said.err == "off by 1.26 in\n"
+
+
+def test_errors_are_told_in_them_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def failing(_: list[str]) -> None:
+        tell_in(IMPERIAL)
+        raise InputError(tmp_path / "lines.csv", "the ends lie 12.3 m apart")
+
+    monkeypatch.setattr("uavgram.cli.entry.app", failing)
+    assert main([]) == 1
+    assert "the ends lie 40 ft 4 in apart" in capsys.readouterr().err
+
+
+def test_a_project_that_cannot_be_read_is_told_in_metres(tmp_path: Path) -> None:
+    tell_in(IMPERIAL)
+
+    assert tell_as(tmp_path / "nowhere.yaml") == METRIC
+    assert terminal.as_told("1.40 m") == "1.40 m"
