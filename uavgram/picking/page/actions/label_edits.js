@@ -25,8 +25,12 @@ export class LabelEdits {
       ]);
       return;
     }
-    this.tools.send({ t: "rename", label, new: wanted });
-    this.tools.choose(wanted, true);
+    const send = () => {
+      this.tools.send({ t: "rename", label, new: wanted });
+      this.tools.choose(wanted, true);
+    };
+    if (isKnown(label)) this.question.ask(`${label} has known coordinates, which stay with that name.`, [{ words: `Call it ${wanted}, a point without coordinates`, act: send }]);
+    else send();
   }
 
   // Two labels are one point. A point with known coordinates keeps its name, which they hang on.
