@@ -25,8 +25,12 @@ export class LabelEdits {
       ]);
       return;
     }
-    this.tools.send({ t: "rename", label, new: wanted });
-    this.tools.choose(wanted);
+    const send = () => {
+      this.tools.send({ t: "rename", label, new: wanted });
+      this.tools.choose(wanted, true);
+    };
+    if (isKnown(label)) this.question.ask(`${label} has known coordinates, which stay with that name.`, [{ words: `Call it ${wanted}, a point without coordinates`, act: send }]);
+    else send();
   }
 
   // Two labels are one point. A point with known coordinates keeps its name, which they hang on.
@@ -51,7 +55,7 @@ export class LabelEdits {
   /** @param {string} label @param {string} into @param {string} keep */
   sendMerge(label, into, keep) {
     this.tools.send({ t: "merge", label, into, ...(keep && { keep }) });
-    this.tools.choose(into);
+    this.tools.choose(into, true);
     this.notice.show(`${label} is ${into} now. Undo: Ctrl+Z.`, true);
   }
 
@@ -64,7 +68,7 @@ export class LabelEdits {
       return;
     }
     this.tools.send({ t: "split", label, new: wanted, images });
-    this.tools.choose(wanted);
+    this.tools.choose(wanted, true);
     this.notice.show(`${wanted} is a point of its own now, in ${some(images.map((image) => store.photos[image].name))}. Lengths and measurements stay with ${label}. Undo: Ctrl+Z.`, true);
   }
 

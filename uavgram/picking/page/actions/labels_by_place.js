@@ -14,7 +14,7 @@ import { TOOLS } from "./keys.js";
  * A label, and what is to be said of it; `instead`: the name of a new point, which may have been meant.
  * @typedef {{ label: string, say?: string, instead?: string, choices?: undefined }} Given
  */
-/** @typedef {{ words: string, choices: { label: string, words: string }[] }} Unclear */
+/** @typedef {{ words: string, choices: { label: string, words: string }[], about?: string }} Unclear `about`: the label whose place is to be seen */
 
 const MOST_CHOICES = 4;
 
@@ -60,7 +60,8 @@ export class LabelsByPlace {
   /** A name that no point has. @param {string} given */
   free(given = this.inBox) {
     const prefix = given.replace(/\d*$/, "") || "P";
-    return freeName(prefix, new Set([...labels(), ...this.coming.map(({ label }) => label)]));
+    const coming = this.link.unconfirmed.flatMap((one) => (one.t === "place" ? [one.label] : one.t === "split" || one.t === "rename" ? [one.new] : []));
+    return freeName(prefix, new Set([...labels(), ...coming]));
   }
 
   /** @param {Click} click @returns {Given | Unclear} */
@@ -96,7 +97,7 @@ export class LabelsByPlace {
     const where = region?.inside || !(region || this.isThere(name)) ? "" : whereExpected(image, name, here);
     if (!where) return { label: name };
     const choices = [{ label: name, words: `It is ${name} all the same` }, ...this.choices(likely)];
-    return { words: `${name} was expected ${where}. Which point is this?`, choices };
+    return { words: `${name} was expected ${where}. Which point is this?`, choices, about: name };
   }
 
   /** @param {string[]} likely */

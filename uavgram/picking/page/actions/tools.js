@@ -90,10 +90,10 @@ export class Tools {
     if (isNew) this.rebuild();
   }
 
-  /** @param {string} label */
-  choose(label) {
+  /** `isLeft`: it is in hand because of what was done last, and not for the next click. @param {string} label @param {boolean} isLeft */
+  choose(label, isLeft = false) {
     this.state.selected = label;
-    this.names.put(label);
+    this.names.put(label, isLeft);
   }
 
   // A place in a photo: of the point that is expected there, or of a new one; what is not clear is asked.
@@ -111,6 +111,7 @@ export class Tools {
     };
     if (found.choices) {
       this.state.asked = { image: pane.image, at: [u, v], view: pane.view, moved: (x, y, view) => this.question.stand(x, y, view) };
+      this.state.selected = found.about ?? this.state.selected;
       this.question.ask(found.words, found.choices.map(({ label, words }) => ({ words, act: () => take(label) })), pane.box);
       this.rebuild();
     } else {
@@ -134,8 +135,8 @@ export class Tools {
   /** @param {Pane} pane @param {string} label @param {number} u_px @param {number} v_px @param {number | null} sigma_px */
   placeAt(pane, label, u_px, v_px, sigma_px = null) {
     this.send({ t: "place", image: pane.image, label, u_px, v_px, sigma_px });
-    Object.assign(this.state, { selected: label, alike: null });
-    this.names.put(label, true);
+    this.state.alike = null;
+    this.choose(label, true);
   }
 
   /** @param {number} image @param {string} label @param {[number, number]} at @param {number} step @param {boolean} final */

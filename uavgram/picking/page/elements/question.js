@@ -75,13 +75,16 @@ export class Question {
   stand(x, y, view) {
     if (!this.box) return;
     const { offsetWidth: width, offsetHeight: height } = this.box;
-    const left = x + GAP_PX + width <= view.width ? x + GAP_PX : x - GAP_PX - width;
-    Object.assign(this.box.style, { left: `${within(left, view.width - width)}px`, top: `${within(y + GAP_PX, view.height - height)}px` });
+    Object.assign(this.box.style, { left: `${beside(x, width, view.width)}px`, top: `${beside(y, height, view.height)}px` });
   }
 }
 
 const GAP_PX = 16; // so that the place itself is seen
-
-/** @param {number} value @param {number} most */
-const within = (value, most) => Math.max(Math.min(value, most - EDGE_PX), EDGE_PX);
 const EDGE_PX = 6;
+
+// Where something of a size begins, after a place or before it, and not out of the room.
+/** @param {number} at @param {number} size @param {number} room */
+function beside(at, size, room) {
+  const start = at + GAP_PX + size <= room ? at + GAP_PX : at - GAP_PX - size;
+  return Math.max(Math.min(start, room - size - EDGE_PX), EDGE_PX);
+}
