@@ -83,5 +83,5 @@ def together(remedies: Sequence[Remedy | None]) -> Remedy | None:
     if action not in PLURAL:
         return None
     every = dict.fromkeys(change for one in known for change in one.corrections)
-    words = PLURAL[action].format(count=len(known))
+    words = PLURAL[action].format(count=len(every))
     return Remedy(action=action, words=words, corrections=tuple(every))

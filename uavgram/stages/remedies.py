@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from math import isclose
 
+from uavgram.estimation.reliability.wrong_units import UNITS
 from uavgram.model.message import Message
 from uavgram.model.remedy import Correction, Remedy
 from uavgram.model.survey.mend import Mend
@@ -180,7 +182,7 @@ def _places(survey: Survey, mend: Mend) -> Remedy | None:
         frame, label = _pick(survey, pick)
         moves.append(Correction(action="move", frame=frame, label=label, pixel_px=place))
     where = listed_photos(dict.fromkeys(one.frame for one in moves))
-    words = f"Put the {len(moves)} picks of {where} back"
+    words = f"Put the picks of {where} back"
     return Remedy(action="move", words=words, corrections=tuple(moves))
 
 
@@ -193,10 +195,28 @@ def _lengths(survey: Survey, mend: Mend) -> Remedy | None:
     if not named or not all(named):
         return None
     changes = [Correction(action="length", length=n, length_m=value) for n, value in named.items()]
+    unit = _unit(survey, mend.length_m)
     words = f"Correct these {len(named)} lengths"
+    if unit:
+        words = f"Take these {len(named)} lengths as {unit}"
     if len(named) == 1:
-        words = f"Correct {changes[0].length} to {changes[0].length_m:.2f} m"
+        what = f"Take {changes[0].length} as {unit}:" if unit else f"Correct {changes[0].length} to"
+        words = f"{what} {changes[0].length_m:.2f} m"
+    elif len(named) == 2 and _is_exchange(survey, mend.length_m):
+        words = f"Swap the readings of {listed(named)}"
     return Remedy(action="length", words=words, corrections=tuple(changes))
+
+
+def _unit(survey: Survey, length_m: Mapping[int, float]) -> str:
+    """Unit in which lengths were read that should be in metres; empty where it is another slip."""
+    ratios = {float(survey.length_m[k]) / value for k, value in length_m.items()}
+    alike = (words for size, words in UNITS if all(isclose(one, size) for one in ratios))
+    return next(alike, "")
+
+
+def _is_exchange(survey: Survey, length_m: Mapping[int, float]) -> bool:
+    """Whether lengths should read what others of them read."""
+    return sorted(length_m.values()) == sorted(float(survey.length_m[k]) for k in length_m)
 
 
 def _ends(survey: Survey, mend: Mend) -> Remedy | None:

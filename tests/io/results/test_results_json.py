@@ -13,8 +13,9 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.io.results.results_json import dump_results, load_results, write_results
+from uavgram.model.remedy import Correction, Remedy
 from uavgram.model.result.result import Result
-from uavgram.model.result.verdict import NOT_JUDGED
+from uavgram.model.result.verdict import NOT_JUDGED, Reason, Verdict
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -330,3 +331,33 @@ def test_a_cut_file_names_the_line(sample_result: Result, tmp_path: Path) -> Non
 def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="No such file"):
         load_results(tmp_path / "absent.json")
+
+
+def test_what_would_put_it_right_stands_with_each_reason_and_comes_back(
+    sample_result: Result, tmp_path: Path
+) -> None:
+    swap = Correction(action="swap", frame="1.jpg", label="A", other="B")
+    longer = Correction(action="length", length="L1", length_m=3.25)
+    reason = Reason(
+        cause="labels-swapped",
+        text="They are swapped.",
+        plain="A and B seem swapped.",
+        mend=Remedy(action="swap", words="Swap A and B", corrections=(swap,)),
+        instead=(Remedy(action="length", words="Correct L1", corrections=(longer,)),),
+    )
+    bare = Reason(cause="misfit", text="It does not fit.")
+    verdict = Verdict(level="amber", reasons=(reason, bare))
+    content = json.loads(dump_results(replace(sample_result, verdict=verdict)))
+    (tmp_path / "results.json").write_text(json.dumps(content))
+    first, second = content["verdict"]["reasons"]
+
+    assert load_results(tmp_path / "results.json").verdict == verdict
+    assert first["mend"] == {
+        "action": "swap",
+        "words": "Swap A and B",
+        "corrections": [{"action": "swap", "frame": "1.jpg", "label": "A", "other": "B"}],
+    }
+    assert first["instead"][0]["corrections"] == [
+        {"action": "length", "length": "L1", "length_m": 3.25}
+    ]
+    assert not {"plain", "mend", "instead"} & set(second)  # as earlier versions wrote it

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import synthetic_survey as survey
 from standings import with_status
 
 from uavgram.model.message import Message
+from uavgram.model.remedy import Correction, Remedy
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.picking.document.state import State, observations_of
@@ -77,3 +79,63 @@ def test_each_measurement_has_its_own_reason() -> None:
     assert standings[2]["why"] == OTHER.text  # named itself
     assert standings[3]["why"] == ""
     assert standings[-1]["words"] == ""  # without a value, which says it all
+
+
+def test_a_reason_names_its_photos_by_number_and_the_pick_to_look_at() -> None:
+    made = survey.build()
+    picks = made.picks
+    names = made.frames.frame_id
+    off = np.where(np.isfinite(picks.residual_px), picks.residual_px, 0.0)
+    off[:] = np.minimum(off, 1.0)
+    worst = next(k for k, image in enumerate(picks.image) if image == names[1])
+    off[worst] = 70.0
+    label = picks.label[worst]
+    told = {
+        "photo": Reason(cause="photo-turned", text="A.", frames=(names[1],)),
+        "label": Reason(cause="point-off-ground", text="B.", labels=(label,)),
+        "nothing": Reason(cause="nothing-checks", text="C.", measurements=("road width",)),
+    }
+    verdict = Verdict(level="amber", reasons=tuple(told.values()))
+    residuals = replace(made, picks=replace(picks, residual_px=off), verdict=verdict, messages=())
+    said = told_of(residuals)
+    every = [said["first"], *said["why"]]
+
+    assert [one["frames"] for one in every] == [[1], [], []]
+    assert [one["show"] for one in every] == [{"image": 1, "label": label}] * 2 + [None]
+    assert every[2]["measurements"] == ["road width"]
+
+
+def test_a_pick_that_was_left_out_is_the_one_to_look_at() -> None:
+    made = survey.build()
+    off = np.array(made.picks.residual_px)
+    off[3] = np.nan
+    image, label = made.picks.image[3], made.picks.label[3]
+    reason = Reason(cause="frame-left-out", text="A.", frames=(image,))
+    verdict = Verdict(level="amber", reasons=(reason,))
+    picks = replace(made.picks, residual_px=off)
+
+    show = told_of(replace(made, picks=picks, verdict=verdict))["first"]["show"]
+    assert show == {"image": made.frames.frame_id.index(image), "label": label}
+
+
+def test_a_reason_has_its_plain_sentence_and_a_button_for_each_remedy() -> None:
+    free, other = (
+        Remedy(action="free", words=words, corrections=(Correction(action="free", label=label),))
+        for words, label in (("Free the height of P01", "P01"), ("Free the height of P10", "P10"))
+    )
+    reason = replace(SWAPPED, plain="P01 seems high.", mend=free, instead=(other,))
+    first = told_of(replace(survey.build(), verdict=Verdict(level="amber", reasons=(reason,))))[
+        "first"
+    ]
+
+    assert first["plain"] == "P01 seems high."
+    assert [mend["words"] for mend in first["mends"]] == [free.words, other.words]
+    assert first["mends"][0]["changes"] == [
+        {"t": "height", "label": "P01", "height_m": None, "is_free": True}
+    ]
+
+
+def test_a_warning_that_is_no_reason_is_plain_too() -> None:
+    told = told_of(replace(survey.build(clean=True), messages=(ALSO,)))
+
+    assert [(one["plain"], one["level"]) for one in told["why"]] == [(ALSO.text, "warning")]

@@ -13,6 +13,7 @@ from scenes import NO_TIMES, make_scene
 from uavgram.estimation.measuring.propagation import propagate
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
+from uavgram.model.remedy import Remedy
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Verdict
 from uavgram.model.survey.observations import MeasurementRequest
@@ -72,6 +73,23 @@ def of(code: str, *labels: str) -> Message:
 def test_what_fits_and_is_checked_is_green(clean: Judged) -> None:
     assert clean.verdict() == (Verdict(level="green"), ("ok", "ok"))
     assert clean.verdict(of("home-missing", "P0"), of("line-unseen")) == clean.verdict()
+
+
+def test_what_does_not_fit_is_told_before_what_nothing_checks(clean: Judged) -> None:
+    """Of picks that were left out, too, for which no message has the cause."""
+    verdict, _ = clean.verdict(of("nothing-checks"), of("pick-left-out", "P0"), of("misfit"))
+
+    causes = [reason.cause for reason in verdict.reasons]
+    assert causes == ["pick-left-out", "misfit", "nothing-checks"]
+
+
+def test_a_reason_carries_its_plain_sentence_and_what_would_put_it_right(clean: Judged) -> None:
+    mend, rival = (Remedy(action="free", words=words) for words in ("Free it", "Or this"))
+    message = replace(of("point-off-ground", "P0"), mend=mend, instead=(rival,))
+    (reason,) = clean.verdict(message)[0].reasons
+
+    assert reason.plain == "P0 stands off the ground."
+    assert (reason.mend, reason.instead) == (mend, (rival,))
 
 
 @pytest.mark.parametrize("code", sorted(BENDING))

@@ -11,6 +11,7 @@ import synthetic_survey as survey
 from uavgram.io.exports.geojson import dump_geojson
 from uavgram.io.exports.measurements_csv import dump_measurements_csv
 from uavgram.model.message import Message
+from uavgram.model.remedy import Remedy
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import NOT_JUDGED, Reason, Verdict
 from uavgram.stages.products.map_layers import features_of
@@ -36,6 +37,16 @@ def test_the_first_reason_is_told_and_how_many_more_there_are() -> None:
         "Verdict: amber, check this first. Line 'R3 hedge' disagrees by 0.21 m (w = 13.5): "
         "read the tape again. "
         "(And 1 other reason.)"
+    )
+
+
+def test_the_verdict_says_plainly_what_is_wrong_and_what_would_put_it_right() -> None:
+    swap, free = (Remedy(action="swap", words=words) for words in ("Swap A and B", "Free A"))
+    reason = Reason(cause="x", text="At length.", plain="A and B seem swapped.", mend=swap)
+    amber = Verdict(level="amber", reasons=(replace(reason, instead=(free,)),))
+
+    assert verdict_sentence(replace(survey.build(), verdict=amber)) == (
+        "Verdict: amber. A and B seem swapped. What would put it right: swap A and B, or free A."
     )
 
 

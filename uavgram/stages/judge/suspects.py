@@ -145,7 +145,7 @@ def _pick(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     how = f"(w = {suspicion.w:.1f}, residual {u:+.1f}, {v:+.1f} px)"
     what = f"{label!r} in {frame!r}"
     return (
-        f"The pick of {what} does not fit {how}: look at the place and at the label.",
+        f"The pick of {what} does not fit: look at the place and at the label {how}.",
         f"{what} {how}",
     )
 
@@ -203,8 +203,8 @@ def _control(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     label = survey.label[survey.control_label[row]]
     how = f"(w = {suspicion.w:.1f}, found minus known {', '.join(f'{r:+.3f}' for r in residual)} m)"
     return (
-        f"The control point {label!r} does not fit {how}: look at its coordinates, its label and "
-        "its picks.",
+        f"The control point {label!r} does not fit: look at its coordinates, its label and its "
+        f"picks {how}.",
         f"{label!r} {how}",
     )
 

@@ -60,10 +60,11 @@ def _not_converged(refined: Refined) -> Message:
     row = int(sizes[kind].argmax())
     names, hardest = Names(refined.adjustment), Member(kind, row, 0)
     text = (
-        "The adjustment did not come to rest: do not trust these numbers. Look for a swapped label "
-        "or a wrong length; where the camera is only assumed, calibrate it. "
-        f"The {names.observation(hardest)} pulls hardest (residual of {sizes[kind][row]:.3g} of "
-        "its sigmas), but no test can tell from these numbers what is wrong."
+        "The picks and lengths lead to no result: do not use these numbers. Look for a swapped "
+        "label or a wrong length; where the camera is only assumed, calibrate it. "
+        f"The adjustment did not come to rest. The {names.observation(hardest)} fits worst, but no "
+        "test can tell from these numbers what is wrong (residual of "
+        f"{sizes[kind][row]:.3g} of its sigmas)."
     )
     return Message("error", "not-converged", text, **names.subjects(hardest))
 
@@ -199,7 +200,7 @@ def _mended(cause: Cause, before: str, after: str) -> Message:
     first, _, rest = cause.message.text.removesuffix(".").partition(". ")
     done = f"It was mended, look whether rightly: {before}; now {after}"
     text = ". ".join(filter(None, (first, done, rest)))
-    return replace(cause.message, text=f"{text}.", several=None)
+    return replace(cause.message, text=f"{text}.", several=None, mend=None, instead=())
 
 
 def not_located(refined: Refined, suspicion: Suspicion) -> Message:

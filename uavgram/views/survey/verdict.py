@@ -75,12 +75,21 @@ def verdict_words(result: Result) -> VerdictWords:
 def verdict_sentence(result: Result) -> str:
     """``Verdict: amber. Nothing checks 'south': ...``: the colour, and the first reason."""
     verdict = result.verdict
-    why = [reason.text for reason in verdict.reasons[:1]]
+    why = [told(reason) for reason in verdict.reasons[:1]]
     if verdict.level == "green":
         why = [ALL_IS_WELL]
     if (more := len(verdict.reasons) - 1) > 0:
         why.append(f"(And {_count(more, 'other reason')}.)")
     return " ".join([f"Verdict: {LEVEL_WORDS[verdict.level]}.", *why])
+
+
+def told(reason: Reason) -> str:
+    """What is wrong and what to do: plainly where that is known, else as the message has it."""
+    remedies = [one.words for one in (reason.mend, *reason.instead) if one is not None]
+    if not reason.plain or not remedies:
+        return reason.text
+    todo = ", or ".join(f"{words[0].lower()}{words[1:]}" for words in remedies)
+    return f"{reason.plain} What would put it right: {todo}."
 
 
 def headline(result: Result) -> str:

@@ -304,7 +304,7 @@ def test_a_run_that_does_not_come_to_rest_says_what_pulls_hardest(
     (told,) = [m for m in messages if m.code == "not-converged"]
     label = survey.label[survey.pick_label[7]]
     assert f"The pick of {label!r} in" in told.text
-    assert "pulls hardest" in told.text
+    assert "fits worst" in told.text
 
 
 @pytest.mark.parametrize("off", [[40.0, 0.0, 0.0], [0.0, -9e6, 0.0]])

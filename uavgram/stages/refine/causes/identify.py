@@ -25,7 +25,7 @@ from uavgram.stages.refine.causes.labels.everywhere import swapped_everywhere
 from uavgram.stages.refine.causes.labels.heights import off_the_ground, wrong_pick_on_the_ground
 from uavgram.stages.refine.causes.labels.in_a_photo import swapped_in_a_photo, wrong_picks
 from uavgram.stages.refine.causes.lengths.common import common_to_lengths
-from uavgram.stages.refine.causes.lengths.ends import other_ends
+from uavgram.stages.refine.causes.lengths.ends import labels_instead, other_ends
 from uavgram.stages.refine.causes.lengths.readings import wrong_lengths, wrong_readings
 from uavgram.stages.refine.causes.photos.other_camera import photos_of_another_zoom
 from uavgram.stages.refine.causes.photos.turned import (
@@ -129,6 +129,8 @@ def _with_remedies(cause: Cause, best: Judged, rival: Judged | None, written: Su
     """The cause with what would put right what people wrote, and what else could."""
     one, rivals = best.hypothesis, [] if rival is None else [rival.hypothesis]
     mends = [each.remedy or each.mend for each in (one, *rivals)]
+    if mends[0] is not None:
+        mends.append(labels_instead(written, mends[0]))
     if not one.is_clear:
         lines = (k for k, name in enumerate(written.line_name) if name in one.settles)
         mends.append(Mend(without_lines=frozenset(lines)))

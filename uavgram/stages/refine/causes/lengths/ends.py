@@ -14,6 +14,7 @@ from uavgram.estimation.survey.names import named_ends
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Ends, Mend
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 from uavgram.stages.refine.causes.lengths.doubted import (
     FARTHEST,
@@ -70,6 +71,34 @@ def other_ends(standing: Standing) -> Iterator[Hypothesis]:
             )
     for i, j in combinations(range(min(MOST, len(found.line))), 2):
         yield from _ends_exchanged(found, i, j)
+
+
+def labels_instead(survey: Survey, mend: Mend) -> Mend | None:
+    """Two labels exchanged in all photos, where that is as good as another end of a length.
+
+    So it is where no other length ends at either: nothing tells which of the two was mistaken.
+
+    Parameters
+    ----------
+    survey
+        All observations as they were written.
+    mend
+        Of a cause; anything but one length with one other end has no such rival.
+    """
+    if len(mend.ends) != 1:
+        return None
+    ((line, ends),) = mend.ends.items()
+    was = {int(survey.line_start[line]), int(survey.line_end[line])}
+    pair = was ^ {ends.start, ends.end}
+    if len(pair) != 2:
+        return None
+    start, end = (np.isin(each, list(pair)) for each in (survey.line_start, survey.line_end))
+    if np.count_nonzero(start ^ end) > 1:
+        return None
+    first, second = sorted(pair)
+    right = {int(k): second for k in np.flatnonzero(survey.pick_label == first)}
+    right |= {int(k): first for k in np.flatnonzero(survey.pick_label == second)}
+    return Mend(label_of_pick=right)
 
 
 def _ends(found: Doubted, k: int) -> Ends:

@@ -1,0 +1,144 @@
+"""Mends by name: which exchanges of labels put each pick right, and what the button says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import make_scene
+
+from uavgram.model.message import Message
+from uavgram.model.remedy import Correction, Remedy, together
+from uavgram.model.survey.mend import Ends, Mend
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.remedies import freed, remedy_of, unpicked, with_remedies, without_lengths
+
+
+@pytest.fixture(scope="module")
+def survey() -> Survey:
+    made = make_scene(2, frames=3, labels=6, lines=3).survey
+    return replace(made, line_name=("L1", "L2", "L3"))
+
+
+def pick(survey: Survey, frame: int, label: int) -> int:
+    rows = np.flatnonzero((survey.pick_frame == frame) & (survey.pick_label == label))
+    return int(rows[0])
+
+
+def named(survey: Survey, mend: Mend) -> Remedy:
+    found = remedy_of(survey, mend)
+    assert found is not None
+    return found
+
+
+def relabelled(survey: Survey, right: dict[int, int], frame: int = 1) -> Mend:
+    return Mend(label_of_pick={pick(survey, frame, a): b for a, b in right.items()})
+
+
+def after(labels: list[str], swaps: tuple[Correction, ...]) -> list[str]:
+    """Labels of picks once they are exchanged, one exchange after another."""
+    for one in swaps:
+        other = {one.label: one.other, one.other: one.label}
+        labels = [other.get(label, label) for label in labels]
+    return labels
+
+
+@pytest.mark.parametrize(
+    "right",
+    [{0: 1, 1: 0}, {0: 1, 1: 2, 2: 0}, {0: 2, 2: 4, 4: 1, 1: 0, 3: 5, 5: 3}, {3: 3, 1: 4, 4: 1}],
+)
+def test_exchanges_one_after_another_give_each_pick_its_label(
+    survey: Survey, right: dict[int, int]
+) -> None:
+    found = named(survey, relabelled(survey, right))
+    label = survey.label
+
+    assert {one.frame for one in found.corrections} == {survey.frame_id[1]}
+    before = [label[a] for a in right]
+    assert after(before, found.corrections) == [label[b] for b in right.values()]
+
+
+def test_a_chain_ends_at_a_label_that_is_not_picked_there(survey: Survey) -> None:
+    kept = np.arange(len(survey.pick_label)) != pick(survey, 1, 2)
+    fewer = replace(
+        survey,
+        pick_frame=survey.pick_frame[kept],
+        pick_label=survey.pick_label[kept],
+        pixel_px=survey.pixel_px[kept],
+        pick_sigma_px=survey.pick_sigma_px[kept],
+    )
+    one = named(fewer, relabelled(fewer, {0: 2}))
+    chain = named(fewer, relabelled(fewer, {0: 1, 1: 2}))
+
+    assert one.words.startswith("Change P0 to P2 in ")
+    assert after(["P0", "P1"], chain.corrections) == ["P1", "P2"]
+
+
+def test_two_labels_exchanged_in_all_photos_are_one_exchange(survey: Survey) -> None:
+    right = {int(k): 1 for k in np.flatnonzero(survey.pick_label == 0)}
+    right |= {int(k): 0 for k in np.flatnonzero(survey.pick_label == 1)}
+    found = named(survey, Mend(label_of_pick=right))
+
+    assert found.words == "Swap P0 and P1 in all photos"
+    assert found.corrections == (Correction(action="swap", label="P0", other="P1"),)
+
+
+def test_words_name_what_the_button_does(survey: Survey) -> None:
+    first, second = survey.length_m[:2]
+    photo = survey.frame_id[0].rpartition(".")[0] or survey.frame_id[0]
+    words = {
+        "Correct L1 to 3.25 m": Mend(length_m={0: 3.25}),
+        f"Take L1 as feet: {first * 0.3048:.2f} m": Mend(length_m={0: float(first) * 0.3048}),
+        "Take these 2 lengths as inches": Mend(
+            length_m={0: float(first) * 0.0254, 1: float(second) * 0.0254}
+        ),
+        "Swap the readings of L1 and L2": Mend(length_m={0: float(second), 1: float(first)}),
+        "Correct these 2 lengths": Mend(length_m={0: 1.0, 1: 2.0}),
+        "Take L2 from P0 to P4": Mend(ends={1: Ends(0, 4)}),
+        "Remove the length L3": Mend(without_lines=frozenset([2])),
+        "Free the height of P5": Mend(free={5: True}),
+        f"Remove the pick of P3 in {photo}": Mend(without_picks=frozenset([pick(survey, 0, 3)])),
+        f"Put the picks of {photo} back": Mend(pixel_of_pick={pick(survey, 0, 3): (1.0, 2.0)}),
+    }
+
+    assert [named(survey, mend).words for mend in words.values()] == list(words)
+
+
+def test_a_pick_is_taken_out_before_another_one_takes_its_label(survey: Survey) -> None:
+    mend = Mend(
+        label_of_pick={pick(survey, 1, 0): 1}, without_picks=frozenset([pick(survey, 1, 1)])
+    )
+    found = named(survey, mend)
+
+    assert [one.action for one in found.corrections] == ["unpick", "swap"]
+    assert found.action == "swap"
+
+
+def test_what_was_never_written_is_not_mended(survey: Survey) -> None:
+    """A height that the program freed, and a length without a name."""
+    nameless = replace(survey, line_name=())
+
+    assert remedy_of(survey, Mend(free={0: False})) is None
+    assert remedy_of(nameless, Mend(without_lines=frozenset([0]))) is None
+    assert remedy_of(nameless, Mend(length_m={0: 2.0})) is None
+
+
+def test_rivals_are_told_beside_the_likeliest(survey: Survey) -> None:
+    mends = [Mend(length_m={0: 3.0}), None, Mend(free={1: True})]
+    message = with_remedies(Message("warning", "a", "It is wrong."), survey, mends)
+
+    assert message.mend is not None
+    assert message.mend.words == "Correct L1 to 3.00 m"
+    assert [one.words for one in message.instead] == ["Free the height of P1"]
+
+
+def test_several_are_done_together_only_where_that_is_safe() -> None:
+    heights = together([freed(["A"]), freed(["B"]), freed(["B"])])
+    assert heights is not None
+
+    assert heights.words == "Free these 2 heights"
+    assert [one.label for one in heights.corrections] == ["A", "B"]
+    assert together([freed(["A"]), None]) is None
+    assert together([freed(["A"]), without_lengths(["L1"])]) is None
+    assert together([unpicked([("1.jpg", "A")]), unpicked([("2.jpg", "A")])]) is None
