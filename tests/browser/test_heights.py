@@ -15,6 +15,7 @@ from picking_server import Served, served
 from playwright.sync_api import Page, expect
 
 from uavgram.model.message import Message
+from uavgram.model.remedy import Correction, Remedy
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.pipeline.pick.live import Adjusted, Observed
 
@@ -95,11 +96,16 @@ def test_a_height_that_nobody_stated_is_told_and_freed_by_a_button(
     adjust = survey.adjust
     text = "Two points fit off the ground."
     told = Message("warning", "point-off-ground", text, labels=("R1",))
-    why = Verdict(level="amber", reasons=(Reason(cause=told.code, text=text, labels=("R1",)),))
+    free = Correction(action="free", label="R1")
+    mend = Remedy(action="free", words="Free the height of R1", corrections=(free,))
+    reason = Reason(cause=told.code, text=text, labels=("R1",), plain=text, mend=mend)
+    why = Verdict(level="amber", reasons=(reason,))
 
     def telling(observed: Observed) -> Adjusted:
         """What tells of heights is tested elsewhere."""
         found = adjust(observed)
+        if observed.picks.is_free.any():
+            return found
         messages = (*found.result.messages, told)
         result = replace(found.result, messages=messages, verdict=why)
         return replace(found, computed=found.computed._replace(result=result))

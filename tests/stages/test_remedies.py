@@ -89,6 +89,10 @@ def test_words_name_what_the_button_does(survey: Survey) -> None:
     photo = survey.frame_id[0].rpartition(".")[0] or survey.frame_id[0]
     words = {
         "Correct L1 to 3.25 m": Mend(length_m={0: 3.25}),
+        f"Take L1 as feet: {first * 0.3048:.2f} m": Mend(length_m={0: float(first) * 0.3048}),
+        "Take these 2 lengths as inches": Mend(
+            length_m={0: float(first) * 0.0254, 1: float(second) * 0.0254}
+        ),
         "Swap the readings of L1 and L2": Mend(length_m={0: float(second), 1: float(first)}),
         "Correct these 2 lengths": Mend(length_m={0: 1.0, 1: 2.0}),
         "Take L2 from P0 to P4": Mend(ends={1: Ends(0, 4)}),

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from math import isclose
 
+from uavgram.estimation.reliability.wrong_units import UNITS
 from uavgram.model.message import Message
 from uavgram.model.remedy import Correction, Remedy
 from uavgram.model.survey.mend import Mend
@@ -193,12 +195,23 @@ def _lengths(survey: Survey, mend: Mend) -> Remedy | None:
     if not named or not all(named):
         return None
     changes = [Correction(action="length", length=n, length_m=value) for n, value in named.items()]
+    unit = _unit(survey, mend.length_m)
     words = f"Correct these {len(named)} lengths"
+    if unit:
+        words = f"Take these {len(named)} lengths as {unit}"
     if len(named) == 1:
-        words = f"Correct {changes[0].length} to {changes[0].length_m:.2f} m"
+        what = f"Take {changes[0].length} as {unit}:" if unit else f"Correct {changes[0].length} to"
+        words = f"{what} {changes[0].length_m:.2f} m"
     elif len(named) == 2 and _is_exchange(survey, mend.length_m):
         words = f"Swap the readings of {listed(named)}"
     return Remedy(action="length", words=words, corrections=tuple(changes))
+
+
+def _unit(survey: Survey, length_m: Mapping[int, float]) -> str:
+    """Unit in which lengths were read that should be in metres; empty where it is another slip."""
+    ratios = {float(survey.length_m[k]) / value for k, value in length_m.items()}
+    alike = (words for size, words in UNITS if all(isclose(one, size) for one in ratios))
+    return next(alike, "")
 
 
 def _is_exchange(survey: Survey, length_m: Mapping[int, float]) -> bool:

@@ -46,7 +46,8 @@ def test_the_verdict_says_plainly_what_is_wrong_and_what_would_put_it_right() ->
     amber = Verdict(level="amber", reasons=(replace(reason, instead=(free,)),))
 
     assert verdict_sentence(replace(survey.build(), verdict=amber)) == (
-        "Verdict: amber. A and B seem swapped. What would put it right: swap A and B, or free A."
+        "Verdict: amber, check this first. A and B seem swapped. What would put it right: "
+        "swap A and B, or free A."
     )
 
 

@@ -1,7 +1,7 @@
 // What the keys do, and what is drawn and written means.
 
 import { node, shape } from "../elements/dom.js";
-import { DIAMOND, HOLLOW, KNOWN } from "../photos/marks.js";
+import { DIAMOND, HOLLOW, KNOWN, OCTAGON } from "../photos/marks.js";
 import { SHAPES } from "../photos/sources.js";
 import { KEYS } from "./keys.js";
 
@@ -17,6 +17,8 @@ const MARKS = [
   ["proposed", HOLLOW, "found by the program; no pick before a click accepts it"],
   ["predicted", ROUND, "where a point should be that is placed in other photos, 95\u00a0%"],
   ["suspect", DIAMOND, "suspect: it does not fit the rest. Look whether it is the right place, or the right length"],
+  ["trust doubtful", DIAMOND, "dashed, round a point or as a line: doubtful. It rests on something that does not fit"],
+  ["trust contradicted", OCTAGON, "round a point; as a line dotted: contradicted. Do not use it"],
   ["pulled", STROKE, "residual: from the point to where all else says it is, enlarged as the photo's corner says"],
   ["length", STROKE, "a taped length; dashed: only judged"],
   ["measured", STROKE, "a measurement"],
@@ -27,9 +29,9 @@ const MARKS = [
 const WORDS = [
   ["\u00b1, \u03c3", "standard deviation: the true value lies within twice as much 19 times out of 20"],
   ["w", "how far something is off, in its own standard deviations; above about 3 look again"],
-  ["not checked", "nothing would show an error in it. Rest the pointer there: what an error would do"],
-  ["doubtful, contradicted", "something that it rests on does not fit, or contradicts it: do not use it before that is cleared up"],
-  ["grey numbers", "are being computed anew"],
+  ["\u25cb not checked", "nothing would show an error in it. Rest the pointer there: what an error would do"],
+  ["? doubtful, \u2260 contradicted", "grey or struck: something that it rests on does not fit, or contradicts it: do not use it before that is cleared up"],
+  ["grey italics", "not of what is marked now: being computed anew, first estimates, or without connection"],
 ];
 
 /** @param {HTMLDialogElement} dialog @param {() => void} showSteps */

@@ -10,9 +10,9 @@ import { adjusted, store } from "./store.js";
 /** @type {Record<Exclude<Age, "current">, string>} */
 const WORDS = {
   none: "Not checked yet",
-  "first-order": "Not checked yet: first estimates of what you are moving",
-  old: "Not checked yet: the numbers are older than your last change",
-  lost: "Not checked: the program does not answer",
+  "first-order": "Not checked yet: first estimates",
+  old: "Not checked yet: being computed",
+  lost: "Not checked: no connection",
 };
 
 /** @returns {Age} */

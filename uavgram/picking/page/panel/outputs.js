@@ -1,7 +1,7 @@
 // What stands at the foot of the measurements: one click runs the project and writes everything.
 
 import { adjusted, store } from "../connection/store.js";
-import { light } from "../connection/trust.js";
+import { ageOfNumbers, light } from "../connection/trust.js";
 import { fillIfNew, node } from "../elements/dom.js";
 import { keep } from "../elements/table.js";
 
@@ -20,9 +20,10 @@ export function showOutputs(foot, exporting, exportAll) {
   const old = outputs.files.length > 0 && outputs.version !== version;
   const { level } = light();
   const words = writeWords(level);
-  const made = keep("outputs", [outputs, old, exporting, level, words], () => node("div", {},
+  const lost = ageOfNumbers() === "lost";
+  const made = keep("outputs", [outputs, old, exporting, level, words, lost], () => node("div", {},
     node("div", { class: "row" },
-      node("button", { name: "export", class: level === "red" ? "unfit" : "main", "data-level": level, disabled: exporting, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
+      node("button", { name: "export", class: level === "red" ? "unfit" : "main", "data-level": level, disabled: exporting || lost, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
         exporting ? "Writing\u2026" : words),
       node("span", { class: "dim", role: "status" }, exporting ? "" : age(outputs, old))),
     outputs.files.length || outputs.recording ? node("nav", { "aria-label": "Outputs" }, ...links(outputs)) : null));
@@ -35,6 +36,7 @@ function writeWords(level) {
   const count = adjusted()?.verdict.reasons ?? 0;
   if (level === "red") return "Write all the same: do not use these numbers";
   if (level === "amber") return count ? `Write results, with ${count} warning${count === 1 ? "" : "s"}` : "Write results: check them first";
+  if (ageOfNumbers() === "lost") return "Nothing can be written: no connection";
   return level === "green" ? "Write results" : "Write results: not checked yet";
 }
 

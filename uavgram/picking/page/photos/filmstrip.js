@@ -7,7 +7,7 @@ import { as, byId, node } from "../elements/dom.js";
 /** @import { Photo } from "../connection/protocol.js" */
 /** @import { Panes } from "./panes.js" */
 
-const SIGNS = { doubtful: " ?", contradicted: " \u2715", "": "" };
+const SIGNS = { doubtful: " ?", contradicted: " \u2260", "": "" };
 const THUMBNAILS_AFTER_MS = 4000; // at the latest: the photo may be none that can be shown
 
 /** @param {Photo} photo */

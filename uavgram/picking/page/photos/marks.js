@@ -114,7 +114,7 @@ function pickGroup(pick, tag, fit, selected, shown, pulled) {
 /** @param {string} label @param {boolean} suspect @param {ReturnType<typeof fault>} wrong */
 function signs(label, suspect, wrong) {
   const known = knownAs(label);
-  const trust = suspect || !wrong ? [] : [shape("g", { class: "trust" }, ...stroke(wrong === "contradicted" ? OCTAGON : DIAMOND))];
+  const trust = suspect || !wrong ? [] : [shape("g", { class: `trust ${wrong}` }, ...stroke(wrong === "contradicted" ? OCTAGON : DIAMOND))];
   return [...(suspect ? stroke(DIAMOND) : trust), ...(known ? stroke(KNOWN[known]) : [])];
 }
 
