@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import webbrowser
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -49,6 +51,26 @@ def test_the_same_command_gives_another_browser_an_address_of_its_own(
     assert answer.status_code == 303
     assert answer.headers["set-cookie"].split(";")[0] == first  # the same page, by another way
     assert ask(word, follow_redirects=False).status_code == 403
+
+
+def test_the_browser_is_led_by_a_file_that_is_gone_when_it_has_come(
+    project: Path, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    came: list[tuple[Path, int]] = []
+
+    def browse(uri: str) -> bool:
+        file = Path(urlsplit(uri).path)
+        found = re.search(r"url=([^\"]+)", file.read_text(encoding="utf-8"))
+        assert found is not None
+        came.append((file, ask(found[1], follow_redirects=False).status_code))
+        return True
+
+    monkeypatch.setattr(webbrowser, "open", browse)
+    assert main(["pick", str(project)]) == 0
+    ((file, status),) = came
+    assert status == 303
+    assert not file.parent.exists()
+    assert server.is_alive
 
 
 def test_whoever_waits_for_the_browser_is_told_when_it_has_come(
