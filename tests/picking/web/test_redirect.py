@@ -9,6 +9,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
+from pick_pages import small_project
 from starlette.types import Receive, Scope, Send
 
 from uavgram.cli.commands.pick import pick
@@ -42,7 +43,7 @@ def test_the_browser_is_given_a_file_and_not_the_key(
         still_there.append(path.parent.exists())
 
     monkeypatch.setattr(server, "serve", serve)
-    assert pick(tmp_path / "project.yaml") == 0
+    assert pick(small_project(tmp_path)) == 0
     said = re.search(r"token=([-\w]+)", capsys.readouterr().out)
     assert said is not None
     token = said[1]

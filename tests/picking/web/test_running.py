@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
+import webbrowser
 from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -12,6 +15,7 @@ import pytest
 from pick_pages import LONGEST_WAIT_S, Server, ask, cookie_of, running, small_project
 
 from uavgram.cli import main
+from uavgram.io.project_lock import LOCK
 from uavgram.picking.web.running import FILE, PATH, fresh_address
 from uavgram.picking.web.tokens import MOST_OPEN, Tokens
 
@@ -49,6 +53,26 @@ def test_the_same_command_gives_another_browser_an_address_of_its_own(
     assert answer.status_code == 303
     assert answer.headers["set-cookie"].split(";")[0] == first  # the same page, by another way
     assert ask(word, follow_redirects=False).status_code == 403
+
+
+def test_the_browser_is_led_by_a_file_that_is_gone_when_it_has_come(
+    project: Path, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    came: list[tuple[Path, int]] = []
+
+    def browse(uri: str) -> bool:
+        file = Path(urlsplit(uri).path)
+        found = re.search(r"url=([^\"]+)", file.read_text(encoding="utf-8"))
+        assert found is not None
+        came.append((file, ask(found[1], follow_redirects=False).status_code))
+        return True
+
+    monkeypatch.setattr(webbrowser, "open", browse)
+    assert main(["pick", str(project)]) == 0
+    ((file, status),) = came
+    assert status == 303
+    assert not file.parent.exists()
+    assert server.is_alive
 
 
 def test_whoever_waits_for_the_browser_is_told_when_it_has_come(
@@ -109,6 +133,19 @@ def test_what_a_killed_server_left_behind_leads_nowhere(tmp_path: Path) -> None:
         fresh = fresh_address(project)
         assert fresh is not None
         assert fresh.text.startswith(server.origin)
+
+
+def test_a_port_that_is_somebody_elses_by_now_is_not_asked(
+    project: Path, server: Server, tmp_path: Path
+) -> None:
+    """Left behind by a server that was killed: nobody holds the lock."""
+    assert server.is_alive
+    left = small_project(tmp_path)
+    (tmp_path / "out").mkdir()
+    shutil.copy(project.parent / "out" / FILE, tmp_path / "out" / FILE)
+    assert fresh_address(left) is None
+    (tmp_path / "out" / LOCK).write_text("12345\n", encoding="utf-8")
+    assert fresh_address(left) is None
 
 
 def test_a_page_without_its_cookie_says_which_command_helps(server: Server) -> None:

@@ -25,8 +25,9 @@ def pick(
 ) -> int:
     """Pick points and lengths in the photos on a local page, and see the measurements.
 
-    The project may lack picks, lengths and measurements: they are made here. Ctrl+C ends it. While
-    it runs, the same command again gives a fresh address: for another browser, or a lost tab.
+    The project may lack picks, lengths and measurements: they are made here. Ctrl+C ends it.
+
+    While it runs, the same command again gives a fresh address, for another browser or a lost tab.
 
     Parameters
     ----------
