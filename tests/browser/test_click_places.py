@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from opened_pages import PageOpener
 from picking_pages import drawn, eventually, to_page
-from picking_projects import BLOB_SIGMA_PX, PickingProject, write_project
+from picking_projects import BLOB_SIGMA_PX, GROUND, PickingProject, write_project
 from picking_server import Served, served
 from PIL import Image
 from playwright.sync_api import Page, Route
@@ -63,7 +63,7 @@ def centroid(page: Page, near: tuple[float, float], zoom: float) -> tuple[float,
     side = 4 * round(2 * reach / 4)
     shot = page.screenshot(clip={"x": left, "y": top, "width": side, "height": side})
     grey = np.asarray(Image.open(io.BytesIO(shot)).convert("L"), dtype=float)
-    weight = np.clip(grey - 46.0, 0.0, None)  # the ground is 40, and JPEG ripples
+    weight = np.clip(grey - GROUND - 6.0, 0.0, None)  # JPEG ripples
     v, u = np.mgrid[: grey.shape[0], : grey.shape[1]] + 0.5
     ratio = grey.shape[1] / side
     total = weight.sum()

@@ -9,7 +9,7 @@ import pytest
 from open_projects import change, opened
 from opened_pages import PageOpener
 from pick_pages import small_project
-from picking_pages import place
+from picking_pages import place, show_photo
 from picking_server import served
 from playwright.sync_api import expect
 
@@ -89,6 +89,7 @@ def test_what_an_earlier_session_could_not_save_is_offered_at_a_click(
         bar = page.get_by_role("alert").filter(has_text="before it could save a change")
         bar.get_by_role("button", name=button).click()
         expect(bar).to_be_hidden()
+        show_photo(page, 0)
         expect(page.locator('.mark[data-label="lost"]')).to_have_count(marks)
         if marks:
             expect(page.locator("#undo")).to_be_enabled()

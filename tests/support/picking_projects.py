@@ -13,6 +13,7 @@ from uavgram.model.arrays import Floats
 
 WIDTH_PX, HEIGHT_PX = 2001, 1401  # odd on every level
 BLOB_SIGMA_PX = 3.0
+GROUND = 120.0  # well exposed: shown as it is
 PLACES = np.array([[612.37, 433.81], [1403.62, 380.15], [999.5, 700.25], [480.9, 1010.44]])
 TURNED_BY_90 = (  # a minimal EXIF segment: one tag, orientation 6
     b"\xff\xe1\x00\x22Exif\x00\x00MM\x00\x2a\x00\x00\x00\x08"
@@ -29,11 +30,11 @@ class PickingProject:
 
 
 def marked_photo() -> Image:
-    """Bright round marks on dark ground; their centres of gravity are where `PLACES` says."""
+    """Bright round marks on grey ground; their centres of gravity are where `PLACES` says."""
     v, u = np.mgrid[:HEIGHT_PX, :WIDTH_PX]
-    grey = np.full((HEIGHT_PX, WIDTH_PX), 40.0)
+    grey = np.full((HEIGHT_PX, WIDTH_PX), GROUND)
     for u0, v0 in PLACES:
-        grey += 180.0 * np.exp(-0.5 * ((u - u0) ** 2 + (v - v0) ** 2) / BLOB_SIGMA_PX**2)
+        grey += 130.0 * np.exp(-0.5 * ((u - u0) ** 2 + (v - v0) ** 2) / BLOB_SIGMA_PX**2)
     return np.repeat(np.round(grey).astype(np.uint8)[..., None], 3, axis=2)
 
 

@@ -89,6 +89,7 @@ export class Pane {
     this.image = image;
     this.svg.replaceChildren();
     this.parts.clear();
+    this.spread = ""; // these are other elements, even of the same photo
     this.choice.replaceChildren(...store.photos.map((photo, k) => node("option", { value: k }, photo.name)));
     this.choice.value = `${image}`;
     this.svg.setAttribute("aria-label", `${this.photo.name}: arrows pan, Enter places a point in the middle`);
