@@ -102,6 +102,12 @@ GROUP_WORDS = {
 
 FRAME_STATE_WORDS = {**FRAME_STATUS_WORDS, "check": "to check"}
 
+WHY_TO_NEIGHBOURS = (
+    "How well a point is known is told by the distances to the points next to it: ± is the "
+    "standard deviation of such a distance, the middle one of up to five. Points far away do not "
+    "change it."
+)
+
 WHY_TWO_ELLIPSES = (
     "Ellipses within the survey are free of the shift and turn that all points have in common, "
     "such as the bias of the flight's receiver; ellipses on the earth contain it. It cancels in "

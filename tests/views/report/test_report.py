@@ -120,7 +120,7 @@ def test_points_have_their_ellipse_within_the_survey_and_on_the_earth() -> None:
     (row,) = [row for row in Page(html).rows if row and row[0] == "P00"]
 
     # half axes of the synthetic survey: a quarter of those on the earth
-    assert [row[3], row[5]] == ["4.7 cm × 2.8 cm", "18.8 cm × 11.3 cm"]
+    assert [row[4], row[6]] == ["4.7 cm × 2.8 cm", "18.8 cm × 11.3 cm"]
     assert "cancels in lengths" in html
 
 

@@ -181,14 +181,18 @@ def test_points(both: Outputs) -> None:
         if nowhere:
             cells.insert(2, "–")  # no latitude and longitude
         agree(cells[1:3], *one["position_world_m"], one["latitude_deg"], one["longitude_deg"])
+        if (sigma_m := one["neighbour_sigma_m"]) is None:
+            assert cells[3] == "–"
+        else:
+            agree(cells[3:4], sigma_m * (100 if cells[3].endswith("cm") else 1))
         axes = []
-        for ellipse, cell in ((within, cells[3]), (earth, cells[5])):
+        for ellipse, cell in ((within, cells[4]), (earth, cells[6])):
             for key, text in zip(("semi_major_m", "semi_minor_m"), cell.split(" × "), strict=True):
                 axes.append((text, ellipse[key] * (100 if text.endswith("cm") else 1)))
         for text, value in axes:
             agree([text], value)
-        agree(cells[4:5], within["azimuth_deg"])
-        agree(cells[6:7], len(one["frames"]))
+        agree(cells[5:6], within["azimuth_deg"])
+        agree(cells[7:8], len(one["frames"]))
 
 
 def test_fit(both: Outputs) -> None:

@@ -32,6 +32,18 @@ def test_the_largest_ellipse_is_that_within_the_survey() -> None:
     assert np.argmax(points.ellipse_95_m[:, 0]) != 7
 
 
+def test_the_least_known_point_is_that_against_its_neighbours() -> None:
+    points = survey.build().points
+    sigma = np.full(len(points.label), 0.012)
+    sigma[[3, 9]] = np.nan, 0.031
+    around = (("P02", "P04"),) * len(points.label)
+    rated = replace(points, neighbour_sigma_m=sigma, neighbours=around)
+    facts = dict(key_facts(replace(survey.build(), points=rated)))
+
+    fact = facts["point least known against its neighbours"]
+    assert fact == f"{points.label[9]}: ± 3.1 cm (P02, P04)"
+
+
 def test_areas_angles_and_coordinates_are_no_lengths() -> None:
     result = survey.build()
     sigma = result.measurements.sigma.copy()

@@ -105,6 +105,7 @@ def _points(result: Result, place: Floats) -> list[Record]:
         covariance_m2=points.covariance_m2,
         sigma_up_m=np.sqrt(points.covariance_m3[:, 2, 2]),
         covariance_m3=points.covariance_m3,
+        neighbour_sigma_m=points.neighbour_sigma_m,
         height_above_ground_m=points.height_above_ground_m,
         height_sigma_m=points.height_sigma_m,
         height_source=points.height_source,

@@ -149,10 +149,17 @@ def unadjusted_json(why: str, messages: Iterable[Message]) -> Json:
 
 
 def _points(adjusted: Adjusted) -> Json:
-    """Sigmas east and north within the survey; of points off the ground, how high they stand."""
+    """How well they are known, within the survey and against their neighbours; their heights."""
     points = adjusted.result.points
     sigma = np.sqrt(np.einsum("kii->ki", points.relative.covariance_m2))
-    found: Json = {label: {"sigma_m": numbers(sigma[k])} for k, label in enumerate(points.label)}
+    found: Json = {
+        label: {
+            "sigma_m": numbers(sigma[k]),
+            "neighbour_sigma_m": number(points.neighbour_sigma_m[k]),
+            "neighbours": list(points.neighbours[k]),
+        }
+        for k, label in enumerate(points.label)
+    }
     for k in np.flatnonzero(points.is_off_ground):
         found[points.label[k]] |= {
             "height_m": number(points.height_above_ground_m[k]),

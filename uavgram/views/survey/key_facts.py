@@ -12,6 +12,7 @@ from uavgram.views.wording import (
     axes_text,
     number,
     relative,
+    size_text,
     with_sigma,
     worst_first,
 )
@@ -20,12 +21,12 @@ Fact = tuple[str, str]
 
 
 def key_facts(result: Result) -> tuple[Fact, ...]:
-    """Frames, the least certain length, the known length that fits worst, the largest ellipse."""
+    """Frames, the least certain length, the known length that fits worst, the least known point."""
     facts = [
         ("frames", frame_counts(result)),
         ("least certain length for its size", _least_certain(result)),
         ("known length that fits worst", _worst_fit(result)),
-        ("largest 95 % ellipse within the survey (half axes)", _largest_ellipse(result)),
+        _least_known_point(result),
     ]
     return tuple((question, answer) for question, answer in facts if answer)
 
@@ -68,8 +69,14 @@ def _worst_fit(result: Result) -> str:
     )
 
 
-def _largest_ellipse(result: Result) -> str:
-    row = largest_ellipse(result)
-    if row is None:
-        return ""
-    return f"{result.points.label[row]}: {axes_text(result.points.relative.ellipse_95_m[row])}"
+def _least_known_point(result: Result) -> Fact:
+    points = result.points
+    if np.isfinite(points.neighbour_sigma_m).any():
+        row = int(np.nanargmax(points.neighbour_sigma_m))
+        sigma, around = size_text(float(points.neighbour_sigma_m[row])), points.neighbours[row]
+        told = f"{points.label[row]}: ± {sigma} ({', '.join(around)})"
+        return "point least known against its neighbours", told
+    widest = largest_ellipse(result)  # of versions that did not ask the neighbours
+    axes = "" if widest is None else axes_text(points.relative.ellipse_95_m[widest])
+    told = f"{points.label[widest]}: {axes}" if widest is not None else ""
+    return "largest 95 % ellipse within the survey (half axes)", told

@@ -51,7 +51,7 @@ export interface Fit { image: number; label: string; residual_px: Maybe[]; w: Ma
 export interface Verdict { level: "green" | "amber" | "red"; words: string; first: Remark; why: Remark[] }
 export interface Measured { value: Maybe; sigma: Maybe; unit: string; alternatives: Maybe[]; status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string; why: string }
 export type Places = Record<string, [number, number] | undefined>; // latitude and longitude by label
-export interface AdjustedPoint { sigma_m: Maybe[]; height_m?: Maybe; height_sigma_m?: Maybe } // over the ground, where it is off it
+export interface AdjustedPoint { sigma_m: Maybe[]; neighbour_sigma_m: Maybe; neighbours: string[]; height_m?: Maybe; height_sigma_m?: Maybe } // over the ground, where it is off it
 export interface Adjusted {
   mode: "adjusted"; seconds: number; verdict: Verdict;
   points: Record<string, AdjustedPoint | undefined>;

@@ -71,7 +71,7 @@ function pointsPart(selected, tools) {
   const count = countsOfPicks();
   const facts = all.map((label) => {
     const point = now?.points[label];
-    const sigmaMm = point && all.length > 1 ? Math.max(...point.sigma_m.map(Number)) * 1000 : null; // within the survey: one alone has none
+    const sigmaMm = typeof point?.neighbour_sigma_m === "number" ? point.neighbour_sigma_m * 1000 : null; // one alone has none
     const stands = standsAt(label);
     return { label, fit: worst.get(label), sigmaMm, count: count.get(label) ?? 0, up: stands ? ` \u2191${withSigma(stands.height, stands.sigma, "m")}` : "" };
   });
@@ -88,7 +88,7 @@ function pointsTable(facts, selected, tools) {
       node("td", { class: "named", title: label }, node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => tools.select(label) }, label), node("span", { class: "dim", title: up && "over the ground" }, `${kind}${up}`)),
       node("td", {}, `${count}`), node("td", { class: "value" }, fixed(sigmaMm, Number(sigmaMm) < 10 ? 1 : 0)), node("td", { class: "value" }, wCell(fit?.w, fit?.status)));
   });
-  return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about("\u03c3 mm", `within the survey; ${SIGMA}`), about("worst w", W)], rows));
+  return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about("\u03c3 mm", `of the distances to the points next to it; ${SIGMA}`), about("worst w", W)], rows));
 }
 
 const SIGMA = "standard deviation: the true value lies within twice as much 19 times out of 20";

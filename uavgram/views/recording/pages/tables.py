@@ -35,6 +35,7 @@ from uavgram.views.wording import (
     LEVEL_RANK,
     LINE_STATUS_WORDS,
     NOT_UNIQUE,
+    WHY_TO_NEIGHBOURS,
     WHY_TWO_ELLIPSES,
     computed_first,
     measurement_text,
@@ -57,6 +58,7 @@ def _page(name: str, result: Result, **shown: object) -> str:
         line_words=LINE_STATUS_WORDS,
         status_words=STATUS_WORDS,
         not_unique=NOT_UNIQUE,
+        why_to_neighbours=WHY_TO_NEIGHBOURS,
         why_two_ellipses=WHY_TWO_ELLIPSES,
         measured=computed_first(result.measurements),
         measured_alone=measured_alone(result),
@@ -119,9 +121,10 @@ def checks_page(result: Result) -> str:
 
 
 def points_page(result: Result) -> str:
-    """Ground points, the least certain within the survey first."""
-    within = result.points.relative
-    order = np.argsort(-within.ellipse_95_m[:, 0], kind="stable")
+    """Ground points, the least known against their neighbours first."""
+    within, rated = result.points.relative, result.points.neighbour_sigma_m
+    known = np.isfinite(rated).any()  # versions before did not ask the neighbours
+    order = np.argsort(-(rated if known else within.ellipse_95_m[:, 0]), kind="stable")
     return _page(
         "points",
         result,
