@@ -10,7 +10,7 @@ from scipy.special import erf
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
-from uavgram.imaging.snap_region import Region, snap_circle_within, snap_corner_within
+from uavgram.imaging.snap_region import Region, Unclear, snap_within
 from uavgram.model.arrays import Floats
 
 PLACE = np.array([140.37, 118.81])
@@ -58,46 +58,79 @@ def region(sigma_px: float = 10.0, pointer_px: Floats | None = None) -> Region:
     return Region(middle, np.eye(2) * sigma_px**2, pointer)
 
 
-def off(found: Snapped | str, place: Floats = PLACE) -> float:
+def snapped(picture: Pixels, where: Region, *, corners: bool = False) -> Snapped | Unclear:
+    return snap_within(picture, where, corners=corners)
+
+
+def off(found: Snapped | Unclear | str, place: Floats = PLACE) -> float:
     assert isinstance(found, Snapped), found
     return float(np.hypot(found.u_px - place[0], found.v_px - place[1]))
 
 
-def test_a_target_25_px_from_where_it_is_expected_is_found() -> None:
-    picture = photo(ringed(PLACE))
-    assert isinstance(snap_circle(picture, *(PLACE + AWAY)), str)  # by itself it was not
-    assert off(snap_circle_within(picture, region())) < 0.1
+def cross(place: Floats) -> Floats:
+    """Two painted bars, less the ground."""
+    u, v = np.abs(GRID - place[:, None, None])
+    bars = [
+        0.25 * (1 - erf((a - 12) / 1.2)) * (1 - erf((b - 2.2) / 1.2)) for a, b in ((u, v), (v, u))
+    ]
+    painted: Floats = 110 * np.maximum(*bars)
+    return painted
 
 
-def test_of_a_chequer_its_middle_is_found_and_not_a_corner_of_its_fields() -> None:
-    picture = photo(chequer(PLACE))
-    by_itself = snap_corner(picture, *(PLACE + AWAY))
-    assert isinstance(by_itself, str) or off(by_itself) > 5.0
-    assert off(snap_corner_within(picture, region())) < 0.1
+@pytest.mark.parametrize("draw", [ringed, chequer, cross])
+@pytest.mark.parametrize("corners", [False, True])
+def test_a_target_25_px_from_where_it_is_expected_is_found(
+    draw: Callable[[Floats], Floats], *, corners: bool
+) -> None:
+    picture = photo(draw(PLACE))
+    for by_itself in (snap_circle(picture, *(PLACE + AWAY)), snap_corner(picture, *(PLACE + AWAY))):
+        assert isinstance(by_itself, str) or off(by_itself) > 5.0
+    found = snapped(picture, region(), corners=corners)
+
+    assert off(found) < 0.1
+    assert isinstance(found, Snapped)
+    assert found.what == "target"
 
 
 @pytest.mark.parametrize("draw", [ringed, chequer])
 def test_of_two_alike_none_is_guessed_but_the_pointer_tells(
     draw: Callable[[Floats], Floats],
 ) -> None:
-    snap = snap_circle_within if draw is ringed else snap_corner_within
     other = PLACE + np.array([45.0, -25.0])
     picture = photo(draw(PLACE), draw(other))
-    refused = snap(picture, region(15.0))
-    assert isinstance(refused, str)
-    assert refused.startswith("2 of them")
-    assert off(snap(picture, region(15.0, other + 3.0)), other) < 0.1
+    refused = snapped(picture, region(15.0))
+
+    assert isinstance(refused, Unclear)
+    assert refused.why.startswith("2 things")
+    away = np.linalg.norm(refused.place_px[:, None] - [PLACE, other], axis=2)
+    assert sorted(away.argmin(axis=1).tolist()) == [0, 1]
+    assert away.min(axis=1).max() < 0.1
+    assert off(snapped(picture, region(15.0, other + 3.0)), other) < 0.1
 
 
-def test_what_lies_outside_the_region_is_not_taken() -> None:
-    for snap, draw in ((snap_circle_within, ringed), (snap_corner_within, chequer)):
-        assert isinstance(snap(photo(draw(PLACE)), region(3.0)), str)
+def test_a_line_and_a_corner_are_no_targets_and_a_corner_is_taken_where_one_may_be_meant() -> None:
+    line = 130 * square(PLACE + np.array([0.0, 200.0]), 200.0)  # its upper edge ends in the picture
+    picture = photo(line * (GRID[0] > PLACE[0]))
+    assert isinstance(snapped(picture, region()), Unclear)
+    found = snapped(picture, region(), corners=True)
+
+    assert off(found) < 1.0
+    assert isinstance(found, Snapped)
+    assert found.what == "corner"
+
+
+@pytest.mark.parametrize("draw", [ringed, chequer])
+def test_what_lies_outside_the_region_is_not_taken(draw: Callable[[Floats], Floats]) -> None:
+    assert isinstance(snapped(photo(draw(PLACE)), region(3.0)), Unclear)
 
 
 def test_on_bare_ground_there_is_no_target() -> None:
-    assert isinstance(snap_circle_within(photo(), region()), str)
+    assert isinstance(snapped(photo(), region()), Unclear)
 
 
 def test_a_region_beyond_the_photo_is_said() -> None:
     beyond = Region(np.array([-400.0, 50.0]), np.eye(2), np.zeros(2))
-    assert "outside" in str(snap_corner_within(photo(), beyond))
+    found = snapped(photo(), beyond)
+
+    assert isinstance(found, Unclear)
+    assert "outside" in found.why

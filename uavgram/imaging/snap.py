@@ -7,6 +7,7 @@ give, not whether it shows the thing that was meant.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -38,11 +39,12 @@ _LEAST_AREA_PX = 12
 
 @dataclass(frozen=True)
 class Snapped:
-    """A place (u, v) [px] and its standard deviation in its worse direction [px]."""
+    """A place (u, v) [px], its sigma in its worse direction [px], and what is there."""
 
     u_px: float
     v_px: float
     sigma_px: float
+    what: Literal["corner", "target"]
 
 
 def snap_corner(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
@@ -71,7 +73,8 @@ def snap_corner(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
     if np.abs(corner - start).max() > CORNER_HALF_PX - 1.0:
         return "no corner within reach: click closer to it"
     sigma = float(np.sqrt(np.linalg.eigvalsh(covariance[0])[-1]))
-    return _judged(corner[0] + first, sigma, "no corner here: edges run in one direction only")
+    otherwise = "no corner here: edges run in one direction only"
+    return _judged(corner[0] + first, sigma, "corner", otherwise)
 
 
 def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
@@ -111,7 +114,7 @@ def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
     arm = place[inside] - center
     covariance = arm.T @ arm * (noise / ((top - ground) * total)) ** 2
     sigma = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
-    return _judged(center + first, sigma, "the target is too faint")
+    return _judged(center + first, sigma, "target", "the target is too faint")
 
 
 def _cut(photo: Pixels, u_px: float, v_px: float, half: int) -> tuple[Image, Floats] | None:
@@ -160,7 +163,9 @@ def _blob(grey: Image, at: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Image 
     return np.asarray(cv2.drawContours(blob, [outline], -1, [1], cv2.FILLED), dtype=np.uint8)
 
 
-def _judged(place: Floats, sigma: float, otherwise: str) -> Snapped | str:
+def _judged(
+    place: Floats, sigma: float, what: Literal["corner", "target"], otherwise: str
+) -> Snapped | str:
     if not (np.isfinite(place).all() and sigma <= MOST_SIGMA_PX):
         return otherwise
-    return Snapped(float(place[0]), float(place[1]), max(sigma, SMALLEST_SIGMA_PX))
+    return Snapped(float(place[0]), float(place[1]), max(sigma, SMALLEST_SIGMA_PX), what)

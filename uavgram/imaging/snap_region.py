@@ -1,7 +1,8 @@
-"""The one target or corner inside the region where a point is expected, or why none is taken.
+"""The one thing inside the region where a point is expected, or why none is taken.
 
-What stands out most wins; where several things stand out alike, and the region does not tell them
-apart, nothing is guessed.
+Targets first: chequers, crosses and discs. Where there is none, and one may be meant, the corner
+that stands out. The likeliest wins, by how much it stands out and by the region; where several are
+about as likely and the pointer is on none of them, nothing is guessed.
 """
 
 from __future__ import annotations
@@ -14,7 +15,8 @@ import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.raster import Image
-from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
+from uavgram.imaging.snap import Snapped, snap_corner
+from uavgram.imaging.targets.symmetric_places import symmetric_targets
 from uavgram.model.arrays import Bools, Floats
 
 WITHIN = 13.82
@@ -23,14 +25,25 @@ WITHIN = 13.82
 AROUND_PX = 4.0
 """Beside the region: a pick's own error, and that of a place that is known exactly."""
 
-WIDEST_PX = 400
+WIDEST_PX = 250
 """Half the largest window that is searched."""
 
-ALIKE = 0.6
-"""What stands out by so much of the most is as good a target."""
+POINTED_PX = 4.0
+"""Standard deviation of a click from the thing that was meant."""
 
-SURE = 0.95
-"""Probability, by the region alone, from which one of several is the one."""
+SHARPNESS = 3
+"""Power of how much targets stand out, as their likelihood.
+
+Of 2, 3 and 4 the one that took fewest wrong ones on rendered streets, with what was expected
+25 px away at a standard deviation of 10 px: of 249 searches for targets 197 ended at the right one
+and 8 at another; of 54 for a corner of asphalt that is no target, 1 at something.
+"""
+
+SURE = 0.9
+"""Probability from which one of several is the one."""
+
+ALIKE = 0.6
+"""Corners that stand out by so much of the most are as good."""
 
 REACH_PX = 8.0
 """Of several, the one that the pointer is on counts as pointed at."""
@@ -38,14 +51,10 @@ REACH_PX = 8.0
 SAME_PX = 3.0
 """What is measured so far from what was found is something else."""
 
-_LEVELS = 12
-_LEAST_LEVELS = 4  # in which a target is round: stones and grass are in two or three
-_LEAST_OUTLINE, _LEAST_AREA_PX = 8, 16.0
-_FLATTEST, _LEAST_ROUND = 0.4, 0.85
+MOST_SHOWN = 4
+"""Of several that are about as likely."""
+
 _BLOCK_PX = 5
-_CLEAR = 0.75  # a field's own corners are saddles of two thirds of the crossing's strength
-_RING, _RING_PX, _ALIKE_FIELDS, _CONTRAST = 32, 4.0, 0.5, 0.2
-_CONCENTRIC_PX = 2.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +76,11 @@ class Region:
         solved = np.linalg.solve(covariance, off[..., None])[..., 0]
         return np.asarray(np.einsum("ni,ni->n", off, solved))
 
+    @classmethod
+    def near(cls, pointer_px: Floats) -> Region:
+        """What somebody pointed at."""
+        return cls(pointer_px, POINTED_PX**2 * np.eye(2), pointer_px)
+
     @property
     def reach_px(self) -> Floats:
         """(2,) how far it goes from its middle, along u and v."""
@@ -86,8 +100,16 @@ class _Found:
         return _Found(self.place_px[which], self.strength[which])
 
 
-def snap_corner_within(photo: Pixels, region: Region) -> Snapped | str:
-    """The corner that stands out in a region, or why there is none.
+@dataclass(frozen=True, eq=False)
+class Unclear:
+    """Why nothing is taken, and the places (n, 2) [px] of things that are about as likely."""
+
+    why: str
+    place_px: Floats
+
+
+def snap_within(photo: Pixels, region: Region, *, corners: bool) -> Snapped | Unclear:
+    """The thing in a region that is meant, or why none is taken.
 
     Parameters
     ----------
@@ -95,66 +117,78 @@ def snap_corner_within(photo: Pixels, region: Region) -> Snapped | str:
         (height, width, 3) BGR.
     region
         Where it is expected.
-    """
-    return _snapped(photo, region, _corners, "corner", snap_corner)
-
-
-def snap_circle_within(photo: Pixels, region: Region) -> Snapped | str:
-    """The round target that stands out in a region, or why there is none.
-
-    Parameters
-    ----------
-    photo, region
-        As for `snap_corner_within`.
-    """
-    return _snapped(photo, region, _circles, "round target", _exact_circle)
-
-
-def _snapped(
-    photo: Pixels,
-    region: Region,
-    find: Callable[[Image, Callable[[Floats], Bools]], _Found],
-    name: str,
-    exact: Callable[[Pixels, float, float], Snapped | str],
-) -> Snapped | str:
-    """The thing of one kind in a region.
-
-    Parameters
-    ----------
-    photo, region
-        Where to look.
-    find
-        Finds things of that kind in a window, of the places that it is told to take.
-    name
-        What people call it.
-    exact
-        Measures one from a place on it.
+    corners
+        Whether a corner is meant where there is no target.
     """
     window = _window(photo, region)
     if window is None:
-        return "it is expected outside this photo"
+        return _nothing("it is expected outside this photo")
     grey, first = window
-    found = find(grey, lambda place: region.holds(place + first))
+    targets = symmetric_targets(grey, lambda place: region.holds(place + first))
+    if targets:
+        place = np.array([one.pixel_px for one in targets]) + first
+        strength = np.array([one.strength for one in targets])
+        chosen = _chosen(place, strength**SHARPNESS, region)
+        if isinstance(chosen, Unclear):
+            return chosen
+        u, v = place[chosen].tolist()
+        return Snapped(u, v, targets[chosen].sigma_px, "target")
+    if not corners:
+        return _nothing("no target there: point at it")
+    return _corner(photo, region, grey, first)
+
+
+def _nothing(why: str) -> Unclear:
+    return Unclear(why, np.empty((0, 2)))
+
+
+def _corner(photo: Pixels, region: Region, grey: Image, first: Floats) -> Snapped | Unclear:
+    """The corner that stands out in a region.
+
+    Parameters
+    ----------
+    photo, region
+        As of `snap_within`.
+    grey, first
+        The window that is searched, and its first pixel.
+    """
+    found = _corners(grey, lambda place: region.holds(place + first))
     if not len(found.strength):
-        return f"no {name} where it is expected: point at it"
+        return _nothing("nothing there stands out: point at it")
     alike = found.place_px[found.strength >= ALIKE * found.strength.max()] + first
-    chosen = _chosen(alike, region)
-    if chosen is None:
-        return f"{len(alike)} of them are where it is expected: point at the right one"
-    exactly = exact(photo, float(chosen[0]), float(chosen[1]))
-    if isinstance(exactly, Snapped):
-        off = np.hypot(exactly.u_px - chosen[0], exactly.v_px - chosen[1])
-        return exactly if off <= SAME_PX else f"no clear {name} where it is expected: point at it"
-    return exactly
+    chosen = _chosen(alike, np.ones(len(alike)), region)
+    if isinstance(chosen, Unclear):
+        return chosen
+    exactly = snap_corner(photo, *alike[chosen].tolist())
+    if not isinstance(exactly, Snapped):
+        return _nothing(exactly)
+    off = np.hypot(*(alike[chosen] - [exactly.u_px, exactly.v_px]))
+    return exactly if off <= SAME_PX else _nothing("no clear corner there: point at it")
 
 
-def _chosen(place_px: Floats, region: Region) -> Floats | None:
-    """The one of several places (n, 2), by the region, else by the pointer; None: neither tells."""
-    likely = np.exp(-0.5 * region.distance(place_px))
-    if likely.max() >= SURE * likely.sum():
-        return np.asarray(place_px[np.argmax(likely)])
-    pointed = np.linalg.norm(place_px - region.pointer_px, axis=1) <= REACH_PX
-    return np.asarray(place_px[pointed][0]) if np.count_nonzero(pointed) == 1 else None
+def _chosen(place_px: Floats, weight: Floats, region: Region) -> int | Unclear:
+    """Which of several things is meant, by likelihood, else by the pointer.
+
+    Parameters
+    ----------
+    place_px
+        (n, 2) where they are.
+    weight
+        (n,) how likely each is wherever it lies.
+    region
+        How likely it is there.
+    """
+    likely = weight * np.exp(-0.5 * region.distance(place_px))
+    best = int(np.argmax(likely))
+    if likely[best] >= SURE * likely.sum():
+        return best
+    pointed = np.flatnonzero(np.linalg.norm(place_px - region.pointer_px, axis=1) <= REACH_PX)
+    if len(pointed) == 1:
+        return int(pointed[0])
+    order = np.argsort(-likely)
+    some = order[likely[order] >= (1 - SURE) / 2 * likely[best]][:MOST_SHOWN]
+    why = f"{len(some)} things there are about as likely: point at the right one"
+    return Unclear(why, place_px[some])
 
 
 def _window(photo: Pixels, region: Region) -> tuple[Image, Floats] | None:
@@ -173,19 +207,7 @@ def _window(photo: Pixels, region: Region) -> tuple[Image, Floats] | None:
 
 
 def _corners(grey: Image, holds: Callable[[Floats], Bools]) -> _Found:
-    """Where black and white fields cross, which nothing on the ground does by itself; else corners.
-
-    Corners by the smaller eigenvalue of the structure tensor (Shi and Tomasi 1994); crossings are
-    saddles of the brightness, by the determinant of its second derivatives.
-    """
-    smooth = cv2.GaussianBlur(grey, (0, 0), 1.5).astype(np.float32)
-    along, down, across = (
-        cv2.Sobel(smooth, cv2.CV_32F, *order, ksize=3) for order in ((2, 0), (0, 2), (1, 1))
-    )
-    saddles = _peaks(np.sqrt(np.maximum(across**2 - along * down, 0.0)), holds)
-    best = saddles.those(saddles.strength >= _CLEAR * saddles.strength.max(initial=0.0))
-    if (crossing := best.those(_four_fields(grey, best.place_px))).strength.size:
-        return crossing
+    """Corners, by the smaller eigenvalue of the structure tensor (Shi and Tomasi 1994)."""
     fine = cv2.GaussianBlur(grey, (0, 0), 1.0)
     return _peaks(cv2.cornerMinEigenVal(fine, _BLOCK_PX), holds)
 
@@ -196,91 +218,3 @@ def _peaks(strength: cv2.typing.MatLike, holds: Callable[[Floats], Bools]) -> _F
     v, u = np.nonzero(peak & (strength > 0))
     place = np.column_stack([u, v]).astype(np.float64)
     return _Found(place, np.asarray(strength[v, u], np.float64)).those(holds(place))
-
-
-def _four_fields(grey: Image, place_px: Floats) -> Bools:
-    """(n,) whether four fields, bright and dark in turn, meet at places (n, 2)."""
-    angle = 2 * np.pi * np.arange(_RING) / _RING
-    ring = place_px[:, None] + _RING_PX * np.column_stack([np.cos(angle), np.sin(angle)])
-    at = ring.astype(np.float32)
-    value = cv2.remap(
-        grey, at[..., 0], at[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    ).astype(np.float64)
-    low, high = np.percentile(grey, [1, 99])
-    off = value - 0.5 * (value.min(axis=1) + value.max(axis=1))[:, None]
-    changes = np.count_nonzero(np.diff(np.sign(off), axis=1, append=np.sign(off[:, :1])), axis=1)
-    # Opposite fields are alike, neighbours are not.
-    quarter, half = np.roll(off, _RING // 4, axis=1), np.roll(off, _RING // 2, axis=1)
-    contrast = np.abs(off).mean(axis=1)
-    alike = (off * half).mean(axis=1) > _ALIKE_FIELDS * (off**2).mean(axis=1)
-    unlike = (off * quarter).mean(axis=1) < 0
-    return np.asarray((changes == 4) & alike & unlike & (contrast > _CONTRAST * (high - low)))
-
-
-def _circles(grey: Image, holds: Callable[[Floats], Bools]) -> _Found:
-    """Round targets: outlines that are round at many brightnesses, one in the other counted once.
-
-    The strength is the number of brightnesses.
-    """
-    smooth = cv2.GaussianBlur(grey, (0, 0), 0.7)
-    low, high = (float(value) for value in np.percentile(smooth, [0.5, 99.5]))
-    places: list[Floats] = []
-    level: list[int] = []
-    for k, cut in enumerate(np.linspace(low, high, _LEVELS + 2)[1:-1]):
-        binary = (smooth > cut).astype(np.uint8)
-        for outline in cv2.findContours(binary, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)[0]:
-            center = _round_center(np.asarray(outline[:, 0], np.float64))
-            if center is not None:
-                places.append(center)
-                level.append(k)
-    found = _concentric(np.array(places).reshape(-1, 2), np.array(level, dtype=np.int64))
-    return found.those(holds(found.place_px))
-
-
-def _round_center(outline_px: Floats) -> Floats | None:
-    """Centre of an outline (n, 2) that is an ellipse; None of any other."""
-    if len(outline_px) < _LEAST_OUTLINE:
-        return None
-    shape = outline_px.astype(np.float32)
-    area = cv2.contourArea(shape)
-    if area < _LEAST_AREA_PX:
-        return None
-    center, axes, _ = cv2.fitEllipse(shape)
-    ellipse = np.pi / 4 * axes[0] * axes[1]
-    # The outline runs through the middles of pixels, half a pixel inside of what they cover.
-    is_round = _LEAST_ROUND < area / max(ellipse, 1.0) < 1 / _LEAST_ROUND
-    return np.array(center) if is_round and min(axes) > _FLATTEST * max(axes) else None
-
-
-def _concentric(center_px: Floats, level: np.ndarray[tuple[int], np.dtype[np.int64]]) -> _Found:
-    """Centres (n, 2) that lie together as one, with the number of their levels (n,)."""
-    left: Bools = np.ones(len(center_px), dtype=np.bool_)
-    places, strengths = [], []
-    while left.any():
-        # The centre that has most others about it.
-        away = np.linalg.norm(center_px[left, None] - center_px[None, left], axis=2)
-        together = away <= _CONCENTRIC_PX
-        best = int(np.argmax(together.sum(axis=1)))
-        own = np.flatnonzero(left)[together[best]]
-        places.append(np.median(center_px[own], axis=0))
-        strengths.append(len(np.unique(level[own])))
-        left[own] = False
-    strength = np.array(strengths, dtype=np.float64)
-    good = strength >= _LEAST_LEVELS
-    return _Found(np.array(places).reshape(-1, 2)[good], strength[good])
-
-
-def _exact_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
-    """A target measured from its middle, or from a ring of it where its middle is too small."""
-    refused = "the target is too faint"
-    for radius in (0.0, 4.0, 7.0, 11.0):
-        for angle in np.arange(0.0, 2 * np.pi, np.pi / 2):
-            at = u_px + radius * np.cos(angle), v_px + radius * np.sin(angle)
-            found = snap_circle(photo, *at)
-            if not isinstance(found, Snapped):
-                refused = found if radius == 0.0 else refused
-            elif np.hypot(found.u_px - u_px, found.v_px - v_px) <= _CONCENTRIC_PX:
-                return found
-            if radius == 0.0:
-                break
-    return refused

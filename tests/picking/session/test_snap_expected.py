@@ -32,7 +32,7 @@ def survey(data_dir: Path, tmp_path: Path) -> tuple[Path, tuple[float, float]]:
 
 
 def snapped(project: OpenProject, **fields: object) -> dict[str, float | str]:
-    asked = {"seq": 1, "t": "snap", "image": project.picking.index[PHOTO], "target": "circle"}
+    asked = {"seq": 1, "t": "snap", "image": project.picking.index[PHOTO], "target": "target"}
     text = json.dumps({**asked, **fields})
     answer: dict[str, float | str] = project.picking.answer(
         parse_message(text, project.picking.photos)

@@ -22,11 +22,16 @@ _MOST_CORRELATION = 0.9
 
 
 class Centre(NamedTuple):
-    """A centre (2,) [px], its covariance (2, 2) [px^2] and the likeness of both halves, -1 to 1."""
+    """A centre (2,) [px], its covariance (2, 2) [px^2] and the likeness of both halves, -1 to 1.
+
+    `slope` [grey values/px] is the root mean square of that of both halves together, in the
+    direction in which it is least.
+    """
 
     pixel_px: Floats
     covariance_px2: Floats
     likeness: float
+    slope: float
 
 
 def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centre | None:
@@ -64,7 +69,17 @@ def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centr
         center = center + step.clip(-2.0, 2.0)
         if np.abs(step).max() < _CONVERGED_PX:
             break
-    return Centre(center, _covariance(change, odd, weight), _likeness(value, weight))
+    least = float(np.sqrt(np.linalg.eigvalsh(normal)[0] / weight.sum()))
+    return Centre(center, _covariance(change, odd, weight), _likeness(value, weight), least)
+
+
+def likeness_about(photo: Image, center_px: Floats, radius_px: int) -> float:
+    """The likeness of both halves of a disc about a centre (2,); -1 where it is cut."""
+    value = _window(photo, center_px, radius_px)
+    if value is None:
+        return -1.0
+    v, u = np.mgrid[-radius_px : radius_px + 1, -radius_px : radius_px + 1]
+    return _likeness(value, u**2 + v**2 <= radius_px**2)
 
 
 def _covariance(change: Floats, odd: Floats, weight: Bools) -> Floats:

@@ -15,7 +15,7 @@ from typing import Literal
 from uavgram.model.camera.calibration import LensModel
 from uavgram.model.survey.observations import Along, MeasurementKind, Source
 
-Target = Literal["corner", "circle"]
+Target = Literal["any", "target"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
-from uavgram.imaging.snap_region import Region, snap_circle_within, snap_corner_within
+from uavgram.imaging.snap_region import Region, Unclear, snap_within
 from uavgram.model.result.profiles import COLUMNS
 from uavgram.picking.document.commands import SameGround, SideView, Snap
 from uavgram.picking.protocol.encode_survey import Json, number
@@ -20,7 +21,7 @@ _DIGITS = 5
 
 
 def snap_json(photo: Pixels, asked: Snap, expected: ExpectedPlace | None) -> Json:
-    """The exact place with its sigma, or why there is none.
+    """The exact place with its sigma and what is there; or why none, and what is as likely.
 
     Parameters
     ----------
@@ -31,16 +32,19 @@ def snap_json(photo: Pixels, asked: Snap, expected: ExpectedPlace | None) -> Jso
     expected
         Where, if that is known; else near the pixel.
     """
-    found: Snapped | str
-    if expected is None:
-        find = snap_corner if asked.target == "corner" else snap_circle
-        found = find(photo, asked.u_px, asked.v_px)
+    pointer = np.array([asked.u_px, asked.v_px])
+    any_thing = asked.target == "any"
+    if expected is not None:
+        found = snap_within(photo, Region(*expected, pointer), corners=any_thing)
     else:
-        within = snap_corner_within if asked.target == "corner" else snap_circle_within
-        found = within(photo, Region(*expected, np.array([asked.u_px, asked.v_px])))
-    if not isinstance(found, Snapped):
-        return {"why": found}
-    return {"u_px": found.u_px, "v_px": found.v_px, "sigma_px": round(found.sigma_px, 3)}
+        found = snap_within(photo, Region.near(pointer), corners=False)
+        if isinstance(found, Unclear) and not len(found.place_px):  # what is under the pointer
+            under = (snap_corner if any_thing else snap_circle)(photo, asked.u_px, asked.v_px)
+            found = under if isinstance(under, Snapped) else replace(found, why=under)
+    if isinstance(found, Unclear):
+        return {"why": found.why, "places_px": found.place_px.tolist()}
+    place = {"u_px": found.u_px, "v_px": found.v_px, "sigma_px": round(found.sigma_px, 3)}
+    return {**place, "what": found.what}
 
 
 def same_ground_json(

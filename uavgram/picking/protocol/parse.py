@@ -40,7 +40,7 @@ LARGEST_INTEGER = 2**53
 
 _UNIT = re.compile(r"_(px|m)$")  # of a field; people know the field without it
 
-_TARGETS: tuple[c.Target, ...] = ("corner", "circle")
+_TARGETS: tuple[c.Target, ...] = ("any", "target")
 
 Choice = TypeVar("Choice", bound=str)
 

@@ -24,6 +24,8 @@ export class PageState {
     this.entry = null;
     /** @type {Shown} */
     this.shown = { ellipses: true, residuals: true, predicted: true, labels: true, lines: true };
+    /** @type {{ image: number, places: [number, number][] } | null} */
+    this.alike = null; // what a snap could not tell apart
     this.magnifies = true;
     this.spaceHeld = false; // a drag pans
     this.typed = false; // the label was typed since the last point was placed

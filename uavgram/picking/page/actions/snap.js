@@ -1,8 +1,10 @@
-// A pick moved to the exact place of a target, or made there: of the target that stands where the label is expected.
+// A pick moved to the exact place of a target or corner, or made there: of the one that is likeliest where the label
+// is expected, else near the pick or the pointer.
 
 import { pickAt, predictedIn } from "../connection/store.js";
 
 /** @import { Target } from "../connection/protocol.js" */
+/** @import { PageState } from "./page_state.js" */
 /** @import { Tools } from "./tools.js" */
 
 // The selected pick, or what is under the pointer.
@@ -14,15 +16,26 @@ export async function snap(tools, target) {
   const wanted = state.selected ?? tools.label;
   const expected = !pick && predictedIn(pane.image).some((one) => one.label === wanted) ? { expected: wanted } : {};
   const [u_px, v_px] = pick ? [pick.u_px, pick.v_px] : pane.inside(...pane.aim);
+  showAlike(tools, null);
   try {
     const found = await link.ask({ t: "snap", image: pane.image, u_px, v_px, target, ...expected });
-    if (found.why !== undefined) notice.show(found.why);
+    if (found.why !== undefined) {
+      showAlike(tools, { image: pane.image, places: found.places_px });
+      notice.show(`${wanted} is placed nowhere: ${found.why}${found.places_px.length ? " (hollow), and press the key again" : ""}.`);
+    }
     else {
       const label = pick ? pick.label : expected.expected ?? tools.labelFor(pane.image);
       tools.placeAt(pane, label, found.u_px, found.v_px, found.sigma_px);
-      notice.show(`${label}: ${target} at u ${found.u_px.toFixed(2)}, v ${found.v_px.toFixed(2)}, sigma ${found.sigma_px.toFixed(2)} px`, true);
+      notice.show(`${label} is on a ${found.what}: u ${found.u_px.toFixed(2)}, v ${found.v_px.toFixed(2)}, sigma ${found.sigma_px.toFixed(2)} px`, true);
     }
   } catch (fault) {
     notice.fault(fault);
   }
+}
+
+/** @param {Tools} tools @param {PageState["alike"]} alike */
+function showAlike(tools, alike) {
+  if (alike === tools.state.alike) return;
+  tools.state.alike = alike;
+  tools.rebuild();
 }

@@ -127,7 +127,7 @@ export class Tools {
   placeAt(pane, label, u_px, v_px, sigma_px = null) {
     this.send({ t: "place", image: pane.image, label, u_px, v_px, sigma_px });
     this.choose(label);
-    this.state.typed = false;
+    Object.assign(this.state, { typed: false, alike: null });
   }
 
   /** @param {number} image @param {string} label @param {[number, number]} at @param {number} step @param {boolean} final */
@@ -231,8 +231,7 @@ export class Tools {
     this.notice.hide();
     panes.active?.calm();
     const nothing = !state.draft.length && !state.entry;
-    state.draft = [];
-    state.entry = null;
+    Object.assign(state, { draft: [], entry: null, alike: null });
     if (nothing && state.tool === "pick") Object.assign(state, { selected: null, side: null });
     if (nothing) this.setTool("pick");
     else this.rebuild();

@@ -4,6 +4,7 @@ import { adjusted, fitOf, isSuspect, picksIn, placeOf, predictedIn, proposalAt, 
 import { put, shape } from "../elements/dom.js";
 import { fixed, heightText, missing, places, valueText, withSigma } from "../elements/numbers.js";
 import { showTag } from "./labels.js";
+import { residualOf, residualScale } from "./residuals.js";
 import { madeBy, SHAPES, sourceOf } from "./sources.js";
 
 /** @import { Fit, Line, Measurement, Pick, Predicted, Proposal, Spread } from "../connection/protocol.js" */
@@ -32,8 +33,6 @@ import { madeBy, SHAPES, sourceOf } from "./sources.js";
 
 /** @typedef {{ path: Path, text: SVGTextElement | null }} Words */
 
-const RESIDUAL_SCALES = [20, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01]; // screen pixels for each of the photo
-const LONGEST_RESIDUAL_PX = 90;
 const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
 const CROWD = 24; // measurements from which on they are too many to read
 
@@ -41,23 +40,9 @@ export const KNOWN = { control: "M0 -13L11.5 7H-11.5Z", check: "M-10 -10H10V10H-
 export const HOLLOW = "M-8 0A8 8 0 1 0 8 0A8 8 0 1 0 -8 0ZM-2 0H2M0 -2V2"; // found by the program, not accepted
 export const DIAMOND = "M0 -13L13 0L0 13L-13 0Z";
 
-// The residual of a pick where there is one.
-/** @param {Fit | undefined} fit @returns {[number, number] | null} */
-function residualOf(fit) {
-  const [u, v] = fit?.residual_px ?? [null, null];
-  return u === null || v === null ? null : [u, v];
-}
-
-// The largest scale that leaves the photo's residuals readable; it is written beside the zoom.
-/** @param {number} image */
-export function residualScale(image) {
-  const longest = Math.max(...picksIn(image).map(({ label }) => Math.hypot(...(residualOf(fitOf(image, label)) ?? [0]))), 1e-9);
-  return RESIDUAL_SCALES.find((scale) => scale * longest <= LONGEST_RESIDUAL_PX) ?? 0.01;
-}
-
 // Everything that is drawn in a photo.
 /** @param {number} image @param {PageState} state @returns {Part[]} */
-export function buildMarks(image, { selected, shown, draft }) {
+export function buildMarks(image, { selected, shown, draft, alike }) {
   const paths = shown.lines ? linesIn(image, selected) : [];
   const drawn = draft.length ? pathOf(image, draft, "draft", "", false) : null;
   const scale = residualScale(image);
@@ -67,6 +52,7 @@ export function buildMarks(image, { selected, shown, draft }) {
     ...(drawn ? [pathPart(image, "", drawn)] : []),
     ...(shown.predicted ? predictedIn(image).map((one) => predictedPart(one, selected, shown)) : []),
     ...(shown.predicted ? proposals().filter((one) => one.image === image).map((one) => proposalPart(one, selected, shown)) : []),
+    ...(alike?.image === image ? alike.places.map(alikePart) : []),
     ...picksIn(image).map((pick) => pickPart(pick, selected, shown, scale)),
   ];
 }
@@ -184,6 +170,17 @@ function proposalPart(one, selected, shown) {
       return group;
     },
     move: (group, view) => { place(group, view, u_px, v_px); showTag(group); },
+  };
+}
+
+// One of several that a label may be meant to be on.
+/** @param {[number, number]} at @param {number} number @returns {Part} */
+function alikePart(at, number) {
+  return {
+    key: `alike ${number}`,
+    sign: JSON.stringify(at),
+    make: () => shape("g", { class: "alike", role: "img", "data-alike": number, "aria-label": `may be meant: u ${at[0].toFixed(1)}, v ${at[1].toFixed(1)}` }, ...stroke(HOLLOW)),
+    move: (group, view) => place(group, view, ...at),
   };
 }
 

@@ -1,0 +1,166 @@
+"""Targets by what they have in common: chequers, crosses and discs look the same after half a turn.
+
+So do lines and plain ground, but nothing says where on them the middle is. What is left are marks
+that people put down, and few other things.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from uavgram.imaging.raster import Image
+from uavgram.imaging.targets.symmetry import centre_of_symmetry, likeness_about
+from uavgram.model.arrays import Bools, Floats
+
+RADII_PX = (4, 7, 12)
+"""Of the discs that are turned, at each of the scales: other things may stand beside a target."""
+
+SCALES = (1, 2, 4)
+
+LEAST_LIKENESS = 0.6
+"""Of what was smoothed and is looked at to whole pixels."""
+
+LEAST_CONTRAST = 8.0
+"""Standard deviation in grey values; the fields of a target differ by 30 or more."""
+
+MOST = 16
+"""Places that are measured, those that stand out most."""
+
+LEAST_MEASURED_LIKENESS = 0.9
+"""Of a target and itself after half a turn: less, and it is something else, or half hidden."""
+
+MOST_SIGMA_PX = 0.25
+SMALLEST_SIGMA_PX = 0.03
+"""What blur that is not the same on all sides, JPEG and sharpening leave at best."""
+
+WIDER_PX = (6, 8, 10, 13, 17, 22, 28, 36, 48)
+"""Discs by which is told how far a target reaches."""
+
+_MOST_OF_PART = 3.0  # a part stands out by so much more at most
+_SMOOTH_PX = 1.0
+_APART_PX = 3
+_STAYS_PX = 3.0  # from the place to whole pixels to that measured
+
+
+@dataclass(frozen=True, eq=False)
+class Symmetric:
+    """A target: its centre (2,) [px], and its sigma in the worse direction [px].
+
+    `reach_px` is how far from it the picture is its own image after half a turn; `strength` is in
+    grey values a pixel: the least slope over all directions that is the same on both sides, which
+    is what says where the centre is.
+    """
+
+    pixel_px: Floats
+    sigma_px: float
+    reach_px: float
+    strength: float
+
+
+def symmetric_targets(grey: Image, holds: Callable[[Floats], Bools]) -> list[Symmetric]:
+    """Targets in a picture, what stands out most first.
+
+    Parameters
+    ----------
+    grey
+        (height, width).
+    holds
+        Tells of places (n, 2) which are asked for.
+    """
+    found: list[Symmetric] = []
+    for place, radius in _places(grey, holds):
+        one = _measured(grey, place, radius)
+        if one is not None and holds(one.pixel_px[None])[0]:
+            found.append(one)
+    return _without_parts(found)
+
+
+def _without_parts(found: list[Symmetric]) -> list[Symmetric]:
+    """Without what is part of another: a field of a chequer is its own image, too."""
+    kept: list[Symmetric] = []
+    for one in sorted(found, key=lambda one: -one.reach_px * one.strength):
+        for other in kept:
+            apart = np.hypot(*(one.pixel_px - other.pixel_px))
+            is_part = apart <= other.reach_px and one.reach_px <= other.reach_px
+            if apart <= _APART_PX or (is_part and one.strength <= _MOST_OF_PART * other.strength):
+                break
+        else:
+            kept.append(one)
+    return sorted(kept, key=lambda one: -one.strength)
+
+
+def _places(grey: Image, holds: Callable[[Floats], Bools]) -> list[tuple[Floats, float]]:
+    """Places (2,) to about a pixel, and the radius in which each is its own image."""
+    found: list[tuple[float, Floats, float]] = []
+    for scale in SCALES:
+        size = (grey.shape[1] // scale, grey.shape[0] // scale)
+        if min(size) <= 2 * RADII_PX[0]:
+            break
+        part = grey[: size[1] * scale, : size[0] * scale]
+        small = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
+        smooth = cv2.GaussianBlur(small, (0, 0), _SMOOTH_PX).astype(np.float32)
+        for radius in RADII_PX if scale == 1 else RADII_PX[1:]:
+            if min(size) <= 2 * radius:
+                break
+            value = _symmetry(smooth, radius)
+            peak = value >= cv2.dilate(value, np.ones((2 * _APART_PX + 1,) * 2, np.uint8))
+            v, u = np.nonzero(peak & (value > 0))
+            place = (np.column_stack([u, v]) + 0.5) * scale - 0.5
+            own = holds(place)
+            strong = value[v, u][own].tolist()
+            found += [
+                (float(s), at, float(radius * scale))
+                for s, at in zip(strong, place[own], strict=True)
+            ]
+    found.sort(key=lambda one: -one[0])
+    return [(place, radius) for _, place, radius in found[:MOST]]
+
+
+def _symmetry(smooth: Floats, radius: int) -> Floats:
+    """How far each place's disc is its own image after half a turn [grey values]; else 0.
+
+    Likeness, times the standard deviation, where both are as large as those of targets.
+    """
+    height, width = smooth.shape
+    inner = np.s_[radius : height - radius, radius : width - radius]
+    middle = cv2.GaussianBlur(smooth, (0, 0), radius)[inner]
+    squares, turned = np.zeros_like(middle), np.zeros_like(middle)
+    pairs = [
+        (du, dv)
+        for dv in range(-radius, radius + 1)
+        for du in range(radius + 1)
+        if du**2 + dv**2 <= radius**2 and (du > 0 or dv > 0)
+    ]
+    for du, dv in pairs:
+        one = smooth[radius + dv : height - radius + dv, radius + du : width - radius + du] - middle
+        other = (
+            smooth[radius - dv : height - radius - dv, radius - du : width - radius - du] - middle
+        )
+        turned += 2 * one * other
+        squares += one * one + other * other
+    spread, alike = np.sqrt(squares / (2 * len(pairs))), turned / np.maximum(squares, 1e-6)
+    found = np.zeros_like(smooth)
+    found[inner] = np.where((alike > LEAST_LIKENESS) & (spread > LEAST_CONTRAST), alike * spread, 0)
+    return found
+
+
+def _measured(grey: Image, place_px: Floats, radius_px: float) -> Symmetric | None:
+    """The target at a place to about a pixel; None where it is none."""
+    found = centre_of_symmetry(grey, place_px, radius_px * np.eye(2))
+    if found is None or np.hypot(*(found.pixel_px - place_px)) > _STAYS_PX + radius_px / 8:
+        return None
+    sigma = float(np.sqrt(np.linalg.eigvalsh(found.covariance_px2)[1]))
+    if found.likeness < LEAST_MEASURED_LIKENESS or not sigma <= MOST_SIGMA_PX:
+        return None
+    reach = radius_px
+    for wider in WIDER_PX:
+        if wider > radius_px:
+            if likeness_about(grey, found.pixel_px, wider) < LEAST_MEASURED_LIKENESS:
+                break
+            reach = float(wider)
+    strength = found.likeness**2 * found.slope
+    return Symmetric(found.pixel_px, max(sigma, SMALLEST_SIGMA_PX), reach, strength)

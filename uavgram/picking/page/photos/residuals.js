@@ -1,0 +1,22 @@
+// How residuals are drawn: what the adjustment finds, minus what was picked, made longer to be seen.
+
+import { fitOf, picksIn } from "../connection/store.js";
+
+/** @import { Fit } from "../connection/protocol.js" */
+
+const SCALES = [20, 10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01]; // screen pixels for each of the photo
+const LONGEST_PX = 90;
+
+// The residual of a pick where there is one.
+/** @param {Fit | undefined} fit @returns {[number, number] | null} */
+export function residualOf(fit) {
+  const [u, v] = fit?.residual_px ?? [null, null];
+  return u === null || v === null ? null : [u, v];
+}
+
+// The largest scale that leaves the photo's residuals readable; it is written beside the zoom.
+/** @param {number} image */
+export function residualScale(image) {
+  const longest = Math.max(...picksIn(image).map(({ label }) => Math.hypot(...(residualOf(fitOf(image, label)) ?? [0]))), 1e-9);
+  return SCALES.find((scale) => scale * longest <= LONGEST_PX) ?? 0.01;
+}
