@@ -28,7 +28,7 @@ def uneven() -> Survey:
 
 
 def distances(place: Floats) -> Floats:
-    return np.linalg.norm(place[:, None] - place[None], axis=2)
+    return np.asarray(np.linalg.norm(place[:, None] - place[None], axis=2))
 
 
 def test_it_is_the_median_of_the_nearest_distances_sigmas() -> None:

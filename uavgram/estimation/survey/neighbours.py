@@ -98,7 +98,7 @@ def _nearest(place_m: Floats) -> Ints:
     wanted = min(NEIGHBOURS, count - 1)
     if wanted < 1:
         return np.zeros((count, 0), dtype=np.int64)
-    found = cKDTree(place_m).query(place_m, wanted + 1)[1]
+    found = np.asarray(cKDTree(place_m).query(place_m, wanted + 1)[1], dtype=np.int64)
     # The point itself is one of them, not always the first: another may stand at the same place.
     itself = found == np.arange(count)[:, None]
     itself[~itself.any(axis=1), -1] = True
@@ -109,7 +109,8 @@ def _variances(adjustment: Adjustment, columns: Ints, by: Floats) -> Floats:
     """Variances (n,) of linear functions: their gradients (n, k) by unknowns (n, k)."""
     factor = adjustment.minimum.factor
     if not factor.sparse:
-        return np.einsum("ni,nij,nj->n", by, adjustment.covariance.blocks(columns), by)
+        joint = adjustment.covariance.blocks(columns)
+        return np.asarray(np.einsum("ni,nij,nj->n", by, joint, by))
     if len(columns) <= MOST_SOLVED:
         return factor.variances(columns, by)
     return drawn_variances(factor, adjustment.minimum.blocks.values(), columns, by)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from uavgram.imaging.raster import Image
+from uavgram.imaging.raster import Image, Weights
 from uavgram.imaging.targets.symmetry import centre_of_symmetry, likeness_about
 from uavgram.model.arrays import Bools, Floats
 
@@ -102,14 +102,14 @@ def _places(grey: Image, holds: Callable[[Floats], Bools]) -> list[tuple[Floats,
             break
         part = grey[: size[1] * scale, : size[0] * scale]
         small = cv2.resize(part, size, interpolation=cv2.INTER_AREA)
-        smooth = cv2.GaussianBlur(small, (0, 0), _SMOOTH_PX).astype(np.float32)
+        smooth = np.asarray(cv2.GaussianBlur(small, (0, 0), _SMOOTH_PX), np.float32)
         for radius in RADII_PX if scale == 1 else RADII_PX[1:]:
             if min(size) <= 2 * radius:
                 break
             value = _symmetry(smooth, radius)
             peak = value >= cv2.dilate(value, np.ones((2 * _APART_PX + 1,) * 2, np.uint8))
             v, u = np.nonzero(peak & (value > 0))
-            place = (np.column_stack([u, v]) + 0.5) * scale - 0.5
+            place = np.asarray((np.column_stack([u, v]) + 0.5) * scale - 0.5, np.float64)
             own = holds(place)
             strong = value[v, u][own].tolist()
             found += [
@@ -120,14 +120,14 @@ def _places(grey: Image, holds: Callable[[Floats], Bools]) -> list[tuple[Floats,
     return [(place, radius) for _, place, radius in found[:MOST]]
 
 
-def _symmetry(smooth: Floats, radius: int) -> Floats:
+def _symmetry(smooth: Weights, radius: int) -> Weights:
     """How far each place's disc is its own image after half a turn [grey values]; else 0.
 
     Likeness, times the standard deviation, where both are as large as those of targets.
     """
     height, width = smooth.shape
     inner = np.s_[radius : height - radius, radius : width - radius]
-    middle = cv2.GaussianBlur(smooth, (0, 0), radius)[inner]
+    middle = np.asarray(cv2.GaussianBlur(smooth, (0, 0), radius)[inner], np.float32)
     squares, turned = np.zeros_like(middle), np.zeros_like(middle)
     pairs = [
         (du, dv)

@@ -74,7 +74,17 @@ def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centr
 
 
 def likeness_about(photo: Image, center_px: Floats, radius_px: int) -> float:
-    """The likeness of both halves of a disc about a centre (2,); -1 where it is cut."""
+    """The likeness of both halves of a disc; -1 where the photo's edge cuts it.
+
+    Parameters
+    ----------
+    photo
+        (height, width) grey values.
+    center_px
+        (2,) its middle.
+    radius_px
+        Its radius.
+    """
     value = _window(photo, center_px, radius_px)
     if value is None:
         return -1.0
