@@ -26,7 +26,7 @@ from uavgram.picking.session.seeker import Seeker, Wanted
 from uavgram.pipeline.match.looking import Photos, Task
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.places import Places
-from uavgram.stages.match.found import CONTRADICTED
+from uavgram.stages.match.found import CONTRADICTED, RAISED_PX
 
 LAST = cast("Adjusted", SimpleNamespace())
 LONGEST_WAIT_S = 20.0
@@ -65,6 +65,7 @@ class World:
         self.looked: list[tuple[str, str]] = []
         self.places: Places | None = None
         self.wrong: list[tuple[str, str]] = []
+        self.raised: tuple[str, ...] = ()
         self.adjustment = cast("Adjustment", SimpleNamespace())
         self.go_on, self.begun = threading.Event(), threading.Event()
         self.go_on.set()
@@ -86,7 +87,8 @@ class World:
         label = tuple(picks.label[i] for i in pick)
         radius, row = np.full(n, self.radius_px), np.arange(n)
         Agreeing.wrong = self.wrong
-        self.places = Agreeing(pick, image, label, radius, row, found, self.adjustment)
+        raised = np.array([one in self.raised for one in label], np.bool_)
+        self.places = Agreeing(pick, image, label, radius, raised, row, found, self.adjustment)
         return self.places
 
     def look(self, photos: Photos, work: Sequence[Task], count: int) -> Matched:
@@ -100,7 +102,7 @@ class World:
         pixel = np.where(why[:, None] > 0, np.nan, 50.5)
         return Matched(
             pixel_px=np.broadcast_to(pixel, (count, 2)),
-            covariance_px2=np.full((count, 2, 2), np.nan),
+            covariance_px2=np.tile(np.diag([0.03**2, 0.06**2]), (count, 1, 1)),
             sigma_px=np.where(why > 0, np.nan, 0.06),
             score=np.full(count, 0.9),
             refused=why,
@@ -157,6 +159,18 @@ def test_what_is_found_is_proposed_and_what_is_not_is_asked_for_in_words(start: 
     assert (asked.found, asked.why) == (None, REASON[Refused.NOT_UNIQUE])
     until(lambda: bool(told) and told[-1][2] == 0)
     assert told[-1][1] == {"A"}
+
+
+def test_what_stands_off_the_ground_is_known_less_well(start: Start) -> None:
+    world = World()
+    world.raised = ("A",)
+    seeker, _ = start(world)
+    seeker.submit(Wanted(state("A"), LAST))
+    until(lambda: len(seeker.outcomes) == 2)
+    found = seeker.outcomes["2.jpg", "A"].found
+
+    assert found is not None
+    assert found.sigma_px == pytest.approx(np.hypot(0.06, RAISED_PX), abs=1e-4)
 
 
 def test_what_others_in_the_photo_contradict_is_proposed_no_longer(start: Start) -> None:

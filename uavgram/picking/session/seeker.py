@@ -15,7 +15,7 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.imaging.matching.matched import Matched, Refused
 from uavgram.imaging.photos.grey_photos import GreyPhotos
-from uavgram.model.arrays import Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.proposals import (
@@ -27,10 +27,11 @@ from uavgram.picking.document.proposals import (
     that_hold,
 )
 from uavgram.picking.document.state import State, observations_of
+from uavgram.picking.session.newest import Newest
 from uavgram.pipeline.match.looking import look, reason, tasks
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.places import Places, places_in_other_photos
-from uavgram.stages.match.found import CONTRADICTED
+from uavgram.stages.match.found import CONTRADICTED, pick_sigmas
 from uavgram.stages.match.plan import NARROWED
 
 log = logging.getLogger(__name__)
@@ -66,12 +67,10 @@ class Seeker:
 
     def __init__(self, survey: LiveSurvey, photos: GreyPhotos, tell: Tell) -> None:
         self._survey, self._photos, self._tell = survey, photos, tell
-        self._changed = threading.Condition()
-        self._newest: Wanted | None = None
-        self._stopped = False
+        self._newest: Newest[Wanted] = Newest({"seeker": self._work})
+        self._changed = threading.Lock()  # of the outcomes
         self._outcomes: dict[Pair, Outcome] = {}
         self._known: frozenset[tuple[str, str, float, float]] = frozenset()
-        self._thread = threading.Thread(target=self._work, name="seeker", daemon=True)
 
     @property
     def outcomes(self) -> dict[Pair, Outcome]:
@@ -81,13 +80,11 @@ class Seeker:
 
     def start(self) -> None:
         """Begin to work."""
-        self._thread.start()
+        self._newest.start()
 
     def submit(self, wanted: Wanted) -> None:
         """Seek what these picks show; what is sought for older ones is left."""
-        with self._changed:
-            self._newest = wanted
-            self._changed.notify()
+        self._newest.submit(wanted)
 
     def refuse(self, pairs: Collection[Pair]) -> None:
         """Propose or ask for some no longer."""
@@ -98,19 +95,11 @@ class Seeker:
 
     def stop(self) -> None:
         """End after the photo under way."""
-        with self._changed:
-            self._stopped = True
-            self._changed.notify()
-        if self._thread.is_alive():
-            self._thread.join()
+        self._newest.stop()
 
     def _work(self) -> None:
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._newest is not None or self._stopped)
-                if self._stopped or self._newest is None:
-                    return
-                wanted, self._newest = self._newest, None
+        wanted: Wanted | None = None
+        while (wanted := self._newest.newer(wanted)) is not None:
             try:
                 self._seek(wanted)
             except Exception:  # a fault of ours must not end the worker: picking goes on
@@ -146,11 +135,11 @@ class Seeker:
         rows = self._unknown(places, wanted.state)
         left = len(rows)
         for some in self._batches(places, rows):
-            if self._is_outdated:
+            if self._newest.is_outdated(wanted):
                 return False
             left -= len(some)
             self._take(places, some, picks, self._looked(places, some, picks), left)
-        return not self._is_outdated
+        return not self._newest.is_outdated(wanted)
 
     def _withdraw(self, places: Places) -> None:
         """Propose no longer what the other finds in the same photo contradict."""
@@ -173,11 +162,6 @@ class Seeker:
                 self._outcomes[pair] = replace(before, found=None, why=CONTRADICTED)
             told = dict(self._outcomes)
         self._tell(told, {label for _, label in wrong}, 0)
-
-    @property
-    def _is_outdated(self) -> bool:
-        with self._changed:
-            return self._newest is not None or self._stopped
 
     def _unknown(self, places: Places, state: State) -> Ints:
         """(n,) the places to look at, the best predicted first."""
@@ -227,7 +211,7 @@ class Seeker:
         left
             Number of places that are still to be looked at.
         """
-        new = {}
+        new, stated = {}, _stated(found, places.is_raised[rows])
         for k, row in enumerate(rows.tolist()):
             i, image, label = int(places.pick[row]), places.image[row], places.label[row]
             (u, v), at = picks.pixel_px[i].tolist(), picks.image[i]
@@ -243,7 +227,7 @@ class Seeker:
                     label=label,
                     u_px=round(float(found.pixel_px[k, 0]), 3),
                     v_px=round(float(found.pixel_px[k, 1]), 3),
-                    sigma_px=round(float(found.sigma_px[k]), 4),
+                    sigma_px=round(float(stated[k]), 4),
                     source="match",
                     score=round(float(found.score[k]), 4),
                     from_image=at,
@@ -256,6 +240,13 @@ class Seeker:
             self._outcomes |= {pair: one for pair, one in new.items() if pair not in over}
             told = dict(self._outcomes)
         self._tell(told, {label for _, label in new}, left)
+
+
+def _stated(found: Matched | str, is_raised: Bools) -> Floats:
+    """(n,) the sigmas that picks of what was found would state."""
+    if isinstance(found, str):
+        return np.full(len(is_raised), np.nan)
+    return pick_sigmas(found.covariance_px2, is_raised)
 
 
 def _is_open(outcome: Outcome | None, places: Places, row: int) -> bool:

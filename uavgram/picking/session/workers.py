@@ -22,6 +22,7 @@ from uavgram.picking.protocol.encode_survey import (
     linearised_json,
     unadjusted_json,
 )
+from uavgram.picking.session.newest import Newest
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
 
 log = logging.getLogger(__name__)
@@ -69,57 +70,37 @@ class Live:
 
     def __init__(self, survey: LiveSurvey, index: dict[str, int], answer: Answer) -> None:
         self._survey, self._index, self._answer = survey, index, answer
-        self._changed = threading.Condition()
-        self._newest: Task | None = None
-        self._answered: Task | None = None  # the newest that was answered at once, or cannot be
+        self._newest: Newest[Task] = Newest(
+            {"first order": self._answer_first_order, "adjustment": self._adjust}
+        )
         self._waiting: Task | None = None  # to be adjusted in full
         self._due_s = 0.0  # when that may begin, of the monotonic clock
         self._busy = False
-        self._stopped = False
         self.last: Adjusted | None = None  # the last full adjustment
         self._answering = threading.Lock()
         self._linearised_task: Task | None = None  # the newest that was answered to first order
-        self._threads = [
-            threading.Thread(target=work, name=name, daemon=True)
-            for name, work in (
-                ("first order", self._answer_first_order),
-                ("adjustment", self._adjust),
-            )
-        ]
 
     def start(self) -> None:
         """Begin to work."""
-        for thread in self._threads:
-            thread.start()
+        self._newest.start()
 
     def submit(self, task: Task) -> None:
         """Adjust this state next; those that wait are passed over."""
-        with self._changed:
-            self._newest = task
-            self._changed.notify_all()
+        self._newest.submit(task)
 
     def stop(self) -> None:
         """End after the adjustment under way."""
-        with self._changed:
-            self._stopped = True
-            self._changed.notify_all()
-        for thread in self._threads:
-            if thread.is_alive():
-                thread.join()
+        self._newest.stop()
 
     def _answer_first_order(self) -> None:
         """Answer tasks at once where that helps, and hand all on."""
-        while (task := self._next()) is not None:
+        task: Task | None = None
+        while (task := self._newest.newer(task)) is not None:
             rests = self._at_once(task) and not task.final
-            with self._changed:
-                self._answered = self._waiting = task
+            with self._newest.changed:
+                self._waiting = task
                 self._due_s = time.monotonic() + (REST_S if rests else 0.0)
-                self._changed.notify_all()
-
-    def _next(self) -> Task | None:
-        with self._changed:
-            self._changed.wait_for(lambda: self._newest is not self._answered or self._stopped)
-            return None if self._stopped else self._newest
+                self._newest.changed.notify_all()
 
     def _at_once(self, task: Task) -> bool:
         """Answer to first order; False where the full adjustment is the thing."""
@@ -154,13 +135,14 @@ class Live:
                 self._busy = False
 
     def _due(self) -> Task | None:
-        with self._changed:
-            while not self._stopped:
+        newest = self._newest
+        with newest.changed:
+            while not newest.is_over:
                 left_s = self._due_s - time.monotonic()
-                if self._waiting is None or self._waiting is not self._newest:
-                    self._changed.wait()
+                if self._waiting is None or self._waiting is not newest.task:
+                    newest.changed.wait()
                 elif left_s > 0:
-                    self._changed.wait(left_s)
+                    newest.changed.wait(left_s)
                 else:
                     task, self._waiting, self._busy = self._waiting, None, True
                     return task

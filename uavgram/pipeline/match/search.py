@@ -16,7 +16,7 @@ from uavgram.pipeline.match.adjusting import Base
 from uavgram.pipeline.match.looking import Photos, look, reason, tasks
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.match.agreement import contradicted
-from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record
+from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record, pick_sigmas
 from uavgram.stages.match.plan import REGION, Candidates, next_places, radii
 
 MOST_ROUNDS = 10
@@ -25,10 +25,6 @@ MOST_ROUNDS = 10
 LEAST_PX = 0.5
 """Sigma that is added to every prediction: of what no adjustment knows, such as a lens's last
 distortion."""
-
-RAISED_PX = 0.5
-"""Sigma that is added to finds of what stands off the ground: what is seen behind its edges is
-another thing in each photo (on rendered streets they were off by 0.2 to 0.5 px)."""
 
 
 class Search(NamedTuple):
@@ -196,14 +192,13 @@ def _looked(
     work = tasks([project.image[i] for i in pick], [image for image, _ in pairs], sought)
     found = look(photos, work, len(rows), progress)
     radius = radii(places.covariance_px2[rows])
-    worse = np.sqrt(np.linalg.eigvalsh(np.nan_to_num(found.covariance_px2))[:, 1])
-    worse = np.hypot(worse, np.where(candidates.is_raised[rows], RAISED_PX, 0.0))
+    stated = pick_sigmas(found.covariance_px2, candidates.is_raised[rows])
     results: dict[Pair, Found | Missed] = {}
     for k, (pair, own) in enumerate(zip(pairs, pick.tolist(), strict=True)):
         if found.refused[k]:
             results[pair] = Missed(own, float(radius[k]), reason(int(found.refused[k])))
         else:
             u, v = np.round(found.pixel_px[k], 3).tolist()
-            sigma, score = round(float(worse[k]), 4), round(float(found.score[k]), 3)
+            sigma, score = round(float(stated[k]), 4), round(float(found.score[k]), 3)
             results[pair] = Found(own, (u, v), sigma, score, float(radius[k]))
     return results

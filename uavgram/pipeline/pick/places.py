@@ -35,6 +35,8 @@ class Places:
         (n,) the photo, and the label.
     radius_px
         (n,) half lengths of the regions that hold 99.9 %.
+    is_raised
+        (n,) whether the point stands off the ground.
     row, predicted
         (n,) which of the predictions each is, and all of these.
     adjustment
@@ -45,6 +47,7 @@ class Places:
     image: tuple[str, ...]
     label: tuple[str, ...]
     radius_px: Floats
+    is_raised: Bools
     row: Ints
     predicted: Transferred
     adjustment: Adjustment
@@ -152,7 +155,8 @@ def _most_alike(adjustment: Adjustment, found: Transferred, pick: Ints, picks: P
     label = tuple(picks.label[i] for i in pick[rows])
     image = tuple(found.frame_id[row] for row in rows)
     radius = radii(found.covariance_px2[rows])
-    return Places(pick[rows], image, label, radius, rows, found, adjustment)
+    raised = adjustment.survey.off_ground[adjustment.label_rows(label)]
+    return Places(pick[rows], image, label, radius, raised, rows, found, adjustment)
 
 
 def _up_to_date(survey: LiveSurvey, last: Adjusted, picks: Picks) -> Adjustment:

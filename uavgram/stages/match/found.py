@@ -5,11 +5,34 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
+
+from uavgram.model.arrays import Bools, Floats
+
 Pair = tuple[str, str]
 """A photo and a label."""
 
 
 CONTRADICTED = "what looks like it has moved, or is something else: the other photos contradict it"
+
+
+RAISED_PX = 0.5
+"""Sigma that is added to finds of what stands off the ground: what is seen behind its edges is
+another thing in each photo (on rendered streets they were off by 0.2 to 0.5 px)."""
+
+
+def pick_sigmas(covariance_px2: Floats, is_raised: Bools) -> Floats:
+    """(n,) sigmas of picks that are made of finds: of the matching, in its worse direction.
+
+    Parameters
+    ----------
+    covariance_px2
+        (n, 2, 2) of the matching; NaN where nothing was found.
+    is_raised
+        (n,) whether what was found stands off the ground.
+    """
+    worse = np.sqrt(np.linalg.eigvalsh(np.nan_to_num(covariance_px2))[:, 1])
+    return np.asarray(np.hypot(worse, np.where(is_raised, RAISED_PX, 0.0)))
 
 
 @dataclass(frozen=True)
