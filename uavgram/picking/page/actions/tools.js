@@ -2,7 +2,7 @@
 
 import { freeName, labels, pickAt, pickKey, store } from "../connection/store.js";
 import { as, byId } from "../elements/dom.js";
-import { entryMessage, noNumber, parse, showFault } from "../panel/entry.js";
+import { entryMessage, noNumber, parse, showFault, typedForm } from "../panel/entry.js";
 import { placeFault } from "../panel/speed.js";
 import { byHand, goneWith } from "../photos/sources.js";
 import { Heights } from "./heights.js";
@@ -149,6 +149,9 @@ export class Tools {
 
   /** @param {string} label */
   extend(label) {
+    const form = this.state.entry && typedForm();
+    if (form) this.entered(form); // as Enter does
+    if (form && this.state.entry) return; // and says what is wrong
     const { draft, tool } = this.state;
     const { apart, most } = TOOLS[tool];
     if (draft.at(-1) === label) return;

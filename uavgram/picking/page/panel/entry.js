@@ -80,6 +80,14 @@ function showNeeds(form, points, isNew, coming) {
     () => [...lines.map((line) => node("p", { class: "dim" }, line)), ...(why ? [node("p", { class: "wrong" }, why)] : [])]);
 }
 
+// The open form into which something was typed: what comes next is not to lose that.
+export function typedForm() {
+  const form = document.querySelector('form[data-row="entry"]');
+  if (!(form instanceof HTMLFormElement)) return null;
+  const isTyped = [...form.elements].some((one) => one instanceof HTMLInputElement && one.value !== one.defaultValue);
+  return isTyped ? form : null;
+}
+
 /** What a field of a form holds. @param {FormData} form @param {string} name */
 export function textIn(form, name) {
   const value = form.get(name);

@@ -36,8 +36,8 @@ function acceptButtons(selected, image, tools) {
   const own = selected ? tools.proposals.ofLabel(selected).length : 0;
   const here = tools.proposals.inPhoto(image).length;
   return node("div", { class: "row accept" },
-    own ? node("button", { name: "accept-label", title: "Shift+Enter", onclick: () => tools.proposals.acceptAll(false) }, `Accept all of ${selected} (${own})`) : null,
-    here ? node("button", { name: "accept-photo", title: "Ctrl+Enter", onclick: () => tools.proposals.acceptAll(true) }, `Accept all in this photo (${here})`) : null);
+    own ? node("button", { name: "accept-label", title: "Shift+Enter", onclick: () => tools.proposals.acceptAll(false) }, `Accept all of ${selected} (${own})`, node("span", { class: "key" }, "Shift+Enter")) : null,
+    here ? node("button", { name: "accept-photo", title: "Ctrl+Enter", onclick: () => tools.proposals.acceptAll(true) }, `Accept all in this photo (${here})`, node("span", { class: "key" }, "Ctrl+Enter")) : null);
 }
 
 /** @param {Proposal} one @param {Tools} tools */
