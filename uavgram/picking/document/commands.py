@@ -185,6 +185,13 @@ class SideView:
     name: str
 
 
+@dataclass(frozen=True, kw_only=True)
+class Ties:
+    """Where a photo shows tie points."""
+
+    image: str
+
+
 @dataclass(frozen=True)
 class Export:
     """Save, run the project as `uavgram run` does, and write all its outputs."""
@@ -254,4 +261,4 @@ ProjectAction = (
     | StopCalibration
     | UseCamera
 )
-Question = Snap | SameGround | SideView
+Question = Snap | SameGround | SideView | Ties

@@ -17,6 +17,7 @@ import { Panel, TABS } from "./panel/panel.js";
 import { SideView } from "./panel/side_view.js";
 import { Filmstrip } from "./photos/filmstrip.js";
 import { Panes } from "./photos/panes.js";
+import { forgetTies } from "./photos/ties.js";
 import { onTile } from "./photos/tiles.js";
 
 /** @import { Change, ServerMessage } from "./connection/protocol.js" */
@@ -123,6 +124,8 @@ class App {
     const pictures = store.photos.map((photo) => photo.digest).join();
     if (this.pictures && this.pictures !== pictures) location.reload(); // other photos have these numbers now
     this.pictures = pictures;
+    forgetTies();
+    void this.navigation.bringTies();
     this.header.showProject();
     if (!this.panes.all.length) this.setPanes(1);
     else for (const pane of this.panes.all) pane.show(pane.image);
@@ -172,6 +175,7 @@ class App {
     this.filmstrip.bring(active.image);
     this.panel.show();
     this.panes.viewed(active);
+    void this.navigation.bringTies();
   }
 }
 

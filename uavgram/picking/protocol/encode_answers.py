@@ -11,7 +11,8 @@ from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
 from uavgram.imaging.snap_region import Region, Unclear, snap_within
 from uavgram.model.result.profiles import COLUMNS
-from uavgram.picking.document.commands import SameGround, SideView, Snap
+from uavgram.model.survey.ties import TiePicks
+from uavgram.picking.document.commands import SameGround, SideView, Snap, Ties
 from uavgram.picking.protocol.encode_survey import Json, number
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.other_photos import ExpectedPlace, same_ground
@@ -63,6 +64,12 @@ def same_ground_json(
     """
     found = same_ground(survey, last, asked.image, (asked.u_px, asked.v_px))
     return {"places": {str(index[name]): list(place) for name, place in found.items()}}
+
+
+def ties_json(ties: TiePicks, asked: Ties) -> Json:
+    """Where a photo shows tie points, to a tenth of a pixel."""
+    own = np.array([name == asked.image for name in ties.image], dtype=np.bool_)
+    return {"places_px": np.round(ties.pixel_px[own], 1).tolist()}
 
 
 def side_json(last: Adjusted | None, asked: SideView) -> Json:

@@ -342,4 +342,5 @@ _KINDS: dict[str, type[c.Command | c.Accept | c.Question | c.ProjectAction]] = {
     "snap": c.Snap,
     "ground": c.SameGround,
     "side": c.SideView,
+    "ties": c.Ties,
 }

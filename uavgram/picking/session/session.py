@@ -22,7 +22,12 @@ from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.proposals import Outcomes, accepted
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import State, state_of
-from uavgram.picking.protocol.encode_answers import same_ground_json, side_json, snap_json
+from uavgram.picking.protocol.encode_answers import (
+    same_ground_json,
+    side_json,
+    snap_json,
+    ties_json,
+)
 from uavgram.picking.protocol.encode_project import (
     camera_json,
     clock_json,
@@ -177,6 +182,9 @@ class PickSession:
             return {"t": "ground", "seq": message.seq, **found}
         if isinstance(message.body, c.SideView):
             return {"t": "side", "seq": message.seq, **side_json(self._live.last, message.body)}
+        if isinstance(message.body, c.Ties):
+            own = ties_json(self.survey.inputs.ties, message.body)
+            return {"t": "ties", "seq": message.seq, **own}
         raise TypeError(f"{type(message.body).__name__} is no question")
 
     def _snapped(self, asked: c.Snap) -> Json:

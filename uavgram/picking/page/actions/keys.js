@@ -29,7 +29,7 @@ export const KEYS = [
   ["Photos", [
     ["wheel, + \u2212", "zoom at the pointer"], ["drag, Space + drag", "pan (middle and right button too)"], ["Ctrl + arrows", "pan; the arrows alone where no point is selected"],
     ["F   1   Z", "fit; one to one; to the selected point, \u00d74"], ["Page Down, Page Up", "next, previous photo; Alt: where the label is expected"],
-    ["Ctrl+1  2  4", "panes"], ["K", "all panes show the same ground"], ["E R O T U", "ellipses, residuals, predictions, labels, lines"], ["M", "magnifier"],
+    ["Ctrl+1  2  4", "panes"], ["K", "all panes show the same ground"], ["E R O T U", "ellipses, residuals, predictions, labels, lines"], ["Shift+T", "tie points"], ["M", "magnifier"],
   ]],
   ["Points", [
     ["click, Enter", "place the label (Enter: in the middle of the photo)"], ["drag, Shift + drag", "move; ten times finer"],
@@ -187,6 +187,7 @@ const NAMED = {
   o: ({ navigation }) => navigation.toggle("predicted"),
   t: ({ navigation }) => navigation.toggle("labels"),
   u: ({ navigation }) => navigation.toggle("lines"),
+  T: ({ navigation }) => void navigation.toggleTies(),
   s: ({ tools }) => void snap(tools, "any"),
   S: ({ tools }) => void snap(tools, "target"),
   q: ({ tools }) => tools.heights.toggle(),

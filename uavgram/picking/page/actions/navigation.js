@@ -3,6 +3,7 @@
 import { labels, pickAt, placeOf, predictedIn, store } from "../connection/store.js";
 import { as, byId } from "../elements/dom.js";
 import { inputIn } from "./tools.js";
+import { bringTies, tiesIn } from "../photos/ties.js";
 
 /** @import { Notice } from "../elements/notice.js" */
 /** @import { Panes } from "../photos/panes.js" */
@@ -149,6 +150,25 @@ export class Navigation {
   toggle(kind) {
     this.state.shown[kind] = !this.state.shown[kind];
     this.panes.rebuild();
+  }
+
+  async toggleTies() {
+    this.toggle("ties");
+    await this.bringTies();
+    const { active } = this.panes;
+    const count = active && this.state.shown.ties ? tiesIn(active.image).length : 0;
+    if (this.state.shown.ties) this.notice.show(count ? `${count} tie points in this photo: spots that the program found in others, too.` : "The project names no tie points in this photo. uavgram picks ties looks for them, and ties: in project.yaml names their file.", true);
+  }
+
+  // Of the photos that are shown, where they are to be seen.
+  async bringTies() {
+    if (!this.state.shown.ties) return;
+    try {
+      await bringTies(this.tools.link, this.panes.all.map(({ image }) => image));
+      this.panes.rebuild();
+    } catch (fault) {
+      this.notice.fault(fault);
+    }
   }
 
   toggleLoupe() {

@@ -3,7 +3,7 @@
 /** @import { Folder, Measurement } from "../connection/protocol.js" */
 /** @import { ToolName } from "./keys.js" */
 
-/** @typedef {"ellipses" | "residuals" | "predicted" | "labels" | "lines"} ShownKind */
+/** @typedef {"ellipses" | "residuals" | "predicted" | "labels" | "lines" | "ties"} ShownKind */
 /** @typedef {Record<ShownKind, boolean>} Shown */
 /** @typedef {"measure" | "frames" | "camera"} Tab */
 
@@ -23,7 +23,7 @@ export class PageState {
     /** @type {Entry | null} */
     this.entry = null;
     /** @type {Shown} */
-    this.shown = { ellipses: true, residuals: true, predicted: true, labels: true, lines: true };
+    this.shown = { ellipses: true, residuals: true, predicted: true, labels: true, lines: true, ties: false };
     /** @type {{ image: number, places: [number, number][] } | null} */
     this.alike = null; // what a snap could not tell apart
     this.magnifies = true;

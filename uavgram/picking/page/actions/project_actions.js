@@ -17,7 +17,7 @@ export class ProjectActions {
   }
 
   // The answer; none where it is refused, or cannot be had, which is shown.
-  /** @template {Exclude<Question, { t: "snap" | "ground" | "side" }>} Q @param {Q} question @returns {Promise<Answers[Q["t"]] | null>} */
+  /** @template {Exclude<Question, { t: "snap" | "ground" | "side" | "ties" }>} Q @param {Q} question @returns {Promise<Answers[Q["t"]] | null>} */
   async ask(question) {
     try {
       const answer = await this.link.ask(question);

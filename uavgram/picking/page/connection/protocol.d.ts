@@ -106,7 +106,7 @@ export type Change = Place | { t: "accept"; pairs: Pair[] } | SetLine | SetMeasu
 export type Target = "any" | "target"; // the likeliest thing; marks that people put down alone
 export type Question =
   | { t: "snap"; image: number; u_px: number; v_px: number; target: Target; expected?: string } | { t: "ground"; image: number; u_px: number; v_px: number }
-  | { t: "side"; name: string } | { t: "refuse"; pairs: Pair[] } | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
+  | { t: "side"; name: string } | { t: "ties"; image: number } | { t: "refuse"; pairs: Pair[] } | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
   | { t: "calibrate"; folder: number; board: string; model: string };
 type Placed = [Maybe, Maybe]; // value and sigma [m]
 export interface SidePoint { label: string; station_m: Placed; offset_m: Placed; height_m: Placed; ground_m: Placed } // heights over the first point
@@ -114,6 +114,7 @@ interface Done { t: "done"; why?: string }
 export interface Answers {
   snap: { t: "snapped"; why: string; places_px: [number, number][] } | { t: "snapped"; why?: undefined; u_px: number; v_px: number; sigma_px: number; what: "corner" | "target" };
   side: { t: "side"; points: SidePoint[] };
+  ties: { t: "ties"; places_px: [number, number][] };
   ground: { t: "ground"; places: Record<number, [number, number, number] | undefined> }; // u, v [px] and scale
   export: { t: "exported"; why?: string; outputs?: Outputs };
   folders: { t: "folders"; why?: string; folders: Folder[] };

@@ -6,6 +6,7 @@ import { fixed, heightText, missing, places, valueText, withSigma } from "../ele
 import { showTag } from "./labels.js";
 import { residualOf, residualScale } from "./residuals.js";
 import { madeBy, SHAPES, sourceOf } from "./sources.js";
+import { tiesPart } from "./ties.js";
 
 /** @import { Fit, Line, Measurement, Pick, Predicted, Proposal, Spread } from "../connection/protocol.js" */
 /** @import { PageState, Shown } from "../actions/page_state.js" */
@@ -47,6 +48,7 @@ export function buildMarks(image, { selected, shown, draft, alike }) {
   const drawn = draft.length ? pathOf(image, draft, "draft", "", false) : null;
   const scale = residualScale(image);
   return [
+    ...(shown.ties ? [tiesPart(image)] : []),
     ...paths.map(({ name, path }) => pathPart(image, name, path)),
     ...paths.filter(({ path }) => path.words).map(({ name, path }) => wordsPart(name, path)), // over all lines
     ...(drawn ? [pathPart(image, "", drawn)] : []),
