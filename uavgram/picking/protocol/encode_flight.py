@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Track
-from uavgram.picking.protocol.encode_survey import Json, number
+from uavgram.picking.protocol.encode_places import Json, number
 from uavgram.pipeline.pick.live import LiveSurvey
 
 MOST_VERTICES = 300

@@ -91,7 +91,7 @@ def overlaps(one: Floats, other: Floats) -> Bools:
     """
     apart = other[None, :, :2] - one[:, None, :2]
     reach = np.linalg.norm(one[:, None, 2:4], axis=2) + np.linalg.norm(other[None, :, 2:4], axis=2)
-    near = np.linalg.norm(apart, axis=2) < reach
+    near: Bools = np.linalg.norm(apart, axis=2) < reach
     a, b = np.nonzero(near)
     first, second, between = one[a], other[b], apart[a, b]
     meet = np.ones(len(a), dtype=np.bool_)
