@@ -34,6 +34,8 @@ WITH_ITS_MODULE = """async ([units, cases]) => {
         quantities: cases.quantities.map(({ value }) => own.quantity(...value)),
         fields: cases.fields.map(({ text }) => own.parseLength(text)),
         kept: cases.kept.map((text) => own.fieldText(own.parseLength(text))),
+        unchanged: cases.unchanged.flatMap((metres) => ["length", "small"].map(
+            (sort) => own.parseLength(own.fieldText(metres, sort), sort))),
     };
 }"""
 METRIC = re.compile(r"\d (mm|cm|m|km/h|m/s|m²)(?![\w²/])")
@@ -56,6 +58,7 @@ def check_cases(page: Page) -> None:
     for name, units in UNITS.items():
         said = page.evaluate(WITH_ITS_MODULE, [units, CASES])
         assert said["quantities"] == [case[name] for case in CASES["quantities"]]
+        assert said["unchanged"] == [metres for metres in CASES["unchanged"] for _ in range(2)]
         if name in CASES["fields"][0]:
             for case, metres in zip(CASES["fields"], said["fields"], strict=True):
                 wanted = float("nan") if case[name] is None else case[name]

@@ -147,18 +147,19 @@ export function parseLength(text, sort = "length") {
   return exact((sign === "-" ? -1 : 1) * (Number(feet) * INCHES + Number(inches) + Number(over) / Number(under) + Number(alone) / Number(of)) * INCH_M);
 }
 
-/** @param {number} metres to what no tape tells apart @returns {number} */
-const exact = (metres) => (Number.isFinite(metres) ? Number(metres.toPrecision(10)) : NaN);
+// To eight digits, one less than a field shows: what stands there unchanged means what it meant.
+/** @param {number} metres @returns {number} */
+const exact = (metres) => (Number.isFinite(metres) ? Number(metres.toPrecision(8)) : NaN);
 
 // What a field holds, so that it means the same when it is read again: "13.2", or "13 ft 2 1/2 in".
 /** @param {number | null | undefined} metres @param {Sort} [sort] */
 export function fieldText(metres, sort = "length") {
   if (metres === null || metres === undefined) return "";
   if (units.length === "m") return `${metres}`;
-  if (units.length === "ft" || sort === "small") return `${Number((metres / (fieldUnit(sort) === "in" ? INCH_M : FOOT_M)).toPrecision(8))}`;
+  if (units.length === "ft" || sort === "small") return `${Number((metres / (fieldUnit(sort) === "in" ? INCH_M : FOOT_M)).toPrecision(9))}`;
   const inches = metres / INCH_M;
   const isOnTape = Math.abs(inches * FINEST - Math.round(inches * FINEST)) < 1e-5 * FINEST;
-  return isOnTape ? feetInches(inches, 1 / FINEST) : `${Number((metres / FOOT_M).toPrecision(8))} ft`;
+  return isOnTape ? feetInches(inches, 1 / FINEST) : `${Number((metres / FOOT_M).toPrecision(9))} ft`;
 }
 
 // What was understood, in metres, where that is not what stands there.
