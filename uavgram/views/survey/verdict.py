@@ -75,7 +75,7 @@ def verdict_words(result: Result) -> VerdictWords:
 def verdict_sentence(result: Result) -> str:
     """``Verdict: amber. Nothing checks 'south': ...``: the colour, and the first reason."""
     verdict = result.verdict
-    why = [told(reason) for reason in verdict.reasons[:1]]
+    why = [reason_sentence(reason) for reason in verdict.reasons[:1]]
     if verdict.level == "green":
         why = [ALL_IS_WELL]
     if (more := len(verdict.reasons) - 1) > 0:
@@ -83,7 +83,7 @@ def verdict_sentence(result: Result) -> str:
     return " ".join([f"Verdict: {LEVEL_WORDS[verdict.level]}.", *why])
 
 
-def told(reason: Reason) -> str:
+def reason_sentence(reason: Reason) -> str:
     """What is wrong and what to do: plainly where that is known, else as the message has it."""
     remedies = [one.words for one in (reason.mend, *reason.instead) if one is not None]
     if not reason.plain or not remedies:
