@@ -63,8 +63,8 @@ def test_a_first_session_gives_the_numbers_of_a_run(
         for start, end in DISTANCES:
             click_mark(page, start)
             click_mark(page, end)
-        expect(page.locator('table[aria-label="Measurements"] tbody tr')).to_have_count(3)
-        expect(page.locator('table[aria-label="Known lengths"] tbody tr')).to_have_count(4)
+        expect(page.locator('table[aria-label="Measurements"] tr[data-row]')).to_have_count(3)
+        expect(page.locator('table[aria-label="Known lengths"] tr[data-row]')).to_have_count(4)
         wait_until_adjusted(page)
         shown = measured(page)
         assert not open_page.errors

@@ -111,7 +111,7 @@ def test_keyboard_alone_measures_each_kind_and_gives_the_numbers_of_a_run(
             if key == "v":
                 expect(page.get_by_role("textbox", name="Friction")).to_be_visible()
                 keyboard.press("Enter")  # the friction that is proposed
-        expect(page.locator('table[aria-label="Measurements"] tbody tr')).to_have_count(6)
+        expect(page.locator('table[aria-label="Measurements"] tr[data-row]')).to_have_count(6)
         keyboard.press("p")
         for _ in range(5):
             keyboard.press("PageDown")
@@ -244,7 +244,7 @@ def test_points_and_lengths_that_come_faster_than_they_are_confirmed_are_all_kep
             type_point(page, end)
             page.keyboard.type("1.5")
             page.keyboard.press("Enter")
-        expect(page.locator('table[aria-label="Known lengths"] tbody tr')).to_have_count(2)
+        expect(page.locator('table[aria-label="Known lengths"] tr[data-row]')).to_have_count(2)
         assert not open_page.errors
 
 

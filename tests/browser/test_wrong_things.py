@@ -6,6 +6,7 @@ import re
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -73,15 +74,19 @@ class Site:
         return next(one.length_m for one in self.server.picking.state.lines if one.name == name)
 
 
-@pytest.fixture(scope="module")
-def opened_once(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+def write_site(folder: Path) -> Path:
+    """The built-in survey with grey photos: what they show is looked for elsewhere."""
     survey = simulate(DemoScenario())
     size = (survey.calibration.height_px, survey.calibration.width_px)
     blank = np.full(size, 128, np.uint8)
-    folder = tmp_path_factory.mktemp("site")
     write_demo(folder, survey, (blank for _ in survey.frame_id))
+    return folder / "project.yaml"
+
+
+@pytest.fixture(scope="module")
+def opened_once(chromium: Browser, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     opener = PageOpener(chromium)
-    with served(folder / "project.yaml") as server:
+    with served(write_site(tmp_path_factory.mktemp("site"))) as server:
         yield Site(server, opener(server), opener)
         opener.close()
 
@@ -212,12 +217,13 @@ def test_a_page_that_is_closed_while_it_writes_comes_back_with_the_same_light(
     back.context.close()
 
 
-def test_without_the_program_nothing_is_in_order(opened_once: Site) -> None:
-    """The last one: its server ends."""
-    page, value = opened_once.page, opened_once.page.locator("td.value > span").first
-    wait_until_adjusted(page)
-    before = value.evaluate("one => getComputedStyle(one).color")
-    opened_once.server.stop()
+def test_without_the_program_nothing_is_in_order(tmp_path: Path, open_page: PageOpener) -> None:
+    with served(write_site(tmp_path / "site")) as server:
+        page = open_page(server)
+        value = page.locator("td.value > span").first
+        wait_until_adjusted(page)
+        says(page, "green", "In order", "Write results")
+        before = value.evaluate("one => getComputedStyle(one).color")
 
     says(page, "none", "Not checked: no connection", "Nothing can be written")
     expect(page.locator("body")).to_have_attribute("data-numbers", "lost")

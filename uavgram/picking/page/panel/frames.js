@@ -64,4 +64,4 @@ function unmatchedPart(facts) {
   return all.length ? titled("Unmatched", list(all)) : null;
 }
 
-const foundPart = () => (store.opening.length ? node("details", { class: "part" }, node("summary", {}, `What was found out (${store.opening.length})`), list(store.opening)) : null);
+const foundPart = () => (store.opening.length ? node("details", { class: "part", "aria-label": "What was found out" }, node("summary", {}, `What was found out (${store.opening.length})`), list(store.opening)) : null);

@@ -220,7 +220,7 @@ const percent = (part) => `${(100 * part).toPrecision(2)} %`;
 function remarksPart() {
   const all = remarks().filter((message) => message.level === "info");
   if (!all.length) drop("remarks");
-  return all.length ? keep("remarks", all, () => node("details", { class: "part" }, node("summary", {}, `Remarks (${all.length})`), list(all))) : null;
+  return all.length ? keep("remarks", all, () => node("details", { class: "part", "aria-label": "Remarks" }, node("summary", {}, `Remarks (${all.length})`), list(all))) : null;
 }
 
 // Points with known coordinates: which are picked, and how far the withheld ones are off.
