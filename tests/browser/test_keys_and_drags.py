@@ -113,9 +113,9 @@ def test_keyboard_alone_measures_each_kind_and_gives_the_numbers_of_a_run(
                 keyboard.press("Enter")  # the friction that is proposed
         expect(page.locator('table[aria-label="Measurements"] tbody tr')).to_have_count(6)
         keyboard.press("p")
-        for _ in range(5):
-            keyboard.press("PageDown")
-        expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0046.jpg")
+        for key, shown in (("PageDown", "IMG_0047.jpg"), ("PageUp", "IMG_0046.jpg")):
+            keyboard.press(key)
+            expect(page.locator(".pane")).to_have_attribute("data-image", shown)
         keyboard.press("/")
         keyboard.type("R8")
         keyboard.press("Enter")
