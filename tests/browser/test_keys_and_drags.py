@@ -113,9 +113,9 @@ def test_keyboard_alone_measures_each_kind_and_gives_the_numbers_of_a_run(
                 keyboard.press("Enter")  # the friction that is proposed
         expect(page.locator('table[aria-label="Measurements"] tr[data-row]')).to_have_count(6)
         keyboard.press("p")
-        for _ in range(5):
-            keyboard.press("PageDown")
-        expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0046.jpg")
+        for turn, photo in (("PageDown", "IMG_0047.jpg"), ("PageUp", "IMG_0046.jpg")):
+            keyboard.press(turn)
+            expect(page.locator(".pane")).to_have_attribute("data-image", photo)
         keyboard.press("/")
         keyboard.type("R8")
         keyboard.press("Enter")
@@ -215,10 +215,10 @@ def test_the_arrows_go_through_tools_tabs_and_photos(
         page.keyboard.press("F6")
         page.keyboard.press("ArrowRight")
         page.keyboard.press("Enter")
-        expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0042.jpg")
+        expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0047.jpg")
         expect(page.locator("svg.marks")).to_be_focused()
         page.keyboard.press("PageDown")
-        expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0043.jpg")
+        expect(page.locator(".pane")).to_have_attribute("data-image", "IMG_0048.jpg")
         assert not open_page.errors
 
 

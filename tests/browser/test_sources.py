@@ -30,6 +30,7 @@ def test_who_made_a_pick_is_seen_and_a_persons_takes_its_matches_along(
 
         page = open_page(server)
         begun = sources()
+        show_photo(page, 0)
         own = page.locator('.mark[data-label="A"]')
         expect(own.locator("title")).to_have_text("A: picked by hand, σ 1 px")
         show_photo(page, 1)

@@ -167,8 +167,8 @@ def test_a_dark_photo_is_brightened_on_its_tiles_and_not_in_its_pixels(tmp_path:
     assert found is not None
     first, stretched = found
     shown = [
-        cv2.imdecode(np.frombuffer(photos.tile(0, level, 0, 0, None) or b"", np.uint8), 1)
-        for level in (0, FIRST_COARSE)
+        np.asarray(cv2.imdecode(np.frombuffer(tile or b"", np.uint8), cv2.IMREAD_COLOR), np.uint8)
+        for tile in (photos.tile(0, level, 0, 0, None) for level in (0, FIRST_COARSE))
     ]
 
     assert first == stretched != AS_IT_IS

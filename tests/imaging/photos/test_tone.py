@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from uavgram.imaging.photos.preview import Pixels, read_preview
+from uavgram.imaging.photos.preview import Pixels, decode_preview, read_preview
 from uavgram.imaging.photos.tone import (
     AS_IT_IS,
     MOST_GAIN,
@@ -64,7 +64,8 @@ def test_the_size_of_the_copy_that_is_looked_at_does_not_matter() -> None:
     large = cv2.resize(small, None, fx=5, fy=5, interpolation=cv2.INTER_NEAREST)
     tones = automatic_tone(small), automatic_tone(np.asarray(large, np.uint8))
 
-    np.testing.assert_allclose(*([t.black, t.white] for t in tones), atol=3)
+    np.testing.assert_allclose(tones[0].black, tones[1].black, atol=3)
+    np.testing.assert_allclose(tones[0].white, tones[1].white, atol=3)
 
 
 @pytest.mark.parametrize("tone", [Tone(), Tone(33, 61, 1), Tone(-40, 400, 0.3), Tone(5, 9, 6)])
@@ -114,7 +115,7 @@ def test_a_preview_is_brightened_and_its_pixels_are_not(
     pixels = picture(low, high)
     assert cv2.imwrite(path, pixels)
     preview, plain = read_preview(path)
-    shown = cv2.imdecode(np.frombuffer(preview.jpeg, np.uint8), cv2.IMREAD_COLOR)
+    shown = decode_preview(preview)
 
     assert np.array_equal(plain, pixels)
     assert preview.tone.is_identity == (not brightened)

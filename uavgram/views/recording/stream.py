@@ -91,8 +91,8 @@ class Recorder:
         if opening and self.opens_with and self.opens_with in frames:
             first = rr.TimeColumn(FRAME_TIMELINE, sequence=[OPENING])
             for make in columns:
-                some = make(np.array([self.opens_with]))
-                self.stream.send_columns(path, indexes=[first], columns=some)
+                made = make(np.array([self.opens_with]))
+                self.stream.send_columns(path, indexes=[first], columns=made)
         timed = np.isfinite(self.time_utc_s[frames])
         for some in (frames[timed], frames[~timed]):
             if not len(some):
