@@ -206,12 +206,13 @@ def _plots(result: Result, curves: Curves, poses: PoseCurves) -> rrb.Tabs:
         "Worst pick [σ]",
         np.append(curves.worst_w, curves.limit_w),
     )
-    missed = np.concatenate([curves.refined_rms_m, curves.sigma_m])
-    fit = [plot(MISS_REFINED, "Picks miss [m]", missed), worst]
+    one = column(units_of(result))
+    missed = one.factor * np.concatenate([curves.refined_rms_m, curves.sigma_m])
+    fit = [plot(MISS_REFINED, f"Picks miss [{one.symbol}]", missed), worst]
     both = np.concatenate([curves.refined_rms_px, curves.sigma_px])
     pixels = [plot(RESIDUAL_REFINED, "Picks miss [px]", both)]
     if np.isfinite(curves.seed_rms_px).any():
-        fit.append(plot(MISS_SEED, "Log misses [m]", curves.seed_rms_m))
+        fit.append(plot(MISS_SEED, f"Log misses [{one.symbol}]", one.factor * curves.seed_rms_m))
         pixels.append(plot(RESIDUAL_SEED, "Log misses [px]", curves.seed_rms_px))
     moved = _pose_plots(result, curves, poses)
     rows = [

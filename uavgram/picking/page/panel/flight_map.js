@@ -5,6 +5,7 @@ import { store } from "../connection/store.js";
 import { choose, node, shape } from "../elements/dom.js";
 import { fixed, missing } from "../elements/numbers.js";
 import { keep, titled } from "../elements/table.js";
+import { sizeText } from "../elements/units.js";
 
 /** @import { Photo } from "../connection/protocol.js" */
 /** @typedef {{ photo: Photo, k: number, east: number, north: number }} Placed */
@@ -61,7 +62,7 @@ function wordsOf(track) {
   if (!track.length) return "Places as the photos state them, north up.";
   const sigma = store.clock?.sigma_s ?? 0;
   const far = sigma * speedOf(track);
-  const reach = far > 0.05 ? ` The camera's clock is known to \u00b1 ${fixed(sigma, 2)} s, which is \u00b1 ${fixed(far, far < 1 ? 2 : 1)} m along the track.` : "";
+  const reach = far > 0.05 ? ` The camera's clock is known to \u00b1 ${fixed(sigma, 2)} s, which is \u00b1 ${sizeText(Number(far.toPrecision(2)))} along the track.` : "";
   return `Each photo stands where the flight log was at its time (UTC), north up. Does a photo show another place than that? Then the camera's clock is wrong.${reach}`;
 }
 
@@ -90,7 +91,7 @@ function drawing(placed, track, { x, y, height, scale }) {
   const bar = barOf(scale);
   return shape("svg", { viewBox: `0 0 ${WIDTH} ${height}`, role: "img", "aria-label": `Map of the flight with ${placed.length} photos` },
     shape("polyline", { class: "track", points: path }), ...timeLabels(placed, x, y),
-    shape("path", { class: "bar", d: `M6 ${height - 5}h${(bar * scale).toFixed(1)}` }), textShape(`${fixed(bar, 0)} m`, 6, height - 9, "start"));
+    shape("path", { class: "bar", d: `M6 ${height - 5}h${(bar * scale).toFixed(1)}` }), textShape(sizeText(bar), 6, height - 9, "start"));
 }
 
 // A round length of about a fifth of the map.

@@ -118,10 +118,13 @@ def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
         Of this result.
     """
     limit = np.full(len(curves.worst_w), curves.limit_w)
+    one = column(units_of(result))
+    misses = [one.factor * curve for curve in (curves.refined_rms_m, curves.sigma_m)]
+    seeded = one.factor * curves.seed_rms_m
     for path, values, name, colour in (
-        (f"{MISS_REFINED}/refined", curves.refined_rms_m, "after the adjustment [m]", REFINED),
-        (f"{MISS_REFINED}/sigma_of_picks", curves.sigma_m, "as the picks say [m]", OBSERVED),
-        (MISS_SEED, curves.seed_rms_m, "flight log alone [m]", SEED),
+        (f"{MISS_REFINED}/refined", misses[0], f"after the adjustment [{one.symbol}]", REFINED),
+        (f"{MISS_REFINED}/sigma_of_picks", misses[1], f"as the picks say [{one.symbol}]", OBSERVED),
+        (MISS_SEED, seeded, f"flight log alone [{one.symbol}]", SEED),
         (f"{RESIDUAL_REFINED}/refined", curves.refined_rms_px, "refined [px]", REFINED),
         (f"{RESIDUAL_REFINED}/sigma_of_picks", curves.sigma_px, "σ of the picks [px]", OBSERVED),
         (f"{WORST_W}/worst", curves.worst_w, "largest |w|", REFINED),
@@ -130,7 +133,6 @@ def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
     ):
         recorder.curve(path, values, name, colour)
     frames = result.frames
-    one = column(units_of(result))
     for path, height, poses, name, colour in (
         (f"{HEIGHT}/flight_log", curves.seed_height_m, frames.seed, "flight log", SEED),
         (f"{HEIGHT}/refined", curves.refined_height_m, frames.refined, "refined", REFINED),
