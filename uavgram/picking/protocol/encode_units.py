@@ -12,7 +12,7 @@ from uavgram.model.units import Units
 from uavgram.picking.document.state import State
 from uavgram.views.unit_words import in_units, like_lengths
 
-SENTENCES = frozenset({"text", "plain", "words", "why", "fault", "reason"})
+SENTENCES = frozenset({"text", "plain", "words", "why", "fault", "reason", "shows", "unseen"})
 """Keys of what people read."""
 
 _WITHOUT = frozenset({"state", "diff", "picks", "predicted", "expected", "found", "asked"})
