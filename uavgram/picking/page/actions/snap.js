@@ -20,7 +20,10 @@ export async function snap(tools, target) {
   showAlike(tools, null);
   try {
     const found = await link.ask({ t: "snap", image: pane.image, u_px, v_px, target, ...expected });
-    if (pane.image !== image) return; // another photo is shown there now
+    if (pane.image !== image) { // the place is not one of the photo that is shown now
+      notice.show("Nothing was placed, as the photo was changed meanwhile. Press the key again.");
+      return;
+    }
     if (found.why !== undefined) {
       showAlike(tools, { image: pane.image, places: found.places_px });
       notice.show(`${wanted} is placed nowhere: ${found.why}${found.places_px.length ? " (hollow), and press the key again" : ""}.`);
