@@ -156,6 +156,15 @@ def test_a_click_elsewhere_is_a_new_point_though_an_old_one_is_selected(opened: 
     assert not opened.is_picked(ALONE[4])
 
 
+def test_what_the_notice_offers_goes_when_something_else_is_changed(opened: Opened) -> None:
+    opened.click(*opened.places[ALONE[2]])
+    offer = opened.page.get_by_role("button", name="No, a new point")
+    expect(offer).to_have_count(1)
+    opened.page.keyboard.press("ArrowRight")
+    expect(offer).to_have_count(0)
+    expect(opened.page.locator("#notice")).to_contain_text("it was expected")
+
+
 def test_a_typed_name_far_from_its_place_is_asked_about_before_anything_is_sent(
     opened: Opened,
 ) -> None:
@@ -261,11 +270,12 @@ def test_labels_are_merged_swapped_and_split_in_the_panel(opened: Opened) -> Non
 
 
 REGIONS = """async () => {
-    const { aside, meant, nearness } = await import("/page/photos/regions.js");
+    const { aside, isTelling, meant, nearness } = await import("/page/photos/regions.js");
     const at = (label, major_px, minor_px, turn_deg = 0, pixel_px = [100, 100]) =>
         ({ image: 0, label, pixel_px, spread: { major_px, minor_px, turn_deg } });
     const far = at("far", 20, 2, 90);
     const inside = (one, u, v, scale) => nearness(one, u, v, scale).inside;
+    const telling = (one) => isTelling(nearness(one, 100, 100, 1), { width_px: 2000, height_px: 1500 });
     const means = (all, u, v) => meant(all.map((one) => nearness(one, u, v, 1)));
     return {
         along: [inside(far, 100, 170, 1), inside(far, 100, 180, 1)],
@@ -276,6 +286,7 @@ REGIONS = """async () => {
         sharp: means([at("wide", 200, 200, 0, [102, 100]), at("sharp", 1, 1)], 102, 100),
         unclear: means([at("A", 5, 5), at("B", 5, 5, 0, [110, 100])], 104, 100),
         none: means([at("A", 5, 5)], 200, 100),
+        telling: [telling(at("sharp", 0, 0)), telling(at("long", 400, 5)), telling(at("wide", 90, 90)), telling(at("off", 60, 60, 0, [200, 100]))],
         words: [aside([30, 40]), aside([-30, 0]), aside([0, -5])],
     };
 }"""
@@ -291,6 +302,7 @@ def test_a_region_is_999_of_1000_and_no_smaller_than_a_click_needs(opened: Opene
         "sharp": ["sharp"],
         "unclear": ["A", "B"],
         "none": [],
+        "telling": [True, True, False, False],
         "words": [
             "50 px to the lower right of here",
             "30 px to the left of here",

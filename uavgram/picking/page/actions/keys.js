@@ -101,7 +101,7 @@ export function throughRows(panel) {
 /** @param {KeyboardEvent} event */
 function isTyped({ key, target }) {
   if (!(target instanceof HTMLElement || target instanceof SVGElement)) return false;
-  if (target.closest("dialog")) return true;
+  if (target.closest("dialog") || (key === "Escape" && document.querySelector(":popover-open"))) return true; // which that closes
   if (key === "F6") return false;
   if ((ARROWS[key] || PAGES.includes(key)) && target.closest("#panel, [role=radiogroup], #strip")) return true;
   const isField = target.matches("input, select, textarea");
