@@ -177,6 +177,7 @@ class App {
 
   /** @param {number} count */
   setPanes(count) {
+    this.tools.question.cancel(); // its pane may go
     this.panes.setCount(count);
     this.filmstrip.show();
   }
