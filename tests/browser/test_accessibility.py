@@ -83,6 +83,11 @@ def test_a_first_session_needs_no_mouse(server: Served, page: Page) -> None:
     assert re.match(r"\d+\.\d+ \u00b1", measured(page)["D1"])
 
     press(page, "p", "PageDown")
+    name(page, "A")  # in the middle of the photo, where it is not
+    expect(page.get_by_role("alertdialog")).to_be_visible()
+    assert keeps_out(page) == []
+    press(page, "Escape")
+    expect(page.get_by_role("alertdialog")).to_have_count(0)
     for label in "AB":
         press(page, "/")
         page.keyboard.type(label)

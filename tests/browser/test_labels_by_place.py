@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import pytest
-from large_photos import write_large_project
+from labels_to_place import ALONE, LABELS, MOVING, TWIN, TWIN_ASIDE_PX, write_survey
 from opened_pages import PageOpener
 from picking_pages import click_mark, drawn, eventually, show_photo, to_page
 from picking_server import Served, served
@@ -17,14 +15,6 @@ from playwright.sync_api import Browser, Locator, Page, expect
 
 from uavgram.picking.document.state import State
 
-LABELS = 24
-ALONE = tuple(f"P{k}" for k in range(17, 23))
-"""Labels that the second photo is to be asked for: no length or distance hangs on them."""
-
-TWIN, TWIN_ASIDE_PX = "twin", 14.0
-"""A label so near to `ALONE[0]` that a click between them may mean both."""
-
-MOVING = ("P23", "P24")
 EMPTY = (1500.0, 60.0)
 """A place in the second photo at which nothing is expected."""
 
@@ -81,26 +71,6 @@ class Opened:
         return len(self.server.picking.session.past) == count
 
 
-def write_survey(folder: Path) -> tuple[Path, dict[str, tuple[float, float]]]:
-    """Two photos; the second is yet without `ALONE`, and without what moves."""
-    project = write_large_project(folder, 1600, 1200, labels=LABELS)
-    with (folder / "picks.csv").open() as stream:
-        rows = list(csv.DictReader(stream))
-    second = [row for row in rows if row["image"] == "photo1.jpg"]
-    places = {row["label"]: (float(row["u_px"]), float(row["v_px"])) for row in second}
-    lacking = {*ALONE, *MOVING}
-    kept = [row for row in rows if row["image"] == "photo0.jpg" or row["label"] not in lacking]
-    (beside,) = (r for r in rows if (r["image"], r["label"]) == ("photo0.jpg", ALONE[0]))
-    kept.append(beside | {"label": TWIN, "u_px": str(float(beside["u_px"]) + TWIN_ASIDE_PX)})
-    with (folder / "picks.csv").open("w") as stream:
-        table = csv.DictWriter(stream, rows[0])
-        table.writeheader()
-        table.writerows(kept)
-    with (folder / "measure.csv").open("a") as stream:
-        stream.write(f"S1,speed,{';'.join(MOVING)}\n")
-    return project, places
-
-
 @pytest.fixture(scope="module")
 def opened_once(
     chromium: Browser, tmp_path_factory: pytest.TempPathFactory
@@ -149,6 +119,11 @@ def test_a_click_where_a_point_is_expected_is_of_that_point_whatever_is_selected
 
 
 def test_a_click_elsewhere_is_a_new_point_though_an_old_one_is_selected(opened: Opened) -> None:
+    opened.click(*opened.places[ALONE[2]])
+    offer = opened.page.locator("#notice [name=offer]")  # is of the last change alone:
+    expect(offer).to_have_text(f"No, a new point: P{LABELS + 1}")
+    opened.page.keyboard.press("ArrowRight")
+    expect(offer).to_have_count(0)
     opened.choose(ALONE[4])
     opened.click(*EMPTY)
     expect(opened.page.locator("#notice")).to_contain_text(f"{ALONE[4]} was expected")
@@ -261,11 +236,13 @@ def test_labels_are_merged_swapped_and_split_in_the_panel(opened: Opened) -> Non
 
 
 REGIONS = """async () => {
-    const { aside, meant, nearness } = await import("/page/photos/regions.js");
+    const { aside, isTelling, meant, nearness } = await import("/page/photos/regions.js");
     const at = (label, major_px, minor_px, turn_deg = 0, pixel_px = [100, 100]) =>
         ({ image: 0, label, pixel_px, spread: { major_px, minor_px, turn_deg } });
     const far = at("far", 20, 2, 90);
     const inside = (one, u, v, scale) => nearness(one, u, v, scale).inside;
+    const photo = { width_px: 2000, height_px: 1500 };
+    const tells = (...region) => isTelling(nearness(at("A", ...region), 100, 100, 1), photo);
     const means = (all, u, v) => meant(all.map((one) => nearness(one, u, v, 1)));
     return {
         along: [inside(far, 100, 170, 1), inside(far, 100, 180, 1)],
@@ -276,6 +253,7 @@ REGIONS = """async () => {
         sharp: means([at("wide", 200, 200, 0, [102, 100]), at("sharp", 1, 1)], 102, 100),
         unclear: means([at("A", 5, 5), at("B", 5, 5, 0, [110, 100])], 104, 100),
         none: means([at("A", 5, 5)], 200, 100),
+        telling: [tells(0, 0), tells(400, 5), tells(90, 90), tells(60, 60, 0, [200, 100])],
         words: [aside([30, 40]), aside([-30, 0]), aside([0, -5])],
     };
 }"""
@@ -291,6 +269,7 @@ def test_a_region_is_999_of_1000_and_no_smaller_than_a_click_needs(opened: Opene
         "sharp": ["sharp"],
         "unclear": ["A", "B"],
         "none": [],
+        "telling": [True, True, False, False],
         "words": [
             "50 px to the lower right of here",
             "30 px to the left of here",

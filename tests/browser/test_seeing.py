@@ -60,6 +60,7 @@ def test_dark_photos_are_seen_and_the_map_leads_from_one_to_another(
     expect(control).to_contain_text("Changed for display")
     eventually(page, lambda: grey(page, "canvas.photo") > BRIGHT)
     page.keyboard.press("Escape")
+    expect(page.get_by_label("Brightness", exact=True)).to_be_hidden()
 
     page.get_by_role("tab", name="Frames").click()
     dots = page.locator(".map button")

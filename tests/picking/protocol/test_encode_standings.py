@@ -108,5 +108,7 @@ def test_a_measurement_that_nothing_checks_says_what_would_not_show() -> None:
     )
 
     shows = shown_by_measurements(rows, links)
+    told = shown_by_measurements(rows, replace(links, unchecked=(("fx",),) * count))
     assert shows[0] == f"no error would show in the pick of {label!r} in 'a.jpg' and 1 more"
+    assert told[0] == "no error would show in the camera's focal length"
     assert not any(shows[1:])

@@ -13,7 +13,7 @@ MESSAGE = {
         "words": "off by 3.2 cm",
         "why": [{"text": "wall 4.10 m: 1.40 m high", "labels": ["P 4 m"], "mends": []}],
     },
-    "lines": {"wall 4.10 m": {"adjusted_m": 4.1, "why": "shows from 3.2 cm on"}},
+    "lines": {"wall 4.10 m": {"adjusted_m": 4.1, "shows": "shows from 3.2 cm on"}},
     "diff": {"lines": [{"name": "x", "text": "1.40 m"}]},
     "messages": [{"level": "info", "text": "at 13.9 m/s"}],
 }
@@ -25,7 +25,7 @@ def test_sentences_are_told_in_feet_and_nothing_else_is_changed() -> None:
     assert told["verdict"]["words"] == "off by 1.26 in"
     assert told["verdict"]["why"][0]["text"] == "wall 4.10 m: 4 ft 7 in high"
     assert told["verdict"]["why"][0]["labels"] == ["P 4 m"]
-    assert told["lines"] == {"wall 4.10 m": {"adjusted_m": 4.1, "why": "shows from 1.26 in on"}}
+    assert told["lines"] == {"wall 4.10 m": {"adjusted_m": 4.1, "shows": "shows from 1.26 in on"}}
     assert told["diff"] == MESSAGE["diff"]
     assert told["messages"][0]["text"] == "at 31.1 mph"
 

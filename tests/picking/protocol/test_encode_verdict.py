@@ -12,7 +12,8 @@ from uavgram.model.message import Message
 from uavgram.model.remedy import Correction, Remedy
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.picking.document.state import State, observations_of
+from uavgram.picking.document.state import Line, State, observations_of
+from uavgram.picking.protocol.encode_remarks import Remarks
 from uavgram.picking.protocol.encode_verdict import (
     Json,
     measurement_standings,
@@ -25,6 +26,8 @@ SWAPPED = Reason(
 OTHER = Reason(cause="misfit", text="Something else.", measurements=("road width",))
 AT_LENGTH = Message("warning", "labels-swapped", f"{SWAPPED.text} Odds 300 to 1.")
 ALSO = Message("warning", "no-home", "The log states no home.")
+
+ENDS = ("P01", "P02")
 
 
 def told_of(result: Result) -> Json:
@@ -103,6 +106,32 @@ def test_a_reason_names_its_photos_by_number_and_the_pick_to_look_at() -> None:
     assert [one["frames"] for one in every] == [[1], [], []]
     assert [one["show"] for one in every] == [{"image": 1, "label": label}] * 2 + [None]
     assert every[2]["measurements"] == ["road width"]
+
+
+def test_a_length_is_shown_in_a_photo_of_both_its_ends() -> None:
+    made = survey.build()
+    picks, names = made.picks, made.frames.frame_id
+    both = [
+        {i for i, one in zip(picks.image, picks.label, strict=True) if one == end} for end in ENDS
+    ]
+    alone = names.index(min(both[0] & both[1]))
+    label = tuple(
+        "other" if (image, one) == (names[alone], ENDS[1]) else one
+        for image, one in zip(picks.image, picks.label, strict=True)
+    )
+    off = np.zeros_like(picks.residual_px)
+    off[[*zip(picks.image, picks.label, strict=True)].index((names[alone], ENDS[0]))] = 70.0
+    line = Line(name="L1", start=ENDS[0], end=ENDS[1], length_m=1.0, sigma_m=0.01)
+    _, lines = observations_of(State(lines=(line,)))
+    told = Remarks(
+        replace(picks, label=label, residual_px=off),
+        lines,
+        {name: k for k, name in enumerate(names)},
+    )
+
+    show = told.json(Reason(cause="line-suspect", text="A.", lengths=("L1",)))["show"]
+    assert show["label"] in ENDS
+    assert names[show["image"]] in (both[0] & both[1]) - {names[alone]}
 
 
 def test_a_pick_that_was_left_out_is_the_one_to_look_at() -> None:

@@ -99,6 +99,7 @@ class App {
     const moving = this.link.waiting.filter((one) => one.t === "place");
     const isNew = receive(message, new Set(moving.map((move) => pickKey(move.image, move.label))));
     if (message.t === "initial-state") this.begin();
+    if (message.t === "initial-state" || message.t === "changed") this.tools.offers.changed(answered);
     if (message.t === "live") this.header.answered = performance.now();
     if (message.t === "saved") this.header.showSaved();
     else if (isNew) this.refreshSoon(message.t === "live" && message.mode === "linearised" ? VALUES : ALL);
@@ -176,6 +177,7 @@ class App {
 
   /** @param {number} count */
   setPanes(count) {
+    this.tools.question.cancel(); // its pane may go
     this.panes.setCount(count);
     this.filmstrip.show();
   }

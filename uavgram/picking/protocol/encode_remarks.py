@@ -65,10 +65,15 @@ class Remarks:
         }
 
     def _show(self, reason: Reason) -> Json | None:
-        """The pick that fits worst of those that a reason speaks of; None where it names none."""
-        frames, labels = set(reason.frames), set(reason.labels) | self._ends(reason)
+        """The pick that fits worst of those that a reason speaks of; None where it names none.
+
+        Of lengths in a photo that shows both ends, where there is one: there the length is drawn.
+        """
+        frames, ends = set(reason.frames), self._ends(reason)
+        labels = set(reason.labels) | ends
         if not frames and not labels:
             return None
+        frames = frames or self._photos_of(ends)
         worst, size = None, -1.0
         for row, (image, label) in enumerate(zip(self.picks.image, self.picks.label, strict=True)):
             named = (not frames or image in frames) and (not labels or label in labels)
@@ -85,3 +90,10 @@ class Remarks:
         """Labels between which the lengths are of which a reason speaks."""
         rows = [i for i, name in enumerate(self.lines.name) if name in reason.lengths]
         return {one for i in rows for one in (self.lines.start[i], self.lines.end[i])}
+
+    def _photos_of(self, labels: set[str]) -> set[str]:
+        """Photos in which all of some labels are picked."""
+        seen: dict[str, set[str]] = {}
+        for image, label in zip(self.picks.image, self.picks.label, strict=True):
+            seen.setdefault(image, set()).add(label)
+        return {image for image, here in seen.items() if labels and labels <= here}

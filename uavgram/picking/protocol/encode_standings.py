@@ -33,6 +33,10 @@ UNSEEN_LENGTH = "Not used: mark both of its ends in photos."
 REMOVED_LENGTH = "It does not fit and was left out: read the tape again."
 REMOVED_PICK = "A mark of it does not fit and was left out: look at it in its photos."
 SUSPECT_PICK = "A mark of it does not fit the others: look at it in its photos."
+_CAMERA_WORDS = {
+    **dict.fromkeys(("fx", "fy"), "camera's focal length"),
+    **dict.fromkeys(("cx", "cy"), "middle of the camera's picture"),
+}
 REJECTED_PHOTO = "It does not fit the others and was left out."
 
 
@@ -158,7 +162,8 @@ def shown_by_measurements(rows: MeasurementResults, links: WeakestLinks | None) 
         unchecked = links.unchecked[i]
         own = [one for one in unchecked if any(repr(label) in one for label in rows.points[i])]
         more = f" and {len(unchecked) - 1} more" if len(unchecked) > 1 else ""
-        found[i] = f"no error would show in the {(own or unchecked)[0]}{more}"
+        named = (own or unchecked)[0]
+        found[i] = f"no error would show in the {_CAMERA_WORDS.get(named, named)}{more}"
     return found
 
 

@@ -101,7 +101,7 @@ export function throughRows(panel) {
 /** @param {KeyboardEvent} event */
 function isTyped({ key, target }) {
   if (!(target instanceof HTMLElement || target instanceof SVGElement)) return false;
-  if (target.closest("dialog")) return true;
+  if (target.closest("dialog") || (key === "Escape" && document.querySelector(":popover-open"))) return true; // which that closes
   if (key === "F6") return false;
   if ((ARROWS[key] || PAGES.includes(key)) && target.closest("#panel, [role=radiogroup], #strip")) return true;
   const isField = target.matches("input, select, textarea");
@@ -197,7 +197,7 @@ export const KEYS = [
     { keys: "Esc", what: "stop", does: { Escape: ({ tools }) => tools.cancel() } },
   ]],
   ["All", [
-    { keys: "Ctrl+Z, Ctrl+Shift+Z", what: "undo, redo", does: { "Ctrl+z": ({ tools }) => tools.send({ t: "undo" }), "Ctrl+Shift+z": ({ tools }) => tools.send({ t: "redo" }), "Ctrl+y": ({ tools }) => tools.send({ t: "redo" }) } },
+    { keys: "Ctrl+Z, Ctrl+Shift+Z", what: "undo, redo", does: { "Ctrl+z": ({ tools }) => void tools.send({ t: "undo" }), "Ctrl+Shift+z": ({ tools }) => void tools.send({ t: "redo" }), "Ctrl+y": ({ tools }) => void tools.send({ t: "redo" }) } },
     { keys: "F6, Shift+F6", what: "next, previous part of the page", does: { F6: ({ navigation }) => navigation.nextRegion(1), "Shift+F6": ({ navigation }) => navigation.nextRegion(-1) } },
     { keys: "X, Shift+X", what: "next, previous tab: measure, frames, camera", does: { x: ({ navigation }) => navigation.nextTab(1), X: ({ navigation }) => navigation.nextTab(-1) } },
     { keys: "up, down", what: "in a table: the same in the next row" },

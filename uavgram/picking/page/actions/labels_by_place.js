@@ -2,7 +2,7 @@
 // somebody typed is taken, and asked about where it does not fit.
 
 import { adjusted, freeName, labels, pickAt, predictedIn, stale, store } from "../connection/store.js";
-import { aside, meant, nearness } from "../photos/regions.js";
+import { aside, isTelling, meant, nearness } from "../photos/regions.js";
 import { TOOLS } from "./keys.js";
 
 /** @import { Predicted } from "../connection/protocol.js" */
@@ -10,11 +10,12 @@ import { TOOLS } from "./keys.js";
 /** @import { PageState } from "./page_state.js" */
 
 /** @typedef {{ u: number, v: number, scale: number, image: number }} Click */
+/** @typedef {{ label: string, words: string, isNew?: boolean }} Choice */
 /**
  * A label, and what is to be said of it; `instead`: the name of a new point, which may have been meant.
  * @typedef {{ label: string, say?: string, instead?: string, choices?: undefined }} Given
  */
-/** @typedef {{ words: string, choices: { label: string, words: string }[], about?: string }} Unclear `about`: the label whose place is to be seen */
+/** @typedef {{ words: string, choices: Choice[], about?: string }} Unclear `about`: the label whose place is to be seen */
 
 const MOST_CHOICES = 4;
 
@@ -72,7 +73,7 @@ export class LabelsByPlace {
     const say = taken && this.state.typed ? `${given} is picked ${taken} already: this point is called ${name}.` : "";
     if (this.isApart) return { label: name, say };
     const here = this.expectedIn(click.image).map((one) => nearness(one, click.u, click.v, click.scale));
-    const likely = meant(here);
+    const likely = meant(here.filter((one) => this.isThere(one.label) || isTelling(one, store.photos[click.image])));
     if (this.state.typed && name === given) return this.typed(click, name, here, likely);
     if (likely.length === 1) return likely[0] === given ? { label: given } : { label: likely[0], say: `This is ${likely[0]}: it was expected here.`, instead: this.free() };
     if (likely.length) return { words: "Which point is this? More than one is expected here.", choices: this.choices(likely) };
@@ -103,7 +104,13 @@ export class LabelsByPlace {
   /** @param {string[]} likely */
   choices(likely) {
     const free = this.free();
-    return [...likely.slice(0, MOST_CHOICES).map((label) => ({ label, words: label })), { label: free, words: `A new point, ${free}` }];
+    return [...likely.slice(0, MOST_CHOICES).map((label) => ({ label, words: label })), { label: free, words: `A new point, ${free}`, isNew: true }];
+  }
+
+  /** The label of an answer that somebody took his time for: what it was called may have changed. @param {number} image @param {Choice} choice @returns {Given} */
+  answered(image, { label, isNew }) {
+    if (isNew) return { label: this.isThere(label) ? this.free(label) : label };
+    return this.taken(image, label) ? { label: "", say: `${label} was picked in this photo meanwhile. Click again.` } : { label };
   }
 
   /** @param {string} label */

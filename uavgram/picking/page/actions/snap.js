@@ -12,6 +12,7 @@ import { pickAt, predictedIn } from "../connection/store.js";
 export async function snap(tools, target) {
   const { state, link, notice, panes: { active: pane } } = tools;
   if (!pane) return;
+  const { image } = pane;
   const pick = state.selected ? pickAt(pane.image, state.selected) : null;
   const wanted = state.selected ?? tools.label;
   const expected = !pick && predictedIn(pane.image).some((one) => one.label === wanted) ? { expected: wanted } : {};
@@ -19,6 +20,10 @@ export async function snap(tools, target) {
   showAlike(tools, null);
   try {
     const found = await link.ask({ t: "snap", image: pane.image, u_px, v_px, target, ...expected });
+    if (pane.image !== image) { // the place is not one of the photo that is shown now
+      notice.show("Nothing was placed, as the photo was changed meanwhile. Press the key again.");
+      return;
+    }
     if (found.why !== undefined) {
       showAlike(tools, { image: pane.image, places: found.places_px });
       notice.show(`${wanted} is placed nowhere: ${found.why}${found.places_px.length ? " (hollow), and press the key again" : ""}.`);

@@ -6,11 +6,13 @@ import { Question } from "../elements/question.js";
 import { entryMessage, noNumber, parse, showFault, typedForm } from "../panel/entry.js";
 import { placeFault } from "../panel/speed.js";
 import { byHand, goneWith } from "../photos/sources.js";
+import { Clicks } from "./clicks.js";
 import { Heights } from "./heights.js";
 import { Proposals } from "./proposals.js";
 import { TOOLS } from "./keys.js";
 import { LabelEdits } from "./label_edits.js";
 import { LabelsByPlace } from "./labels_by_place.js";
+import { Offers } from "./offers.js";
 import { showTool } from "./tool_menu.js";
 
 /** @import { Change, Kind, Line, Measurement } from "../connection/protocol.js" */
@@ -19,7 +21,6 @@ import { showTool } from "./tool_menu.js";
 /** @import { Pane } from "../photos/pane.js" */
 /** @import { Panes } from "../photos/panes.js" */
 /** @import { ToolName } from "./keys.js" */
-/** @import { Given } from "./labels_by_place.js" */
 /** @import { Entry, PageState } from "./page_state.js" */
 
 const ASKED = ["skid_speed", "speed", "volume"]; // kinds that take more than their points
@@ -49,12 +50,15 @@ export class Tools {
     this.box.addEventListener("keydown", ({ key }) => { if (key === "Enter") this.name(this.label); });
     this.names = new LabelsByPlace({ state, link, box: this.box });
     this.question = new Question(() => this.answered());
+    this.offers = new Offers({ link, notice });
     this.edits = new LabelEdits({ tools: this, question: this.question, notice });
+    this.clicks = new Clicks(this);
   }
 
   /** @param {Change} change */
   send(change) {
     this.link.change(change);
+    return change;
   }
 
   /** @param {ToolName} tool */
@@ -96,33 +100,9 @@ export class Tools {
     this.names.put(label, isLeft);
   }
 
-  // A place in a photo: of the point that is expected there, or of a new one; what is not clear is asked.
-  /** @param {Pane} pane @param {number} u @param {number} v @param {number | null} sigma_px */
+  /** A place in a photo. @param {Pane} pane @param {number} u @param {number} v @param {number | null} sigma_px */
   clicked(pane, u, v, sigma_px = null) {
-    if (this.question.isOpen) {
-      this.question.cancel();
-      return;
-    }
-    const found = this.names.at({ image: pane.image, u, v, scale: pane.view.scale });
-    /** @param {string} label */
-    const take = (label) => {
-      this.placeAt(pane, label, u, v, sigma_px);
-      if (this.state.tool !== "pick") this.extend(label);
-    };
-    if (found.choices) {
-      this.state.asked = { image: pane.image, at: [u, v], view: pane.view, moved: (x, y, view) => this.question.stand(x, y, view) };
-      this.state.selected = found.about ?? this.state.selected;
-      this.question.ask(found.words, found.choices.map(({ label, words }) => ({ words, act: () => take(label) })), pane.box);
-      this.rebuild();
-    } else {
-      take(found.label);
-      this.tell(pane.image, found);
-    }
-  }
-
-  /** @param {number} image @param {Given} given */
-  tell(image, { label, say, instead }) {
-    if (say) this.notice.show(say, true, instead ? { words: `No, a new point: ${instead}`, act: () => this.edits.another(label, instead, image) } : undefined);
+    this.clicks.at(pane, u, v, sigma_px);
   }
 
   // A question is no longer open.
@@ -134,9 +114,10 @@ export class Tools {
 
   /** @param {Pane} pane @param {string} label @param {number} u_px @param {number} v_px @param {number | null} sigma_px */
   placeAt(pane, label, u_px, v_px, sigma_px = null) {
-    this.send({ t: "place", image: pane.image, label, u_px, v_px, sigma_px });
+    const placed = this.send({ t: "place", image: pane.image, label, u_px, v_px, sigma_px });
     this.state.alike = null;
     this.choose(label, true);
+    return placed;
   }
 
   /** @param {number} image @param {string} label @param {[number, number]} at @param {number} step @param {boolean} final */

@@ -23,6 +23,11 @@ export class Notice {
     this.timer = setTimeout(() => this.hide(), offer ? OFFERED_MS : good ? SHOWN_MS / 2 : SHOWN_MS);
   }
 
+  // Something else was done since: the words stand, and the button goes.
+  withdraw() {
+    this.box.querySelector("button")?.remove();
+  }
+
   /** What a question ended with instead of an answer. @param {unknown} fault */
   fault(fault) {
     this.show(fault instanceof Error ? fault.message : "that failed");

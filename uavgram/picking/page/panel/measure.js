@@ -199,8 +199,8 @@ function measurementRow(one, tools) {
   const kind = KINDS[one.kind] ?? one.kind;
   const points = one.points.join(" \u2013 ");
   return node("tr", { "data-row": `measure ${one.name}`, title: `${kind}: ${points}` },
-    node("td", { class: "named" }, node("button", { class: "link", name: "change", "aria-label": `Change ${one.name}, ${kind} ${points}`, onclick: () => tools.changeMeasurement(one) }, one.name),
-      node("span", { class: "dim" }, ` ${points}`)),
+    node("td", { class: "named" }, node("div", { class: "two" }, node("button", { class: "link", name: "change", "aria-label": `Change ${one.name}, ${kind} ${points}`, onclick: () => tools.changeMeasurement(one) }, one.name),
+      node("span", { class: "dim" }, points))),
     node("td", { class: "value", title: one.kind === "coordinate" ? ON_EARTH : null }), node("td", { class: "value" }), node("td", {}, remove(one.name, () => tools.send({ t: "remove-measurement", name: one.name }))));
 }
 

@@ -49,6 +49,5 @@ function actionsOf({ mends, show }, isOld, tools) {
 
 /** @param {Mend} mend @param {Tools} tools */
 function putRight({ words, changes }, tools) {
-  tools.send({ t: "all", changes });
-  tools.notice.show(`Done: ${words}.`, true, { words: "Undo", act: () => tools.send({ t: "undo" }) });
+  tools.offers.show(`Done: ${words}.`, tools.send({ t: "all", changes }), { words: "Undo", act: () => tools.send({ t: "undo" }) });
 }

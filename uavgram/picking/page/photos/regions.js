@@ -8,7 +8,7 @@
  * @typedef {object} Nearness
  * @property {string} label
  * @property {boolean} inside whether it is in the region
- * @property {number} cost minus twice the logarithm of its likelihood: the smaller the likelier
+ * @property {number} cost minus twice the logarithm of its likelihood, for each square pixel: the smaller the likelier
  * @property {[number, number]} away from the click to where the point is expected [px of the photo]
  */
 
@@ -25,7 +25,7 @@ export function nearness({ label, pixel_px, spread }, u, v, scale) {
   const along = (away[0] * Math.cos(turn) + away[1] * Math.sin(turn)) / major;
   const across = (away[1] * Math.cos(turn) - away[0] * Math.sin(turn)) / minor;
   const off = along * along + across * across;
-  return { label, inside: off <= REGION, cost: off + 2 * Math.log(major * minor), away };
+  return { label, inside: off <= REGION, cost: off + 2 * Math.log(2 * Math.PI * major * minor), away };
 }
 
 /** @param {Spread} spread @param {number} least @returns {number[]} NaN where nothing is known: no click is inside */
@@ -37,6 +37,11 @@ export function meant(all) {
   const inside = all.filter((one) => one.inside).sort((a, b) => a.cost - b.cost);
   return inside.filter(({ cost }) => cost <= inside[0].cost + CLEARLY).map(({ label }) => label);
 }
+
+// Whether a point is clearly likelier at a click than anything else that a photo shows, each place of which is as
+// likely as the next: a region of half the photo tells nothing.
+/** @param {Nearness} one @param {{ width_px: number, height_px: number }} photo */
+export const isTelling = ({ cost }, { width_px, height_px }) => cost + CLEARLY <= 2 * Math.log(width_px * height_px);
 
 const ASIDE = ["to the right", "to the lower right", "below", "to the lower left", "to the left", "to the upper left", "above", "to the upper right"];
 

@@ -72,10 +72,15 @@ export function toggleStretch(photo) {
 export async function askTones(photo) {
   if (asked.has(photo)) return;
   asked.add(photo);
-  const answer = await fetch(`/photo/${photo}/tones.json?${store.photos[photo].digest}`);
-  if (!answer.ok) return; // the photo's tiles say why
-  /** @type {unknown} */
-  const said = await answer.json();
-  known.set(photo, /** @type {Tones} */ (said));
+  try {
+    const answer = await fetch(`/photo/${photo}/tones.json?${store.photos[photo].digest}`);
+    if (!answer.ok) return; // the photo's tiles say why
+    /** @type {unknown} */
+    const said = await answer.json();
+    known.set(photo, /** @type {Tones} */ (said));
+  } catch {
+    asked.delete(photo); // nobody answers, which the page says elsewhere: when it is shown again
+    return;
+  }
   changed(photo);
 }

@@ -1,0 +1,53 @@
+// A place in a photo was clicked: it is of the point that is expected there, or of a new one; what is not clear
+// is asked.
+
+/** @import { Change } from "../connection/protocol.js" */
+/** @import { Pane } from "../photos/pane.js" */
+/** @import { Choice, Given } from "./labels_by_place.js" */
+/** @import { Tools } from "./tools.js" */
+
+export class Clicks {
+  /** @param {Tools} tools */
+  constructor(tools) {
+    this.tools = tools;
+  }
+
+  /** @param {Pane} pane @param {number} u @param {number} v @param {number | null} sigma_px */
+  at(pane, u, v, sigma_px) {
+    const { names, notice, question, rebuild, state } = this.tools;
+    if (question.isOpen) {
+      question.cancel();
+      return;
+    }
+    const { image } = pane;
+    const found = names.at({ image, u, v, scale: pane.view.scale });
+    if (!found.choices) {
+      this.tell(this.take(pane, found.label, u, v, sigma_px), image, found);
+      return;
+    }
+    /** @param {Choice} choice */
+    const answer = (choice) => {
+      const { label, say } = names.answered(image, choice);
+      if (say) notice.show(say);
+      else this.take(pane, label, u, v, sigma_px);
+    };
+    state.asked = { image, at: [u, v], view: pane.view, moved: (x, y, view) => question.stand(x, y, view) };
+    state.selected = found.about ?? state.selected;
+    question.ask(found.words, found.choices.map((choice) => ({ words: choice.words, act: () => answer(choice) })), pane.box);
+    rebuild();
+  }
+
+  /** @param {Pane} pane @param {string} label @param {number} u @param {number} v @param {number | null} sigma_px */
+  take(pane, label, u, v, sigma_px) {
+    const placed = this.tools.placeAt(pane, label, u, v, sigma_px);
+    if (this.tools.state.tool !== "pick") this.tools.extend(label);
+    return placed;
+  }
+
+  /** @param {Change} placed @param {number} image @param {Given} given */
+  tell(placed, image, { label, say, instead }) {
+    const { edits, notice, offers } = this.tools;
+    if (say && instead) offers.show(say, placed, { words: `No, a new point: ${instead}`, act: () => edits.another(label, instead, image) });
+    else if (say) notice.show(say, true);
+  }
+}
