@@ -79,7 +79,7 @@ def find_targets(
         A problem that the user can solve. The table is as it was.
     """
     inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
-    with nullcontext() if dry_run else sole_writer(inputs):
+    with nullcontext() if dry_run else sole_writer(inputs.project, inputs.project_path):
         seen = dict(_seen(inputs, progress))
         numbers = {p.plate for plates in seen.values() for p in plates if p.left_out is LeftOut.NO}
         named, known = _names(inputs)
@@ -117,7 +117,7 @@ def undo_targets(project: str | os.PathLike[str], *, dry_run: bool = False) -> F
     path = Path(inputs.project.picks)
     after = without_targets(inputs.picks)
     if not dry_run:
-        with sole_writer(inputs):
+        with sole_writer(inputs.project, inputs.project_path):
             path = save_picks(inputs, after)
     removed = len(inputs.picks.image) - len(after.image)
     return FoundTargets(path=path, rows=0, removed=removed, plates={}, photos=0, messages=())

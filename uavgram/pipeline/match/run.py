@@ -70,7 +70,7 @@ def match_picks(
     asked = asked or Asked()
     inputs = read_inputs(Path(project))
     check_asked(inputs, asked)
-    with nullcontext() if dry_run else sole_writer(inputs):
+    with nullcontext() if dry_run else sole_writer(inputs.project, inputs.project_path):
         stays = ~replaced(inputs.picks, asked)
         base = _begun(inputs, stays)
         photos = dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True))
@@ -111,7 +111,7 @@ def undo_matches(
     stays = ~replaced(inputs.picks, asked)
     path = Path(inputs.project.picks)
     if not dry_run:
-        with sole_writer(inputs):
+        with sole_writer(inputs.project, inputs.project_path):
             path = save_picks(inputs, with_found(inputs.picks, {}, keep=stays))
     return Undone(path, int((~stays).sum()))
 
