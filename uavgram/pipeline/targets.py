@@ -82,7 +82,7 @@ def find_targets(
     with nullcontext() if dry_run else sole_writer(inputs.project, inputs.project_path):
         seen = dict(_seen(inputs, progress))
         numbers = {p.plate for plates in seen.values() for p in plates if p.left_out is LeftOut.NO}
-        named, known = _names(inputs)
+        named, known = named_points(inputs)
         centers = asked_centers(numbers, named, known, inputs.picks)
         rows = with_targets(inputs.picks, seen, centers)
         uncoded = uncoded_targets(replace(inputs, picks=rows.picks), progress)
@@ -149,7 +149,7 @@ def _seen(inputs: Inputs, progress: Progress) -> Iterator[tuple[str, tuple[SeenP
         yield photos[path], plates
 
 
-def _names(inputs: Inputs) -> tuple[set[str], set[str]]:
+def named_points(inputs: Inputs) -> tuple[set[str], set[str]]:
     """Labels that lengths, measurements and known things name, and those of known coordinates."""
     lines, known = inputs.lines, inputs.known
     named = {*lines.start, *lines.end, *(p for points in known.points for p in points)}
