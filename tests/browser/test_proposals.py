@@ -33,7 +33,7 @@ def test_a_click_is_proposed_accepted_refused_and_asked_for(
         expect(page.locator("#mode")).to_have_attribute("data-mode", "adjusted")
         page.locator("#label").fill(NEW)
         page.mouse.click(*to_page(page, *place))
-        proposed = page.get_by_role("table", name="Found in other photos")
+        proposed = page.get_by_role("table", name="Found by the program")
         mine = proposed.locator(f'tr[data-row^="found {NEW} "]')
         expect(mine).to_have_count(2)
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.imaging.targets.uncoded import Kind, Uncoded, uncoded_target
 from uavgram.imaging.raster import Image
+from uavgram.imaging.targets.uncoded import Kind, Uncoded, uncoded_target
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.survey.observations import Picks
