@@ -61,6 +61,12 @@ def test_a_click_is_proposed_accepted_refused_and_asked_for(
         expect(page.locator(".pane").first).to_have_attribute("data-image", NAMES[1])
         expect(page.locator(f'[data-predicted="{NEW}"]')).to_have_count(1)
 
+        # All that is left is refused, and that taken back.
+        page.locator('[name="refuse-label"]').click()
+        expect(mine).to_have_count(0)
+        page.locator('#notice [name="offer"]').click()
+        expect(mine).to_have_count(1)
+
         # All of the point that is left, by key.
         page.keyboard.press("Shift+Enter")
         eventually(page, lambda: server.picking.state.pick(NAMES[2], NEW) is not None)

@@ -193,10 +193,11 @@ class PickSession:
 
     def _snapped(self, asked: c.Snap) -> Json:
         photo = self._tiled.pixels(self.index[asked.image])
-        label, expected = asked.expected, None
+        label, expected, match = asked.expected, None, None
         if label and self.state.pick(asked.image, label) is None:
+            match = self._search.outcomes.get((asked.image, label))
             expected = expected_place(self.survey, self._live.last, asked.image, label)
-        return snap_json(photo, asked, expected)
+        return snap_json(photo, asked, expected, None if match is None else match.found)
 
     def change(self, message: Message) -> Json:
         """Do what a command says, and keep it; the answer is for all pages.
