@@ -54,10 +54,8 @@ def snap_json(
     pointer = np.array([asked.u_px, asked.v_px])
     any_thing = asked.target == "any"
     if match is not None:
-        place = np.array([match.u_px, match.v_px])
-        found = snap_within(
-            photo, Region(place, MATCHED_PX**2 * np.eye(2), pointer), corners=any_thing
-        )
+        there = np.array([match.u_px, match.v_px]), MATCHED_PX**2 * np.eye(2)
+        found = snap_within(photo, Region(*there, pointer), corners=any_thing)
     elif expected is not None:
         found = snap_within(photo, Region(*expected, pointer), corners=any_thing)
     else:

@@ -65,7 +65,9 @@ class Proposed:
             known = {} if always else self._outcomes
             changed = {pair: one for pair, one in new.items() if known.get(pair) != one}
             self._outcomes |= {pair: one for pair, one in changed.items() if pair not in over}
-            lost = [pair for pair in gone if pair not in over and self._outcomes.pop(pair, None)]
+            lost = [pair for pair in gone if pair in self._outcomes and pair not in over]
+            for pair in lost:
+                del self._outcomes[pair]
             told = dict(self._outcomes)
         labels = {label for _, label in (*changed, *lost)}
         if labels or always:
