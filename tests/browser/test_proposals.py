@@ -33,7 +33,7 @@ def test_a_click_is_proposed_accepted_refused_and_asked_for(
         expect(page.locator("#mode")).to_have_attribute("data-mode", "adjusted")
         page.locator("#label").fill(NEW)
         page.mouse.click(*to_page(page, *place))
-        proposed = page.get_by_role("table", name="Found in other photos")
+        proposed = page.get_by_role("table", name="Found by the program")
         mine = proposed.locator(f'tr[data-row^="found {NEW} "]')
         expect(mine).to_have_count(2)
 
@@ -60,6 +60,12 @@ def test_a_click_is_proposed_accepted_refused_and_asked_for(
         asked.locator('[name="go"]').first.click()
         expect(page.locator(".pane").first).to_have_attribute("data-image", NAMES[1])
         expect(page.locator(f'[data-predicted="{NEW}"]')).to_have_count(1)
+
+        # All that is left is refused, and that taken back.
+        page.locator('[name="refuse-label"]').click()
+        expect(mine).to_have_count(0)
+        page.locator('#notice [name="offer"]').click()
+        expect(mine).to_have_count(1)
 
         # All of the point that is left, by key.
         page.keyboard.press("Shift+Enter")

@@ -10,6 +10,7 @@ import yaml
 from small_projects import Command
 from tied_photos import CAMERA, flight, write_photos
 
+from uavgram.io.project_lock import ProjectLock
 from uavgram.io.tables.ties import read_ties
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
@@ -131,3 +132,21 @@ def test_ties_that_are_asked_for_and_missing_are_found_kept_and_read_again(proje
     assert table in again.files
     assert found.digests[-1] in again.digests
     assert "ties-found" in {message.code for message in found.messages}
+
+
+@pytest.mark.parametrize("more", [(), ("--undo",)])
+def test_a_project_that_is_open_elsewhere_is_left_alone(
+    project: Path, command: Command, more: tuple[str, ...]
+) -> None:
+    table = project.with_name("ties.csv")
+    table.write_text(HEADER + "p0.png,t1,100,120,0.5,ties\n", encoding="utf-8")
+    before = table.read_bytes()
+    lock = ProjectLock(project.parent / "out", "other")
+    try:
+        done = command("picks", "ties", project, *more)
+    finally:
+        lock.release()
+
+    assert done.status == 1
+    assert "is open in another picking page" in done.stderr
+    assert table.read_bytes() == before

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from uavgram.pipeline.measure.inputs import read_inputs, ties_path
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.measure.tie_points import tied
 from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.saved_picks import sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import in_order
 
@@ -70,11 +72,14 @@ def write_ties(
     """
     inputs = read_inputs(Path(project), unfinished=True)
     path = _table(inputs.project, inputs.folder)
-    earlier = count_made(path)
-    posed = pose_frames(inputs)
-    found = tied(inputs, posed, progress)
-    content = ties_content(path, found.ties)
-    check_ties(str(path), found.ties, inputs.photos)
+    with nullcontext() if dry_run else sole_writer(inputs.project, inputs.project_path):
+        earlier = count_made(path)
+        posed = pose_frames(inputs)
+        found = tied(inputs, posed, progress)
+        content = ties_content(path, found.ties)
+        check_ties(str(path), found.ties, inputs.photos)
+        if not dry_run:
+            _replace(path, content)
     messages = (*posed.messages, *found.messages(path.name))
     if inputs.project.ties is None and found.ties.image:
         text = (
@@ -82,8 +87,6 @@ def write_ties(
             f"{Path(inputs.project_path).name}."
         )
         messages += (Message("info", "ties-unused", text, files=(path.name,)),)
-    if not dry_run:
-        _replace(path, content)
     return TiesWritten(
         path=path,
         ties=found.ties,
@@ -109,10 +112,12 @@ def take_ties_back(project: str | os.PathLike[str], *, dry_run: bool = False) ->
         A problem that the user can solve; the table is as it was.
     """
     file = project_file(Path(project))
-    path = _table(load_project(file, unfinished=True), file.absolute().parent)
-    count = count_made(path)
-    if count and not dry_run:
-        _replace(path, ties_content(path, NO_TIES) or EMPTY)
+    settings = load_project(file, unfinished=True)
+    path = _table(settings, file.absolute().parent)
+    with nullcontext() if dry_run else sole_writer(settings, str(file)):
+        count = count_made(path)
+        if count and not dry_run:
+            _replace(path, ties_content(path, NO_TIES) or EMPTY)
     return TiesWritten(path=path, ties=NO_TIES, taken_back=count, written=not dry_run)
 
 

@@ -12,13 +12,19 @@ from uavgram.errors import InputError, OutputError
 from uavgram.io.outputs import replace_bytes
 from uavgram.io.project_lock import ProjectLock
 from uavgram.io.tables.picked import picks_content
+from uavgram.model.options import Project
 from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.measure.inputs import Inputs
 
 
 @contextmanager
-def sole_writer(inputs: Inputs) -> Iterator[None]:
+def sole_writer(project: Project, project_path: str) -> Iterator[None]:
     """Keep picking pages and other searches out of a project's tables.
+
+    Parameters
+    ----------
+    project, project_path
+        The project, and the file that it was read from.
 
     Raises
     ------
@@ -27,9 +33,9 @@ def sole_writer(inputs: Inputs) -> Iterator[None]:
     OutputError
         The output folder, where the lock lies, cannot be written to.
     """
-    folder = Path(inputs.project.output)
+    folder = Path(project.output)
     existed = folder.is_dir()
-    lock = ProjectLock(folder, inputs.project_path)
+    lock = ProjectLock(folder, project_path)
     try:
         yield
     finally:

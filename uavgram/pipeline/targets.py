@@ -79,10 +79,10 @@ def find_targets(
         A problem that the user can solve. The table is as it was.
     """
     inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
-    with nullcontext() if dry_run else sole_writer(inputs):
+    with nullcontext() if dry_run else sole_writer(inputs.project, inputs.project_path):
         seen = dict(_seen(inputs, progress))
         numbers = {p.plate for plates in seen.values() for p in plates if p.left_out is LeftOut.NO}
-        named, known = _names(inputs)
+        named, known = named_points(inputs)
         centers = asked_centers(numbers, named, known, inputs.picks)
         rows = with_targets(inputs.picks, seen, centers)
         uncoded = uncoded_targets(replace(inputs, picks=rows.picks), progress)
@@ -117,7 +117,7 @@ def undo_targets(project: str | os.PathLike[str], *, dry_run: bool = False) -> F
     path = Path(inputs.project.picks)
     after = without_targets(inputs.picks)
     if not dry_run:
-        with sole_writer(inputs):
+        with sole_writer(inputs.project, inputs.project_path):
             path = save_picks(inputs, after)
     removed = len(inputs.picks.image) - len(after.image)
     return FoundTargets(path=path, rows=0, removed=removed, plates={}, photos=0, messages=())
@@ -149,7 +149,7 @@ def _seen(inputs: Inputs, progress: Progress) -> Iterator[tuple[str, tuple[SeenP
         yield photos[path], plates
 
 
-def _names(inputs: Inputs) -> tuple[set[str], set[str]]:
+def named_points(inputs: Inputs) -> tuple[set[str], set[str]]:
     """Labels that lengths, measurements and known things name, and those of known coordinates."""
     lines, known = inputs.lines, inputs.known
     named = {*lines.start, *lines.end, *(p for points in known.points for p in points)}

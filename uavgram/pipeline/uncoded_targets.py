@@ -13,7 +13,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from uavgram.errors import UavgramError
+from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.uncoded import Kind, Uncoded, uncoded_target
+from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.survey.observations import Picks
 from uavgram.model.target_families import plate_of
@@ -23,7 +25,7 @@ from uavgram.pipeline.match.search import searched
 from uavgram.pipeline.measure.inputs import NO_PICKS, Inputs, duplicates_of
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.progress import Progress
-from uavgram.stages.match.found import Found, Pair, Record
+from uavgram.stages.match.found import Pair, Record
 from uavgram.stages.target_rows import TargetRow, chosen, target_row, with_rows
 
 CLICK_PX = 2.5
@@ -94,13 +96,69 @@ def _recognised(inputs: Inputs, photos: Photos) -> dict[int, Uncoded]:
     """Targets at the places that people picked, by number of the pick."""
     picks, found = inputs.picks, {}
     for i in np.flatnonzero(picks.of_source("hand")).tolist():
-        if picks.image[i] not in inputs.photos.frame_id or plate_of(picks.label[i]) is not None:
+        if picks.image[i] not in inputs.photos.frame_id:
             continue
-        target = uncoded_target(photos.get(picks.image[i]), picks.pixel_px[i])
-        reach = max(CLICK_PX, 3.0 * float(np.nan_to_num(picks.sigma_px[i])))
-        if target is not None and np.hypot(*(target.pixel_px - picks.pixel_px[i])) <= reach:
+        photo, sigma = photos.get(picks.image[i]), float(picks.sigma_px[i])
+        target = picked_target(photo, picks.label[i], picks.pixel_px[i], sigma)
+        if target is not None:
             found[i] = target
     return found
+
+
+def picked_target(photo: Image, label: str, pixel_px: Floats, sigma_px: float) -> Uncoded | None:
+    """The target that a person picked; None where the pick is on none, or on a coded plate.
+
+    Parameters
+    ----------
+    photo
+        (height, width) grey.
+    label
+        Of the pick.
+    pixel_px, sigma_px
+        (2,) where it is; NaN where no sigma is known.
+    """
+    if plate_of(label) is not None:
+        return None
+    target = uncoded_target(photo, pixel_px)
+    reach = max(CLICK_PX, 3.0 * float(np.nan_to_num(sigma_px)))
+    is_on = target is not None and np.hypot(*(target.pixel_px - pixel_px)) <= reach
+    return target if is_on else None
+
+
+def same_target(photo: Image, kind: Kind, place_px: Floats, sigma_px: float) -> Uncoded | None:
+    """The target of a kind where its surroundings were found; None where it is not clear there.
+
+    Parameters
+    ----------
+    photo
+        (height, width) grey.
+    kind
+        What was picked.
+    place_px, sigma_px
+        (2,) where its centre should be by the matching.
+    """
+    target = uncoded_target(photo, place_px)
+    if target is None or target.kind is not kind:
+        return None
+    off = np.hypot(*(target.pixel_px - place_px))
+    return target if off <= SAME_PX + 3.0 * sigma_px else None
+
+
+def measured_row(image: str, label: str, target: Uncoded, focal_px: float) -> TargetRow:
+    """A pick of a target's centre.
+
+    Parameters
+    ----------
+    image, label
+        The photo, and what is picked in it.
+    target
+        As seen there.
+    focal_px
+        Of the camera: the middle of a disc's outline is not the image of its middle.
+    """
+    sigma = float(np.hypot(target.sigma_px, target.off_center_px(focal_px)))
+    u, v = target.pixel_px.tolist()
+    return target_row(image, label, (u, v), sigma, target.score)
 
 
 def _kinds(picks: Picks, own: Mapping[int, Uncoded]) -> dict[str, Kind]:
@@ -161,20 +219,13 @@ def _measured(
     rows, missed = [], dict(record.in_vain)
     for pair, found in sorted(record.found.items()):
         image, label = pair
-        target = uncoded_target(photos.get(image), np.array(found.pixel_px))
-        if target is None or not _is_same(target, found, kinds[label]):
+        place = np.array(found.pixel_px)
+        target = same_target(photos.get(image), kinds[label], place, found.sigma_px)
+        if target is None:
             missed[pair] = NOT_CLEAR
             continue
-        focal = float(inputs.calibration.parameters[0])
-        sigma = float(np.hypot(target.sigma_px, target.off_center_px(focal)))
-        u, v = target.pixel_px.tolist()
-        rows.append(target_row(image, label, (u, v), sigma, target.score))
+        rows.append(measured_row(image, label, target, float(inputs.calibration.parameters[0])))
     return rows, missed
-
-
-def _is_same(target: Uncoded, found: Found, kind: Kind) -> bool:
-    off = np.hypot(*(target.pixel_px - np.array(found.pixel_px)))
-    return bool(target.kind is kind and off <= SAME_PX + 3.0 * found.sigma_px)
 
 
 def _without_matches(picks: Picks, rows: list[TargetRow]) -> Picks:

@@ -50,17 +50,13 @@ def with_targets(
     kept = without_targets(picks)
     taken = set(zip(kept.image, kept.label, strict=True))
     rows: list[TargetRow] = []
-    by_hand: list[tuple[str, str]] = []
-    for image, plates in seen.items():
-        for plate in plates:
-            if plate.left_out is not LeftOut.NO:
-                continue
-            for row in _rows(image, plate, centers.get(plate.plate)):
-                (by_hand if (image, row.label) in taken else rows).append(row)  # type: ignore[arg-type]
+    by_hand: list[TargetRow] = []
+    for row in rows_of(seen, centers):
+        (by_hand if (row.image, row.label) in taken else rows).append(row)
     plates_found = {
         plate.plate for some in seen.values() for plate in some if not plate.left_out.value
     }
-    messages = (*_left_out(seen), *_by_hand(by_hand))  # type: ignore[arg-type]
+    messages = (*_left_out(seen), *_by_hand(by_hand))
     return Rows(with_rows(kept, rows), len(plates_found), tuple(messages))
 
 
@@ -101,6 +97,22 @@ class TargetRow:
     v_px: float
     sigma_px: float
     score: float
+
+
+def rows_of(
+    seen: Mapping[str, Sequence[SeenPlate]], centers: Mapping[int, str]
+) -> Iterator[TargetRow]:
+    """Picks of the plates that were found, wherever a person picked.
+
+    Parameters
+    ----------
+    seen, centers
+        As of `with_targets`.
+    """
+    for image, plates in seen.items():
+        for plate in plates:
+            if plate.left_out is LeftOut.NO:
+                yield from _rows(image, plate, centers.get(plate.plate))
 
 
 def _rows(image: str, plate: SeenPlate, center: str | None) -> Iterator[TargetRow]:

@@ -19,11 +19,7 @@ def match_lines(done: Matches) -> list[str]:
     """Found by photo, what was not found and why, and what is better asked from a person."""
     found, missed = done.record.found, done.record.in_vain
     looked = len(found) + len(missed)
-    lines = [
-        f"found:     {len(found)} of {looked} places, of {_count(len(done.labels), 'label')}"
-        if looked
-        else "found:     nothing was looked for: no other photo should show these labels"
-    ]
+    lines = [f"found:     {_found(len(found), looked, done)}"]
     lines += _by_photo(found, missed)
     lines += _reasons(missed)
     if done.not_sought:
@@ -37,6 +33,24 @@ def match_lines(done: Matches) -> list[str]:
             "pick three points or more there"
         )
     return lines + _to_ask(done)
+
+
+def _found(found: int, looked: int, done: Matches) -> str:
+    if looked:
+        return f"{found} of {looked} places, of {_count(len(done.labels), 'label')}"
+    if done.kept:
+        return "nothing else was looked for: what was found earlier stays as it is"
+    return "nothing was looked for: no other photo should show these labels"
+
+
+def written_line(done: Matches) -> str:
+    """The table, how many matches are new in it, and what became of those that there were."""
+    line = f"written:   {done.path}, new matches: {len(done.record.found)}"
+    if done.kept:
+        line += f", earlier ones kept: {done.kept}"
+    if done.replaced:
+        line += f", taken out: {done.replaced} (their pick was moved, or they fit no longer)"
+    return line
 
 
 def _by_photo(found: Iterable[Pair], missed: Iterable[Pair]) -> list[str]:

@@ -54,7 +54,7 @@ def test_points_are_found_to_a_tenth_of_a_pixel_and_what_moved_is_not(
         assert said in done.stdout
 
 
-def test_a_second_search_replaces_the_first_and_undo_gives_the_very_file_back(
+def test_a_second_search_keeps_the_first_and_undo_gives_the_very_file_back(
     project: Textured, command: Command
 ) -> None:
     before = project.picks.read_bytes()
@@ -63,7 +63,9 @@ def test_a_second_search_replaces_the_first_and_undo_gives_the_very_file_back(
     once = project.picks.read_bytes()
     assert once.count(b"match") == 2
 
-    assert "in place of 2 earlier" in command("picks", "match", project.path, *asked).stdout
+    again = command("picks", "match", project.path, *asked).stdout
+    assert "new matches: 0, earlier ones kept: 2" in again
+    assert "nothing else was looked for" in again
     assert project.picks.read_bytes() == once
     assert command("picks", "match", project.path, "--undo", "--photos", "c.png").status == 0
     assert project.picks.read_bytes() == once
@@ -72,6 +74,34 @@ def test_a_second_search_replaces_the_first_and_undo_gives_the_very_file_back(
     assert [line.rstrip(",") for line in project.picks.read_text().splitlines()[1:]] == (
         before.decode().splitlines()[1:]
     )
+
+
+def test_accepted_matches_stay_but_for_those_that_fit_no_longer_or_whose_pick_moved(
+    project: Textured, command: Command
+) -> None:
+    assert command("picks", "match", project.path, "--labels", "P1, P2, P3, P4, P5").status == 0
+    table = project.picks.read_text().splitlines()
+    kept = next(row for row in table if row.startswith("b.png,P1,"))
+    moved = next(row for row in table if row.startswith("a.png,P3,"))
+    wrong = next(row for row in table if row.startswith("c.png,P2,"))
+    u = {row: row.split(",")[2] for row in (kept, moved, wrong)}
+    edited = {
+        kept: kept.replace(u[kept], f"{float(u[kept]) + 0.05:.2f}"),  # as the page found it
+        moved: moved.replace(u[moved], f"{float(u[moved]) + 0.5:.2f}"),
+        wrong: wrong.replace(u[wrong], f"{float(u[wrong]) + 20.0:.2f}"),
+    }
+    project.picks.write_text("\n".join(edited.get(row, row) for row in table) + "\n")
+
+    done = command("picks", "match", project.path, "--labels", "P1, P2, P3")
+
+    assert done.status == 0, done
+    now = project.picks.read_text().splitlines()
+    assert edited[kept] in now
+    assert edited[wrong] not in now
+    assert "new matches: 3, earlier ones kept: 3, taken out: 3 (their pick" in done.stdout
+    rows = {(row["image"], row["label"]): row for row in project.rows()}
+    assert abs(float(rows["c.png", "P2"]["u_px"]) - float(u[wrong])) < 0.1
+    assert rows["c.png", "P3"]["from_u_px"] == rows["a.png", "P3"]["u_px"]
 
 
 def test_a_dry_run_says_what_it_would_find_and_writes_nothing(

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
+import pytest
 
 from uavgram.model.survey.ties import TiePicks
-from uavgram.picking.document.commands import Ties
-from uavgram.picking.protocol.encode_answers import ties_json
+from uavgram.picking.document.commands import Place, Snap, Ties
+from uavgram.picking.protocol.encode_answers import snap_json, ties_json
+from uavgram.pipeline.pick.other_photos import ExpectedPlace
+
+LEFT, RIGHT = 90.0, 126.0
 
 
 def test_ties_are_those_of_the_photo() -> None:
@@ -19,3 +24,22 @@ def test_ties_are_those_of_the_photo() -> None:
 
     assert ties_json(ties, Ties(image="a.jpg")) == {"places_px": [[10.0, 20.0], [30.0, 40.1]]}
     assert ties_json(ties, Ties(image="c.jpg")) == {"places_px": []}
+
+
+def test_of_two_alike_the_match_says_which_and_else_it_only_looks_like_it() -> None:
+    photo = np.full((200, 220, 3), 90, np.uint8)
+    for u in (LEFT, RIGHT):
+        cv2.circle(photo, (int(u), 100), 7, (220, 220, 220), -1, cv2.LINE_AA)
+    photo = np.asarray(cv2.GaussianBlur(photo, (0, 0), 0.8), np.uint8)
+    asked = Snap(image="a.jpg", u_px=20.0, v_px=20.0, target="target", expected="P1")
+    expected = ExpectedPlace(np.array([LEFT - 6.0, 104.0]), 9.0**2 * np.eye(2))
+    match = Place(image="a.jpg", label="P1", u_px=RIGHT + 1.2, v_px=99.1, source="match")
+
+    alone, matched = snap_json(photo, asked, expected), snap_json(photo, asked, expected, match)
+    pointed = Snap(image="a.jpg", u_px=LEFT + 2.0, v_px=101.0, target="target")
+
+    assert alone["u_px"] == pytest.approx(LEFT, abs=0.1)
+    assert not alone["is_sure"]
+    assert matched["u_px"] == pytest.approx(RIGHT, abs=0.1)
+    assert matched["is_sure"]
+    assert snap_json(photo, pointed, None)["is_sure"]

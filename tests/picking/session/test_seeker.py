@@ -22,6 +22,7 @@ from uavgram.model.survey.observations import Picks
 from uavgram.picking.document.proposals import BY_HAND, Outcomes
 from uavgram.picking.document.state import Pick, State
 from uavgram.picking.session import seeker as module
+from uavgram.picking.session.proposed import Proposed
 from uavgram.picking.session.seeker import Seeker, Wanted
 from uavgram.pipeline.match.looking import Photos, Task
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
@@ -129,7 +130,8 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
         told: Told = []
         photos = GreyPhotos(dict.fromkeys(("1.jpg", *TARGETS), 16), decoded)
         survey = cast("LiveSurvey", SimpleNamespace())
-        one = Seeker(survey, photos, lambda all_, of, left: told.append((all_, set(of), left)))
+        proposed = Proposed(lambda all_, of, left: told.append((all_, set(of), left)))
+        one = Seeker(survey, photos, proposed)
         one.start()
         running.append((one, photos))
         return one, told
@@ -152,8 +154,8 @@ def test_what_is_found_is_proposed_and_what_is_not_is_asked_for_in_words(start: 
     world.refused = {"3.jpg": Refused.NOT_UNIQUE}
     seeker, told = start(world)
     seeker.submit(Wanted(state("A"), LAST))
-    until(lambda: len(seeker.outcomes) == 2)
-    found, asked = seeker.outcomes["2.jpg", "A"], seeker.outcomes["3.jpg", "A"]
+    until(lambda: len(seeker.proposed.outcomes) == 2)
+    found, asked = seeker.proposed.outcomes["2.jpg", "A"], seeker.proposed.outcomes["3.jpg", "A"]
     assert found.found is not None
     assert (found.found.source, found.found.sigma_px, found.found.from_u_px) == ("match", 0.06, 10)
     assert (asked.found, asked.why) == (None, REASON[Refused.NOT_UNIQUE])
@@ -166,8 +168,8 @@ def test_what_stands_off_the_ground_is_known_less_well(start: Start) -> None:
     world.raised = ("A",)
     seeker, _ = start(world)
     seeker.submit(Wanted(state("A"), LAST))
-    until(lambda: len(seeker.outcomes) == 2)
-    found = seeker.outcomes["2.jpg", "A"].found
+    until(lambda: len(seeker.proposed.outcomes) == 2)
+    found = seeker.proposed.outcomes["2.jpg", "A"].found
 
     assert found is not None
     assert found.sigma_px == pytest.approx(np.hypot(0.06, RAISED_PX), abs=1e-4)
@@ -179,9 +181,9 @@ def test_what_others_in_the_photo_contradict_is_proposed_no_longer(start: Start)
     seeker, told = start(world)
     seeker.submit(Wanted(state("A", "B"), LAST))
     until(lambda: bool(told) and told[-1][1] == {"B"})
-    assert seeker.outcomes["2.jpg", "B"].why == CONTRADICTED
-    assert seeker.outcomes["2.jpg", "B"].found is None
-    assert seeker.outcomes["3.jpg", "B"].found is not None
+    assert seeker.proposed.outcomes["2.jpg", "B"].why == CONTRADICTED
+    assert seeker.proposed.outcomes["2.jpg", "B"].found is None
+    assert seeker.proposed.outcomes["3.jpg", "B"].found is not None
 
 
 def test_nothing_is_looked_at_twice_until_far_more_is_known(start: Start) -> None:
@@ -205,17 +207,17 @@ def test_newer_picks_are_not_waited_for(start: Start) -> None:
     world.begun.wait(LONGEST_WAIT_S)
     seeker.submit(Wanted(state("A", "B", "C", u=99.0), LAST))
     world.go_on.set()
-    until(lambda: len(seeker.outcomes) == 6)
-    assert all(one.source == ("1.jpg", 99.0, 5.0) for one in seeker.outcomes.values())
+    until(lambda: len(seeker.proposed.outcomes) == 6)
+    assert all(one.source == ("1.jpg", 99.0, 5.0) for one in seeker.proposed.outcomes.values())
     assert ("3.jpg", "10") not in world.looked  # the second photo was no longer looked at
 
 
 def test_a_pick_that_moved_takes_its_proposals_along(start: Start) -> None:
     seeker, told = start(World())
     seeker.submit(Wanted(state("A"), LAST))
-    until(lambda: len(seeker.outcomes) == 2)
+    until(lambda: len(seeker.proposed.outcomes) == 2)
     seeker.submit(Wanted(state("B"), None))
-    until(lambda: not seeker.outcomes)
+    until(lambda: not seeker.proposed.outcomes)
     assert told[-1][:2] == ({}, {"A"})
 
 
@@ -223,14 +225,14 @@ def test_what_is_refused_is_not_proposed_again(start: Start) -> None:
     world = World()
     seeker, _ = start(world)
     seeker.submit(Wanted(state("A"), LAST))
-    until(lambda: len(seeker.outcomes) == 2)
-    seeker.refuse([("2.jpg", "A")])
+    until(lambda: len(seeker.proposed.outcomes) == 2)
+    seeker.proposed.refuse([("2.jpg", "A")])
     world.radius_px = 1.0
     seeker.submit(Wanted(state("A"), LAST))
     seeker.submit(Wanted(state("A", "B"), LAST))
-    until(lambda: len(seeker.outcomes) == 4)
-    assert seeker.outcomes["2.jpg", "A"].why == BY_HAND
-    assert seeker.outcomes["2.jpg", "A"].found is None
+    until(lambda: len(seeker.proposed.outcomes) == 4)
+    assert seeker.proposed.outcomes["2.jpg", "A"].why == BY_HAND
+    assert seeker.proposed.outcomes["2.jpg", "A"].found is None
     assert len(world.looked) == 4  # nor looked at
 
 
@@ -239,8 +241,8 @@ def test_what_is_picked_there_is_not_sought(start: Start) -> None:
     seeker, _ = start(world)
     there = Pick(image="2.jpg", label="A", u_px=10.0, v_px=5.0, source="match")
     seeker.submit(Wanted(State(picks=(*state("A").picks, there)), LAST))
-    until(lambda: len(seeker.outcomes) == 1)
-    assert set(seeker.outcomes) == {("3.jpg", "A")}
+    until(lambda: len(seeker.proposed.outcomes) == 1)
+    assert set(seeker.proposed.outcomes) == {("3.jpg", "A")}
 
 
 def test_a_photo_that_is_gone_is_said_and_ends_nothing(
@@ -249,6 +251,6 @@ def test_a_photo_that_is_gone_is_said_and_ends_nothing(
     monkeypatch.setitem(globals(), "TARGETS", ("gone.jpg", "3.jpg"))
     seeker, _ = start(World())
     seeker.submit(Wanted(state("A"), LAST))
-    until(lambda: len(seeker.outcomes) == 2)
-    assert "cannot be read" in seeker.outcomes["gone.jpg", "A"].why
-    assert seeker.outcomes["3.jpg", "A"].found is not None
+    until(lambda: len(seeker.proposed.outcomes) == 2)
+    assert "cannot be read" in seeker.proposed.outcomes["gone.jpg", "A"].why
+    assert seeker.proposed.outcomes["3.jpg", "A"].found is not None

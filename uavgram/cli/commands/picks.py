@@ -96,7 +96,9 @@ def match(
 ) -> int:
     """Find what you picked in all other photos, and add it to picks.csv (source `match`).
 
-    What you picked yourself is never changed; what an earlier search found is replaced.
+    What you picked yourself is never changed. What was found earlier, and what you accepted on the
+    picking page, stays too, but for what fits no longer or whose pick you moved: that is looked for
+    again. To begin anew, take all of it out first (`--undo`).
 
     Parameters
     ----------
@@ -115,7 +117,7 @@ def match(
     """
     from uavgram.pipeline.match.asked import Asked
     from uavgram.pipeline.match.run import match_picks, undo_matches
-    from uavgram.views.matches import match_lines
+    from uavgram.views.matches import match_lines, written_line
 
     log_to_stderr(verbose=verbose)
     tell_as(project)
@@ -130,8 +132,7 @@ def match(
     if dry_run:
         say("nothing was written (--dry-run)")
     else:
-        earlier = f", in place of {done.replaced} earlier ones" if done.replaced else ""
-        say(f"written:   {done.path}, matches: {len(done.record.found)}{earlier}")
+        say(written_line(done))
     return DONE
 
 

@@ -29,7 +29,7 @@ class Candidate(NamedTuple):
     corner_px: Floats
 
 
-def candidates(image: Image, family: str) -> list[Candidate]:
+def candidates(image: Image, family: str, *, doubled: bool = True) -> list[Candidate]:
     """Find what may be plates of a family; nothing here is certain.
 
     Parameters
@@ -38,10 +38,12 @@ def candidates(image: Image, family: str) -> list[Candidate]:
         (height, width) grey.
     family
         One of `FAMILIES`.
+    doubled
+        Whether to look for small ones too, in the photo made twice as large.
     """
     detector = _detector(family)
     found: list[Candidate] = []
-    for scale in (1, 2):
+    for scale in (1, 2) if doubled else (1,):
         if scale > 1 and image.size > _MOST_DOUBLED_PX:
             break
         larger = image if scale == 1 else _doubled(image)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -46,7 +47,35 @@ def sight_plates(image: Image, family: str) -> tuple[SeenPlate, ...]:
     family
         One of `FAMILIES`.
     """
-    seen = [_sighted(image, family, one) for one in candidates(image, family)]
+    return _sighted_all(image, family, candidates(image, family))
+
+
+def sight_large_plates(
+    reduced: Image, factor: int, whole: Callable[[], Image], family: str
+) -> tuple[SeenPlate, ...]:
+    """Find the plates that a reduced photo shows, and measure them in the photo itself.
+
+    Parameters
+    ----------
+    reduced
+        (height, width) grey, of which a pixel is so many of the photo each way.
+    factor
+        How many.
+    whole
+        Gives the photo; asked only where there may be a plate.
+    family
+        One of `FAMILIES`.
+    """
+    found = [
+        one._replace(corner_px=(one.corner_px + 0.5) * factor - 0.5)
+        for one in candidates(reduced, family, doubled=False)
+    ]
+    return _sighted_all(whole(), family, found) if found else ()
+
+
+def _sighted_all(image: Image, family: str, found: Sequence[Candidate]) -> tuple[SeenPlate, ...]:
+    """Those of some candidates that are plates, by their numbers."""
+    seen = [_sighted(image, family, one) for one in found]
     plates = [one for one in seen if one is not None]
     certain = [one.plate for one in plates if one.left_out is not LeftOut.DOUBTFUL]
     count = np.bincount(certain, minlength=1 + max((one.plate for one in plates), default=0))

@@ -84,15 +84,30 @@ def find_calibration_photos(patterns: Sequence[str]) -> CalibrationFiles:
     )
 
 
-def read_grey(path: str | Path) -> NDArray[np.uint8]:
+_GREY = {
+    1: cv2.IMREAD_GRAYSCALE,
+    2: cv2.IMREAD_REDUCED_GRAYSCALE_2,
+    4: cv2.IMREAD_REDUCED_GRAYSCALE_4,
+    8: cv2.IMREAD_REDUCED_GRAYSCALE_8,
+}
+
+
+def read_grey(path: str | Path, reduction: int = 1) -> NDArray[np.uint8]:
     """(height, width) grey values of a photo as stored: EXIF rotation is not applied.
+
+    Parameters
+    ----------
+    path
+        Of the photo.
+    reduction
+        Original pixels per pixel each way: 1, 2, 4 or 8.
 
     Raises
     ------
     InputError
         The file cannot be read, or is no photo.
     """
-    return decoded(path, read_bytes(path), cv2.IMREAD_GRAYSCALE)
+    return decoded(path, read_bytes(path), _GREY[reduction])
 
 
 def _files(pattern: str) -> list[str]:

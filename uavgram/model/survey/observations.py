@@ -18,6 +18,9 @@ Source = Literal["hand", "match", "target"]
 """Who made a pick: a person; the program, which found in another photo what a person had picked; or
 the program, which found a target."""
 
+SAME_PLACE_PX = 0.01
+"""A match is of a pick that lies no further than that from where the match was found from."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Picks:

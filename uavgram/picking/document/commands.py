@@ -54,9 +54,13 @@ class Accept:
 
 @dataclass(frozen=True, kw_only=True)
 class Refuse:
-    """Do not take what the program found, or do not ask for it: photo and label of each."""
+    """Do not take what the program found, or do not ask for it: photo and label of each.
+
+    `is_taken_back` where that was said and is not meant any more.
+    """
 
     pairs: tuple[tuple[str, str], ...]
+    is_taken_back: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

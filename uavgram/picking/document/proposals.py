@@ -23,7 +23,8 @@ class Outcome:
     Attributes
     ----------
     source
-        The pick that was sought: its photo and place.
+        The pick that was sought: its photo and place. None of what needs no pick, as the corners
+        of a coded plate.
     radius_px
         Half the length of the region that was searched.
     found
@@ -36,7 +37,7 @@ class Outcome:
         Whether it is to be picked by hand.
     """
 
-    source: tuple[str, float, float]
+    source: tuple[str, float, float] | None
     radius_px: float
     found: c.Place | None = None
     why: str = ""
@@ -58,7 +59,7 @@ def that_hold(outcomes: Outcomes, state: State) -> dict[Pair, Outcome]:
     return {
         (image, label): one
         for (image, label), one in outcomes.items()
-        if (label, one.source) in there
+        if one.source is None or (label, one.source) in there
     }
 
 
@@ -77,9 +78,9 @@ def accepted(outcomes: Outcomes, state: State, pairs: Iterable[Pair]) -> c.Place
     RefusedError
         Nothing of that is proposed any more.
     """
-    found = []
+    found, holding = [], that_hold(outcomes, state)
     for pair in pairs:
-        one = that_hold(outcomes, state).get(pair)
+        one = holding.get(pair)
         if one is not None and one.found is not None and state.pick(*pair) is None:
             found.append(one.found)
     if not found:
@@ -97,3 +98,9 @@ def refused(outcomes: Outcomes, pairs: Iterable[Pair]) -> dict[Pair, Outcome]:
         elif one is not None:
             after[pair] = replace(one, is_over=True, is_asked=False)
     return after
+
+
+def reopened(outcomes: Outcomes, pairs: Iterable[Pair]) -> dict[Pair, Outcome]:
+    """The outcomes after somebody took back what they refused: it is to be sought again."""
+    again = set(pairs)
+    return {pair: one for pair, one in outcomes.items() if not (pair in again and one.is_over)}

@@ -10,15 +10,13 @@ from typing import Any
 import numpy as np
 
 from uavgram.model.survey.observations import (
+    SAME_PLACE_PX,
     Along,
     KnownLines,
     MeasurementRequest,
     Picks,
     Source,
 )
-
-SAME_PLACE_PX = 0.01
-"""A match is of a pick that lies no further than that from where the match was found from."""
 
 
 @dataclass(frozen=True, kw_only=True)

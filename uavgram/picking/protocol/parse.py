@@ -337,6 +337,7 @@ _READERS: dict[str, Callable[[_Fields], object]] = {
     "sigma_px": lambda f: f.optional("sigma_px", sigma_fault),
     "height_m": lambda f: f.optional("height_m"),
     "height_sigma_m": lambda f: f.optional("height_sigma_m", sigma_fault),
+    "is_taken_back": lambda f: f.flag("is_taken_back", default=False),
     "is_free": lambda f: f.flag("is_free", default=False),
     "length_m": lambda f: f.number("length_m", length_fault),
     "sigma_m": lambda f: f.number("sigma_m", sigma_fault),

@@ -6,8 +6,7 @@ What it found is proposed, never picked: that is for a person to say.
 from __future__ import annotations
 
 import logging
-import threading
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,16 +17,11 @@ from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.proposals import (
-    Outcome,
-    Outcomes,
-    Pair,
-    refused,
-    source_of,
-    that_hold,
-)
+from uavgram.picking.document.proposals import Outcome, Pair, source_of
 from uavgram.picking.document.state import State, observations_of
 from uavgram.picking.session.newest import Newest
+from uavgram.picking.session.picked_targets import PickedTargets
+from uavgram.picking.session.proposed import Proposed
 from uavgram.pipeline.match.looking import look, reason, tasks
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.places import Places, places_in_other_photos
@@ -48,10 +42,6 @@ class Wanted:
     last: Adjusted | None
 
 
-Tell = Callable[[Outcomes, Collection[str], int], None]
-"""Takes all outcomes, the labels of which some changed, and how many places are left to look at."""
-
-
 class Seeker:
     """A worker that seeks picked points in the other photos.
 
@@ -61,22 +51,15 @@ class Seeker:
         What is picked.
     photos
         Grey pixels.
-    tell
-        Called with what changed, by the worker or whoever refuses something.
+    proposed
+        Takes what was found.
     """
 
-    def __init__(self, survey: LiveSurvey, photos: GreyPhotos, tell: Tell) -> None:
-        self._survey, self._photos, self._tell = survey, photos, tell
+    def __init__(self, survey: LiveSurvey, photos: GreyPhotos, proposed: Proposed) -> None:
+        self._survey, self._photos, self.proposed = survey, photos, proposed
+        self._targets = PickedTargets(survey, photos)
         self._newest: Newest[Wanted] = Newest({"seeker": self._work})
-        self._changed = threading.Lock()  # of the outcomes
-        self._outcomes: dict[Pair, Outcome] = {}
         self._known: frozenset[tuple[str, str, float, float]] = frozenset()
-
-    @property
-    def outcomes(self) -> dict[Pair, Outcome]:
-        """What stands so far."""
-        with self._changed:
-            return dict(self._outcomes)
 
     def start(self) -> None:
         """Begin to work."""
@@ -85,13 +68,6 @@ class Seeker:
     def submit(self, wanted: Wanted) -> None:
         """Seek what these picks show; what is sought for older ones is left."""
         self._newest.submit(wanted)
-
-    def refuse(self, pairs: Collection[Pair]) -> None:
-        """Propose or ask for some no longer."""
-        with self._changed:
-            self._outcomes = refused(self._outcomes, pairs)
-            told = dict(self._outcomes)
-        self._tell(told, {label for _, label in pairs}, 0)
 
     def stop(self) -> None:
         """End after the photo under way."""
@@ -107,7 +83,7 @@ class Seeker:
 
     def _seek(self, wanted: Wanted) -> None:
         state, last = wanted.state, wanted.last
-        self._let_go(state)
+        self.proposed.let_go(state)
         if last is None:
             return
         picks, _ = observations_of(state)
@@ -119,16 +95,6 @@ class Seeker:
                 return
             self._withdraw(places)
         self._known = frozenset(own)
-
-    def _let_go(self, state: State) -> None:
-        """Forget what was found from picks that are no longer there."""
-        with self._changed:
-            before = self._outcomes
-            self._outcomes = that_hold(before, state)
-            gone = {label for _, label in before.keys() - self._outcomes.keys()}
-            told = dict(self._outcomes)
-        if gone:
-            self._tell(told, gone, 0)
 
     def _look(self, places: Places, wanted: Wanted, picks: Picks) -> bool:
         """Look at what is not known; False where there is newer work before all was looked at."""
@@ -145,8 +111,9 @@ class Seeker:
         """Propose no longer what the other finds in the same photo contradict."""
         at = {pair: k for k, pair in enumerate(zip(places.image, places.label, strict=True))}
         by_photo: dict[str, dict[Pair, c.Place]] = {}
-        for pair, one in self.outcomes.items():
-            if one.found is not None and pair in at:
+        outcomes = self.proposed.outcomes
+        for pair, one in outcomes.items():
+            if one.found is not None and one.source is not None and pair in at:
                 by_photo.setdefault(pair[0], {})[pair] = one.found
         wrong: list[Pair] = []
         for own in by_photo.values():
@@ -154,19 +121,14 @@ class Seeker:
             sigma = np.array([one.sigma_px for one in own.values()], dtype=np.float64)
             out = places.contradicted(np.array([at[pair] for pair in own]), pixel, sigma)
             wrong += [pair for pair, is_out in zip(own, out, strict=True) if is_out]
-        if not wrong:
-            return
-        with self._changed:
-            for pair in wrong:
-                before = self._outcomes[pair]
-                self._outcomes[pair] = replace(before, found=None, why=CONTRADICTED)
-            told = dict(self._outcomes)
-        self._tell(told, {label for _, label in wrong}, 0)
+        self.proposed.put(
+            {pair: replace(outcomes[pair], found=None, why=CONTRADICTED) for pair in wrong}
+        )
 
     def _unknown(self, places: Places, state: State) -> Ints:
         """(n,) the places to look at, the best predicted first."""
         picked = {pick.key for pick in state.picks}
-        outcomes, rows = self.outcomes, []
+        outcomes, rows = self.proposed.outcomes, []
         for row, pair in enumerate(zip(places.image, places.label, strict=True)):
             if pair not in picked and _is_open(outcomes.get(pair), places, row):
                 rows.append(row)
@@ -234,12 +196,9 @@ class Seeker:
                     from_u_px=u,
                     from_v_px=v,
                 )
-                new[image, label] = replace(outcome, found=place)
-        with self._changed:
-            over = {pair for pair, one in self._outcomes.items() if one.is_over}
-            self._outcomes |= {pair: one for pair, one in new.items() if pair not in over}
-            told = dict(self._outcomes)
-        self._tell(told, {label for _, label in new}, left)
+                turn = places.affine[row]
+                new[image, label] = replace(outcome, found=self._targets.target_at(place, turn))
+        self.proposed.put(new, left, always=True)
 
 
 def _stated(found: Matched | str, is_raised: Bools) -> Floats:
@@ -253,7 +212,7 @@ def _is_open(outcome: Outcome | None, places: Places, row: int) -> bool:
     """Whether a place is to be looked at: for the first time, or as far more is known of it now."""
     if outcome is None:
         return True
-    if outcome.is_over:
+    if outcome.is_over or (outcome.source is None and outcome.found is not None):
         return False
     if outcome.found is not None:
         return not places.holds(row, (outcome.found.u_px, outcome.found.v_px))

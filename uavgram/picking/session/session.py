@@ -14,12 +14,10 @@ from dataclasses import asdict
 
 from uavgram.errors import OutputError
 from uavgram.imaging.photos.cache import LruCache
-from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.imaging.photos.preview import read_preview
 from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
 from uavgram.imaging.photos.tiles import TILE_PX
 from uavgram.imaging.photos.tone import Tone
-from uavgram.io.photos.board_photos import read_grey
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.proposals import Outcomes, accepted
@@ -46,7 +44,8 @@ from uavgram.picking.protocol.encode_survey import (
     state_json,
 )
 from uavgram.picking.protocol.parse import Message, PhotoSize, parse_message
-from uavgram.picking.session.seeker import Seeker, Wanted
+from uavgram.picking.session.search import Search
+from uavgram.picking.session.seeker import Wanted
 from uavgram.picking.session.workers import Live, Task
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.pick.live import LiveSurvey
@@ -103,12 +102,7 @@ class PickSession:
             lambda k: read_preview(photos.path[k], THUMBNAIL_PX)[0].jpeg, len, 64_000_000
         )
         self._live = Live(survey, self.index, self._adjusted)
-        paths = dict(zip(photos.frame_id, photos.path, strict=True))
-        self._grey = GreyPhotos(
-            {photo.name: photo.width_px * photo.height_px for photo in self.photos},
-            lambda name: read_grey(paths[name]),
-        )
-        self._seeker = Seeker(survey, self._grey, self._sought)
+        self._search = Search(survey, self._sought)
         self._is_resting = True  # no step goes on
 
     @property
@@ -125,7 +119,8 @@ class PickSession:
         """Begin: adjust what is there, and decode the photo that a page shows first."""
         self._tiled.read_ahead(self._most_picked())
         self._live.start()
-        self._seeker.start()
+        self._search.start()
+        self._search.submit(Wanted(self.state, None))
         self._live.submit(Task(self.version, self.state, final=True))
 
     def _most_picked(self) -> int:
@@ -135,8 +130,7 @@ class PickSession:
     def stop(self) -> None:
         """Adjust and seek no more; waits for an adjustment under way."""
         self._live.stop()
-        self._seeker.stop()
-        self._grey.stop()
+        self._search.stop()
 
     def close(self) -> None:
         """End: save everything, let go of the project."""
@@ -199,10 +193,11 @@ class PickSession:
 
     def _snapped(self, asked: c.Snap) -> Json:
         photo = self._tiled.pixels(self.index[asked.image])
-        label, expected = asked.expected, None
+        label, expected, match = asked.expected, None, None
         if label and self.state.pick(asked.image, label) is None:
+            match = self._search.outcomes.get((asked.image, label))
             expected = expected_place(self.survey, self._live.last, asked.image, label)
-        return snap_json(photo, asked, expected)
+        return snap_json(photo, asked, expected, None if match is None else match.found)
 
     def change(self, message: Message) -> Json:
         """Do what a command says, and keep it; the answer is for all pages.
@@ -218,7 +213,7 @@ class PickSession:
             raise TypeError(f"{type(message.body).__name__} is no command")
         before, do = self.session, message.body
         if isinstance(do, c.Accept):
-            do = accepted(self._seeker.outcomes, self.state, do.pairs)
+            do = accepted(self._search.outcomes, self.state, do.pairs)
         after = apply(before, do, message.step)
         if after is before:
             return {"t": "changed", "seq": message.seq, "diff": {}, **self._standing()}
@@ -231,7 +226,7 @@ class PickSession:
         self.session = after
         self._is_resting = message.final
         if message.final:
-            self._seeker.submit(Wanted(after.state, self._live.last))
+            self._search.submit(Wanted(after.state, self._live.last))
         return {
             "t": "changed",
             "seq": message.seq,
@@ -240,8 +235,11 @@ class PickSession:
         }
 
     def refuse(self, action: c.Refuse) -> None:
-        """Propose or ask for some of what was sought no longer."""
-        self._seeker.refuse(action.pairs)
+        """Propose or ask for some of what was sought no longer; or seek it again after all."""
+        if action.is_taken_back:
+            self._search.reopen(action.pairs, Wanted(self.state, self._live.last))
+        else:
+            self._search.refuse(action.pairs)
 
     def take(self, changes: Sequence[Json], step: int) -> int:
         """Make changes in one step, each as if a page had sent it; how many do not fit any more.
@@ -305,7 +303,7 @@ class PickSession:
         self._tiled.show(page, photos)
         if photos:  # what lies near in the list was as a rule taken near
             near = sorted(range(len(self.photos)), key=lambda k: min(abs(k - p) for p in photos))
-            self._grey.read_ahead([self.photos[k].name for k in near])
+            self._search.read_ahead([self.photos[k].name for k in near])
 
     def thumbnail(self, photo: int) -> bytes | None:
         """JPEG of a small picture of a photo; None where there is none."""
@@ -326,7 +324,7 @@ class PickSession:
         self._broadcast({"t": "proposals", **told})
 
     def _proposals(self) -> Json:
-        outcomes = self._seeker.outcomes
+        outcomes = self._search.outcomes
         return proposals_json(outcomes, self.index, {label for _, label in outcomes}, 0)
 
     def _adjusted(self, version: int, found: Json) -> None:
@@ -336,4 +334,4 @@ class PickSession:
             self._last_message = answer
         self._broadcast(answer)
         if found["mode"] == "adjusted" and self._is_resting:  # a drag has the cores for itself
-            self._seeker.submit(Wanted(self.state, self._live.last))
+            self._search.submit(Wanted(self.state, self._live.last))

@@ -77,12 +77,15 @@ class _Tried(NamedTuple):
         By which their sigmas are too small, as their residuals show it.
     worst
         The one that fits worst, where that is a large factor.
+    out
+        Numbers of all picks that stand out, earlier matches among them.
     """
 
     adjustment: Adjustment
     kept: frozenset[Pair]
     factor: float
     worst: Pair | None
+    out: frozenset[int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +114,15 @@ class Base:
         there = {(survey.frame_id[frame], survey.label[label]) for frame, label in pairs}
         by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
         return [i for i in by_hand if (picks.image[i], picks.label[i]) in there]
+
+    def without_unfit(self, asked: Bools) -> tuple[Base, Bools]:
+        """Without those of some earlier matches (P,) that fit no longer, and which these are."""
+        unfit = np.zeros(len(asked), dtype=np.bool_)
+        if asked.any():
+            unfit[list(self._tried({}).out)] = True
+            unfit &= asked
+        picks = with_found(self.inputs.picks, {}, keep=~unfit)
+        return replace(self, inputs=replace(self.inputs, picks=picks)), unfit
 
     def adjusted(self, found: Mapping[Pair, Found]) -> tuple[Adjustment, dict[Pair, str]]:
         """The adjustment with what was found, and what of that it contradicts, with the reason.
@@ -163,7 +175,7 @@ class Base:
         factor = max((one.factor for one in sound.noise if one.source == "match"), default=0.0)
         worst = _worst(adjustment, picks) if factor > SPREAD else None
         gone_pairs = {(picks.image[i], picks.label[i]) for i in out}
-        return _Tried(adjustment, frozenset(found) - gone_pairs, factor, worst)
+        return _Tried(adjustment, frozenset(found) - gone_pairs, factor, worst, frozenset(out))
 
     def _best(self, survey: Survey) -> Adjustment:
         """The best adjustment without what the full one left out."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
-from uavgram.model.arrays import Bools
-from uavgram.model.survey.observations import Picks
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.survey.observations import SAME_PLACE_PX, Picks
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.stages.match.found import Pair
 
@@ -29,11 +29,24 @@ class Asked:
         )
 
 
-def replaced(picks: Picks, asked: Asked) -> Bools:
-    """(P,) earlier matches that are asked for again."""
+def earlier(picks: Picks, asked: Asked) -> Bools:
+    """(P,) the matches that there are of what is asked for."""
     pairs = zip(picks.image, picks.label, strict=True)
     again = np.array([asked.has(pair) for pair in pairs], dtype=np.bool_)
     return picks.of_source("match") & again
+
+
+def still_founded(picks: Picks) -> Bools:
+    """(P,) matches whose pick lies where they were found from."""
+    made = picks.of_source("match")
+    place: dict[Pair, Floats] = {
+        (picks.image[i], picks.label[i]): picks.pixel_px[i] for i in np.flatnonzero(~made).tolist()
+    }
+    holds = np.zeros(len(made), dtype=np.bool_)
+    for i in np.flatnonzero(made).tolist() if picks.from_image else ():
+        at = place.get((picks.from_image[i], picks.label[i]))
+        holds[i] = at is not None and np.hypot(*(at - picks.from_px[i])) <= SAME_PLACE_PX
+    return holds
 
 
 def check_asked(inputs: Inputs, asked: Asked) -> None:

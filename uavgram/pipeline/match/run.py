@@ -16,8 +16,9 @@ from uavgram.pipeline.match.asked import (
     Asked,
     check_asked,
     check_undone,
+    earlier,
     labels_by_hand,
-    replaced,
+    still_founded,
 )
 from uavgram.pipeline.match.looking import grey_photos
 from uavgram.pipeline.match.rows import with_found
@@ -49,7 +50,8 @@ def match_picks(
 ) -> Matches:
     """Look for what people picked in all other photos.
 
-    The matches of an earlier search are replaced; what people picked stays as it is.
+    What people picked stays as it is. So do matches that there are, whoever accepted them: but
+    for those whose pick was moved, or that fit no longer, in whose place others are looked for.
 
     Parameters
     ----------
@@ -70,9 +72,10 @@ def match_picks(
     asked = asked or Asked()
     inputs = read_inputs(Path(project))
     check_asked(inputs, asked)
-    with nullcontext() if dry_run else sole_writer(inputs):
-        stays = ~replaced(inputs.picks, asked)
-        base = _begun(inputs, stays)
+    with nullcontext() if dry_run else sole_writer(inputs.project, inputs.project_path):
+        before = earlier(inputs.picks, asked)
+        gone = before & ~still_founded(inputs.picks)
+        base, unfit = _begun(inputs, ~gone).without_unfit(before[~gone])
         photos = dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True))
         search = searched(base, grey_photos(photos), _wanted(base, asked), progress)
         picks = with_found(base.inputs.picks, search.record.found)
@@ -84,7 +87,8 @@ def match_picks(
         record=search.record,
         labels=tuple(label for label in labels if label in from_labels),
         picks=picks,
-        replaced=int((~stays).sum()),
+        replaced=int(gone.sum() + unfit.sum()),
+        kept=int(before.sum() - gone.sum() - unfit.sum()),
         not_sought=tuple(label for label in labels if label not in from_labels),
         unplaced=_unplaced(base, search.adjustment, asked),
     )
@@ -108,10 +112,10 @@ def undo_matches(
     asked = asked or Asked()
     inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
     check_undone(inputs, asked)
-    stays = ~replaced(inputs.picks, asked)
+    stays = ~earlier(inputs.picks, asked)
     path = Path(inputs.project.picks)
     if not dry_run:
-        with sole_writer(inputs):
+        with sole_writer(inputs.project, inputs.project_path):
             path = save_picks(inputs, with_found(inputs.picks, {}, keep=stays))
     return Undone(path, int((~stays).sum()))
 

@@ -55,6 +55,11 @@ class Places:
     def __len__(self) -> int:
         return len(self.image)
 
+    @property
+    def affine(self) -> Floats:
+        """(n, 2, 2) d pixel there / d pixel of the pick."""
+        return self.predicted.affine[self.row]
+
     def holds(self, row: int, pixel_px: tuple[float, float]) -> bool:
         """Whether a pixel lies where a place is expected."""
         at = self.row[row]

@@ -22,8 +22,9 @@ class Matches:
         Those that were looked for.
     picks
         Those that the table has now, or would have.
-    replaced
-        Matches of earlier searches whose place the new ones take.
+    replaced, kept
+        Number of earlier matches whose pick was moved, or that fit no longer, and which are taken
+        out; and of those that stay as they are.
     not_sought
         Labels that take no part in the adjustment, so that nobody knows where to look.
     unplaced
@@ -35,6 +36,7 @@ class Matches:
     labels: tuple[str, ...]
     picks: Picks
     replaced: int
+    kept: int = 0
     not_sought: tuple[str, ...] = ()
     unplaced: tuple[str, ...] = ()
 

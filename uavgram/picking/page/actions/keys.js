@@ -188,7 +188,7 @@ export const KEYS = [
     { keys: "/", what: "to the label: type one, Enter selects it", does: { "/": ({ tools }) => tools.toLabel() } },
     { keys: "F2", what: "rename", does: { F2: ({ navigation }) => navigation.beginRename() } },
     { keys: "Delete, Shift+Delete", what: "remove here, everywhere", does: { Delete: ({ tools }) => tools.remove(false), "Shift+Delete": ({ tools }) => tools.remove(true) } },
-    { keys: ".   Delete", what: "a hollow mark (P1?): accept, refuse", does: { ".": ({ tools }) => tools.proposals.acceptSelected() } },
+    { keys: ".   Delete", what: "a hollow mark (P1?): accept, refuse (all: buttons in the panel)", does: { ".": ({ tools }) => tools.proposals.acceptSelected() } },
     { keys: "Shift, Ctrl + Enter", what: "accept all of the point, all in the photo", does: { "Shift+Enter": ({ tools }) => tools.proposals.acceptAll(false), "Ctrl+Enter": ({ tools }) => tools.proposals.acceptAll(true) } },
   ]],
   ["Tools", [

@@ -2,7 +2,7 @@
 
 import { askedFor, predictedIn, proposalAt, proposals } from "../connection/store.js";
 
-/** @import { Proposal } from "../connection/protocol.js" */
+/** @import { Proposal, Question } from "../connection/protocol.js" */
 /** @import { Link } from "../connection/link.js" */
 /** @import { Notice } from "../elements/notice.js" */
 /** @import { Pane } from "../photos/pane.js" */
@@ -34,7 +34,24 @@ export class Proposals {
   refuse(pairs) {
     const open = [...proposals(), ...askedFor()];
     const some = pairs.filter(([image, label]) => open.some((one) => one.image === image && one.label === label));
-    if (some.length) void this.link.ask({ t: "refuse", pairs: some }).catch((/** @type {unknown} */ fault) => this.notice.fault(fault));
+    if (some.length) this.say({ t: "refuse", pairs: some });
+  }
+
+  // Undo is of picks, and these are none: so it is offered here.
+  /** All of the selected point, or all in this photo. @param {boolean} inPhoto */
+  refuseAll(inPhoto) {
+    const some = inPhoto ? this.inPhoto(this.panes.active?.image) : this.ofLabel(this.state.selected);
+    if (!some.length) return;
+    /** @type {[number, string][]} */
+    const pairs = some.map(({ image, label }) => [image, label]);
+    this.say({ t: "refuse", pairs });
+    this.notice.show(`${pairs.length} refused: ${pairs.length === 1 ? "it is" : "they are"} still to be picked by hand.`, true,
+      { words: "Take that back", act: () => this.say({ t: "refuse", pairs, is_taken_back: true }) });
+  }
+
+  /** @param {Extract<Question, { t: "refuse" }>} what */
+  say(what) {
+    void this.link.ask(what).catch((/** @type {unknown} */ fault) => this.notice.fault(fault));
   }
 
   /** A mark was clicked. @param {Pane} pane @param {string} label */

@@ -35,7 +35,8 @@ export async function snap(tools, target) {
         return;
       }
       tools.placeAt(pane, label, found.u_px, found.v_px, found.sigma_px);
-      notice.show(`${label} is on a ${found.what}: u ${found.u_px.toFixed(2)}, v ${found.v_px.toFixed(2)}, sigma ${found.sigma_px.toFixed(2)} px`, true);
+      const which = found.is_sure ? "" : " that looks like it (no match with another photo says so: see whether it is)";
+      notice.show(`${label} is on a ${found.what}${which}: u ${found.u_px.toFixed(2)}, v ${found.v_px.toFixed(2)}, sigma ${found.sigma_px.toFixed(2)} px`, true);
     }
   } catch (fault) {
     notice.fault(fault);

@@ -39,7 +39,8 @@ export interface Clock extends ClockOffset { log: string; events: number; unused
 export interface Flight { track: [number, number, number][] } // UTC time [s], east and north [m]
 export interface Predicted { image: number; label: string; pixel_px: [number, number]; spread: Spread }
 // What the program found of a label in a photo, and where it is to be picked by hand, and why.
-export interface Proposal { image: number; label: string; u_px: number; v_px: number; sigma_px: number; score: number; from_image: number }
+// From which pick: of a match alone.
+export interface Proposal { image: number; label: string; u_px: number; v_px: number; sigma_px: number; score: number; source: Source; from_image: Maybe }
 export interface Asked { image: number; label: string; why: string }
 export interface Proposals { labels: string[]; found: Proposal[]; asked: Asked[]; left: number } // all of these labels; left: places to look at
 export interface Outputs { folder: string; files: { name: string; words: string }[]; recording: boolean; version: number | null }
@@ -125,13 +126,13 @@ export type SingleChange = Place | SetLine | SetMeasurement
 export type Target = "any" | "target"; // the likeliest thing; marks that people put down alone
 export type Question =
   | { t: "snap"; image: number; u_px: number; v_px: number; target: Target; expected?: string } | { t: "ground"; image: number; u_px: number; v_px: number }
-  | { t: "side"; name: string } | { t: "ties"; image: number } | { t: "refuse"; pairs: Pair[] } | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
+  | { t: "side"; name: string } | { t: "ties"; image: number } | { t: "refuse"; pairs: Pair[]; is_taken_back?: boolean } | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
   | { t: "calibrate"; folder: number; board: string; model: string };
 type Placed = [Maybe, Maybe]; // value and sigma [m]
 export interface SidePoint { label: string; station_m: Placed; offset_m: Placed; height_m: Placed; ground_m: Placed } // heights over the first point
 interface Done { t: "done"; why?: string }
 export interface Answers {
-  snap: { t: "snapped"; why: string; places_px: [number, number][] } | { t: "snapped"; why?: undefined; u_px: number; v_px: number; sigma_px: number; what: "corner" | "target" };
+  snap: { t: "snapped"; why: string; places_px: [number, number][] } | { t: "snapped"; why?: undefined; u_px: number; v_px: number; sigma_px: number; what: "corner" | "target"; is_sure: boolean }; // else it only looks like what is meant
   side: { t: "side"; points: SidePoint[] };
   ties: { t: "ties"; places_px: [number, number][] };
   ground: { t: "ground"; places: Record<number, [number, number, number] | undefined> }; // u, v [px] and scale

@@ -23,10 +23,10 @@ function foundPart({ selected }, image, tools) {
     drop("found");
     return null;
   }
-  return keep("found", [all, selected, image, store.seeking], () => titled(`Found in other photos (${all.length})`,
+  return keep("found", [all, selected, image, store.seeking], () => titled(`Found by the program (${all.length})`,
     acceptButtons(selected, image, tools),
     store.seeking ? node("p", { class: "dim", role: "status" }, `Still looking: ${places(store.seeking)}.`) : null,
-    all.length ? table("Found in other photos", ["point", "photo", about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), about("score", "how much it looks like what was picked: 1 is exactly"), ""],
+    all.length ? table("Found by the program", ["point", "photo", about("found", "from a pick in another photo, or as a target that tells its own place"), about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), about("score", "how much it looks like what was sought: 1 is exactly"), ""],
       all.slice(0, MOST).map((one) => foundRow(one, tools))) : null,
     more(all.length)));
 }
@@ -36,17 +36,26 @@ function acceptButtons(selected, image, tools) {
   const own = selected ? tools.proposals.ofLabel(selected).length : 0;
   const here = tools.proposals.inPhoto(image).length;
   return node("div", { class: "row accept" },
-    own ? node("button", { name: "accept-label", title: "Shift+Enter", onclick: () => tools.proposals.acceptAll(false) }, `Accept all of ${selected} (${own})`, node("span", { class: "key" }, "Shift+Enter")) : null,
-    here ? node("button", { name: "accept-photo", title: "Ctrl+Enter", onclick: () => tools.proposals.acceptAll(true) }, `Accept all in this photo (${here})`, node("span", { class: "key" }, "Ctrl+Enter")) : null);
+    ...pair("label", own, `of ${selected}`, "Shift+Enter", tools),
+    ...pair("photo", here, "in this photo", "Ctrl+Enter", tools));
+}
+
+/** @param {"label" | "photo"} which @param {number} count @param {string} words @param {string} key @param {Tools} tools */
+function pair(which, count, words, key, { proposals: all }) {
+  const inPhoto = which === "photo";
+  return count ? [
+    node("button", { name: `accept-${which}`, title: key, onclick: () => all.acceptAll(inPhoto) }, `Accept all ${words} (${count})`, node("span", { class: "key" }, key)),
+    node("button", { name: `refuse-${which}`, title: `Take nothing of what was found ${words}`, onclick: () => all.refuseAll(inPhoto) }, `Refuse all ${words}`),
+  ] : [];
 }
 
 /** @param {Proposal} one @param {Tools} tools */
 function foundRow(one, tools) {
-  const { image, label, sigma_px, score } = one;
+  const { image, label, sigma_px, score, source } = one;
   const { name } = store.photos[image];
   return node("tr", { "data-row": `found ${label} ${image}` },
     node("td", {}, label), node("td", { class: "named ended", title: name }, goButton(one, name, tools)),
-    node("td", {}, sigma_px.toFixed(2)), node("td", {}, score.toFixed(2)),
+    node("td", {}, source), node("td", {}, sigma_px.toFixed(2)), node("td", {}, score.toFixed(2)),
     node("td", {}, node("button", { class: "small", name: "accept", "aria-label": `Accept ${label} in ${name}`, title: "Accept (click its mark, or the full stop)", onclick: () => tools.proposals.accept([one]) }, "\u2713"),
       node("button", { class: "small", name: "remove", "aria-label": `Refuse ${label} in ${name}`, title: "Refuse", onclick: () => tools.proposals.refuse([[image, label]]) }, "\u00d7")));
 }

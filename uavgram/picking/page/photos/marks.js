@@ -190,8 +190,8 @@ function alikePart(at, number) {
 }
 
 /** @param {Proposal} one */
-const proposalWords = ({ label, from_image, sigma_px, score }) =>
-  `${label}, found from the pick in ${store.photos[from_image].name}, \u03c3 ${sigma_px.toFixed(2)} px, score ${score.toFixed(2)}`;
+const proposalWords = ({ label, source, from_image, sigma_px, score }) =>
+  `${label}, ${source === "target" || from_image === null ? "a target that the program found" : `found from the pick in ${store.photos[from_image].name}`}, \u03c3 ${sigma_px.toFixed(2)} px, score ${score.toFixed(2)}`;
 
 /** @type {WeakMap<Element, (scale: number) => void>} */
 const resizers = new WeakMap(); // of ellipses, whose size hangs on the zoom

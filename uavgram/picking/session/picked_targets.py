@@ -1,0 +1,76 @@
+"""Chequers, crosses and discs that a person picked: in other photos they tell their own centre.
+
+A match carries the click's error along; the target's centre does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.imaging.photos.grey_photos import GreyPhotos
+from uavgram.imaging.targets.uncoded import Uncoded
+from uavgram.model.arrays import Floats
+from uavgram.picking.document import commands as c
+from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.uncoded_targets import measured_row, picked_target, same_target
+from uavgram.stages.match.found import Pair
+
+
+class PickedTargets:
+    """Targets at picks, and where the matching found what is around them.
+
+    Parameters
+    ----------
+    survey
+        The project.
+    photos
+        Grey pixels.
+    """
+
+    def __init__(self, survey: LiveSurvey, photos: GreyPhotos) -> None:
+        self._survey, self._photos = survey, photos
+        self._known: dict[tuple[Pair, float, float], Uncoded | None] = {}
+
+    def target_at(self, match: c.Place, affine: Floats) -> c.Place:
+        """The target itself where one was matched and is clear there, else the match.
+
+        Parameters
+        ----------
+        match
+            What was found, and from where.
+        affine
+            (2, 2) d pixel there / d pixel of the pick.
+        """
+        own = self._at_pick(match)
+        if own is None:
+            return match
+        aside = own.pixel_px - [match.from_u_px, match.from_v_px]
+        place = np.array([match.u_px, match.v_px]) + affine @ aside
+        photo = self._photos.photos.get(match.image)
+        there = same_target(photo, own.kind, place, match.sigma_px or 0.0)
+        if there is None:
+            return match
+        focal = float(self._survey.inputs.calibration.parameters[0])
+        row = measured_row(match.image, match.label, there, focal)
+        return replace(
+            match,
+            u_px=row.u_px,
+            v_px=row.v_px,
+            sigma_px=row.sigma_px,
+            source="target",
+            score=row.score,
+            from_image="",
+            from_u_px=None,
+            from_v_px=None,
+        )
+
+    def _at_pick(self, match: c.Place) -> Uncoded | None:
+        """The target at the pick that a match was found from, looked at once."""
+        u, v = match.from_u_px or 0.0, match.from_v_px or 0.0
+        key = (match.from_image, match.label), u, v
+        if key not in self._known:
+            photo = self._photos.photos.get(match.from_image)
+            self._known[key] = picked_target(photo, match.label, np.array([u, v]), np.nan)
+        return self._known[key]

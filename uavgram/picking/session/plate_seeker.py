@@ -1,0 +1,139 @@
+"""Coded plates are sought in every photo once, in the background, and proposed on the page.
+
+A plate says itself which point each corner is, so this needs no pick and no pose.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+
+from uavgram.config.board_text import parse_board
+from uavgram.errors import InputError
+from uavgram.imaging.photos.grey_photos import GreyPhotos
+from uavgram.imaging.plates.board import sight_board_plate
+from uavgram.imaging.plates.sight import sight_large_plates
+from uavgram.imaging.raster import Image
+from uavgram.model.options import TargetOptions
+from uavgram.model.survey.plates import LeftOut, SeenPlate
+from uavgram.picking.document import commands as c
+from uavgram.picking.document.proposals import Outcome, Pair
+from uavgram.picking.document.state import State, observations_of
+from uavgram.picking.session.newest import Newest
+from uavgram.picking.session.proposed import Proposed
+from uavgram.pipeline.measure.inputs import Inputs
+from uavgram.pipeline.targets import named_points
+from uavgram.stages.target_rows import TargetRow, asked_centers, rows_of
+
+log = logging.getLogger(__name__)
+
+MOST_PX = 13_000_000
+"""A larger photo is looked through reduced, so that the page and its memory do not notice; the
+plates that are found so are measured in the photo itself."""
+
+ReadReduced = Callable[[str, int], Image]
+"""Decodes a photo by name, with so many of its pixels per pixel each way: 1, 2, 4 or 8."""
+
+
+class PlateSeeker:
+    """A worker that looks for a project's plates.
+
+    Parameters
+    ----------
+    inputs
+        The project; without `targets` nothing is sought.
+    photos
+        Grey pixels.
+    read
+        Decodes reduced photos.
+    proposed
+        Takes what was found.
+    """
+
+    def __init__(
+        self, inputs: Inputs, photos: GreyPhotos, read: ReadReduced, proposed: Proposed
+    ) -> None:
+        self._inputs, self._photos, self._read = inputs, photos, read
+        self._proposed = proposed
+        self._seen: dict[str, tuple[SeenPlate, ...]] = {}
+        self._newest: Newest[State] = Newest({"plates": self._work})
+
+    def start(self) -> None:
+        """Begin to work."""
+        if self._inputs.project.targets is not None:
+            self._newest.start()
+
+    def submit(self, state: State) -> None:
+        """Look on, and propose what is asked for now."""
+        self._newest.submit(state)
+
+    def stop(self) -> None:
+        """End after the photo under way."""
+        self._newest.stop()
+
+    def _work(self) -> None:
+        state: State | None = None
+        while (state := self._newest.newer(state)) is not None:
+            try:
+                self._seek(state)
+            except Exception:  # a fault of ours must not end the worker: picking goes on
+                log.exception("the search for plates failed")
+
+    def _seek(self, state: State) -> None:
+        targets = self._inputs.project.targets
+        self._propose(state)
+        for name in self._inputs.photos.frame_id:
+            if targets is None or self._newest.is_outdated(state):
+                return
+            if name not in self._seen:
+                self._seen[name] = self._sighted(name, targets)
+                self._propose(state)
+
+    def _sighted(self, name: str, targets: TargetOptions) -> tuple[SeenPlate, ...]:
+        """The plates in a photo; none where it cannot be read, as other searches tell of that."""
+        try:
+            if targets.is_board:
+                return sight_board_plate(self._photos.photos.get(name), parse_board(targets.family))
+            factor = self._reduction(name)
+            small = self._photos.photos.get(name) if factor == 1 else self._read(name, factor)
+            return sight_large_plates(
+                small, factor, lambda: self._photos.photos.get(name), targets.family
+            )
+        except InputError as why:
+            log.warning("no plates were sought: %s", why)
+            return ()
+
+    def _reduction(self, name: str) -> int:
+        photos = self._inputs.photos
+        k = photos.frame_id.index(name)
+        size = float(photos.width_px[k]) * float(photos.height_px[k])
+        return next((one for one in (1, 2, 4) if size <= MOST_PX * one**2), 8)
+
+    def _propose(self, state: State) -> None:
+        """Propose the corners, and the centres that lengths and measurements name now."""
+        picks, lines = observations_of(state)
+        now = replace(self._inputs, picks=picks, lines=lines, requests=state.requests)
+        plates = {p.plate for some in self._seen.values() for p in some if p.left_out is LeftOut.NO}
+        named, known = named_points(now)
+        rows = rows_of(self._seen, asked_centers(plates, named, known, picks))
+        new = {(row.image, row.label): _outcome(row) for row in rows}
+        self._proposed.put(new, gone=self._no_more(new))
+
+    def _no_more(self, new: dict[Pair, Outcome]) -> list[Pair]:
+        """What was proposed of plates and is not asked for any more."""
+        outcomes = self._proposed.outcomes
+        return [pair for pair, one in outcomes.items() if one.source is None and pair not in new]
+
+
+def _outcome(row: TargetRow) -> Outcome:
+    place = c.Place(
+        image=row.image,
+        label=row.label,
+        u_px=row.u_px,
+        v_px=row.v_px,
+        sigma_px=row.sigma_px,
+        source="target",
+        score=row.score,
+    )
+    return Outcome(source=None, radius_px=0.0, found=place)

@@ -1,0 +1,76 @@
+"""All that the program seeks in a project's photos while somebody picks."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from uavgram.imaging.photos.grey_photos import GreyPhotos
+from uavgram.io.photos.board_photos import read_grey
+from uavgram.picking.document.proposals import Outcome, Pair
+from uavgram.picking.session.plate_seeker import PlateSeeker
+from uavgram.picking.session.proposed import Proposed, Tell
+from uavgram.picking.session.seeker import Seeker, Wanted
+from uavgram.pipeline.pick.live import LiveSurvey
+
+
+class Search:
+    """Picks sought in the other photos, and coded plates in all of them, on the same grey pixels.
+
+    Parameters
+    ----------
+    survey
+        The project.
+    tell
+        Called with what changed, from any thread.
+    """
+
+    def __init__(self, survey: LiveSurvey, tell: Tell) -> None:
+        photos = survey.inputs.photos
+        paths = dict(zip(photos.frame_id, photos.path, strict=True))
+        sizes = zip(photos.width_px.tolist(), photos.height_px.tolist(), strict=True)
+        pixels = [round(width) * round(height) for width, height in sizes]
+        self._grey = GreyPhotos(
+            dict(zip(photos.frame_id, pixels, strict=True)), lambda name: read_grey(paths[name])
+        )
+        self._proposed = Proposed(tell)
+        self._seeker = Seeker(survey, self._grey, self._proposed)
+        self._plates = PlateSeeker(
+            survey.inputs,
+            self._grey,
+            lambda name, factor: read_grey(paths[name], factor),
+            self._proposed,
+        )
+
+    @property
+    def outcomes(self) -> dict[Pair, Outcome]:
+        """What stands so far."""
+        return self._proposed.outcomes
+
+    def start(self) -> None:
+        """Begin to work."""
+        self._seeker.start()
+        self._plates.start()
+
+    def submit(self, wanted: Wanted) -> None:
+        """Seek, and propose, what fits these picks."""
+        self._seeker.submit(wanted)
+        self._plates.submit(wanted.state)
+
+    def refuse(self, pairs: Collection[Pair]) -> None:
+        """Propose or ask for some no longer."""
+        self._proposed.refuse(pairs)
+
+    def reopen(self, pairs: Collection[Pair], wanted: Wanted) -> None:
+        """Seek after all what was refused."""
+        self._proposed.reopen(pairs)
+        self.submit(wanted)
+
+    def read_ahead(self, names: Sequence[str]) -> None:
+        """Decode photos in this order, as many as have room."""
+        self._grey.read_ahead(names)
+
+    def stop(self) -> None:
+        """End after the photos under way."""
+        self._seeker.stop()
+        self._plates.stop()
+        self._grey.stop()
