@@ -159,7 +159,7 @@ def _departures(world_m: Floats, sigma_m: Floats) -> Floats | None:
 
 
 def _stands_off(departure_m: Floats, sigma_m: Floats, least_m: Floats) -> Bools:
-    """(n,) what is too high, or too low, for a point of this ground: by some height (n,) at least."""
+    """(n,) what lies too high, or too low, for this ground: by some height (n,) at least."""
     near = np.abs(departure_m) < np.maximum(LEAST_OFF_M, FAR * sigma_m)
     spread = float(np.median(np.abs(departure_m[near])) / MEDIAN) if near.any() else 0.0
     limit = np.maximum(least_m, FAR * np.hypot(spread, sigma_m))
