@@ -6,6 +6,8 @@ them has its pose, the others have it too, but for a turn, which a few shared po
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from uavgram.estimation.first_poses.tied.survey_rays import tied_rays
@@ -77,13 +79,44 @@ def turn_between(first: Floats, second: Floats) -> Floats | None:
     first, second
         (n, 3) unit rays to the same points.
     """
+    turn = best_turn(first, second)
+    enough = turn.agree >= max(FEWEST, len(first) // 2)
+    return turn.rotation if enough and turn.miss_rad <= TYPICAL_RAD else None
+
+
+class Turn(NamedTuple):
+    """Rays of a second camera are about rotation @ those of the first.
+
+    Attributes
+    ----------
+    rotation
+        (3, 3).
+    miss_rad
+        How far they typically pass each other then: the parallax.
+    agree
+        How many do not pass much further.
+    """
+
+    rotation: Floats
+    miss_rad: float
+    agree: int
+
+
+def best_turn(first: Floats, second: Floats) -> Turn:
+    """What turns rays onto others best; those that miss far, as wrong ones do, have no say.
+
+    Parameters
+    ----------
+    first, second
+        (n, 3) unit rays to the same points, n >= 1.
+    """
     good = np.ones(len(first), dtype=np.bool_)
     for _ in range(ROUNDS):
         rotation = nearest_rotation(second[good].T @ first[good])
         miss = np.linalg.norm(second - first @ rotation.T, axis=1)
-        near = miss <= AGREE * float(np.median(miss)) + 1e-12
+        typical = float(np.median(miss))
+        near = miss <= AGREE * typical + 1e-12
         if (near == good).all():
             break
         good = near
-    enough = good.sum() >= max(FEWEST, len(first) // 2)
-    return np.asarray(rotation) if enough and np.median(miss) <= TYPICAL_RAD else None
+    return Turn(rotation, typical, int(good.sum()))

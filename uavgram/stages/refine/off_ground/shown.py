@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from uavgram.estimation.first_poses.tie_points import seen_labels
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.within_survey import Placed, within_survey
@@ -137,7 +138,7 @@ def _about_labels(adjustment: Adjustment) -> Ints:
     middle = label.mean(axis=0)
     reach = float(np.linalg.norm(label - middle, axis=1).max())
     near = np.linalg.norm(tie[lone] - middle, axis=1) <= BEYOND * reach
-    return lone[near]
+    return np.asarray(lone[near])
 
 
 def _in_space(adjustment: Adjustment) -> tuple[Floats, Floats]:
@@ -188,8 +189,4 @@ def _roughness(departure_m: Floats, sigma_m: Floats) -> tuple[float, float]:
 
 def photos_of(survey: Survey) -> Ints:
     """(K,) how many photos show each label, as a pick or as a match."""
-    matched = survey.pick_label[survey.matches.pick][survey.matches.point]
-    label = np.concatenate([survey.pick_label, matched])
-    frame = np.concatenate([survey.pick_frame, survey.matches.frame])
-    pairs = np.unique(np.stack([label, frame]), axis=1)
-    return np.bincount(pairs[0], minlength=len(survey.label))
+    return np.bincount(seen_labels(survey)[1], minlength=len(survey.label))
