@@ -35,6 +35,9 @@ def draw_ties(scene: Scene, lens: Floats, readout_s: float, rng: np.random.Gener
     reach = condition.radius_m + 0.5 * condition.stride_m * count
     place = ground.middle + rng.uniform(-reach, reach, (condition.ties, 2))
     height = HOUSES_M * rng.random(condition.ties) * (rng.random(condition.ties) < SHARE_OF_HOUSES)
+    height += (
+        condition.relief_m * rng.standard_normal(condition.ties) * (not condition.relief_length_m)
+    )  # as labels have it
     world = np.column_stack([place, ground.up(place) + height])
     frame, point = (part.ravel() for part in np.mgrid[:count, : condition.ties])
     seen = rng.random(len(frame)) < 0.6

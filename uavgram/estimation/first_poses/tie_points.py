@@ -10,9 +10,12 @@ from uavgram.estimation.first_poses.free_points import WIDE, in_front, means_of,
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import Sightings
+
+FEWEST_LABELS = 3
+"""Labels in a frame that give it its pose where its ties say nothing but how it is turned."""
 
 
 def with_first_ties(survey: Survey, values: FirstValues) -> tuple[Survey, Floats]:
@@ -28,7 +31,8 @@ def with_first_ties(survey: Survey, values: FirstValues) -> tuple[Survey, Floats
     Returns
     -------
     survey
-        Without sightings of points that are not in front of their cameras.
+        Without sightings of points that are not in front of their cameras, and without ties that
+        say no more than the labels in their frames do.
     point_m : (T, 3)
         Of chains of matches east, north and departure; then of tie points east, north, up.
     """
@@ -38,9 +42,35 @@ def with_first_ties(survey: Survey, values: FirstValues) -> tuple[Survey, Floats
     label = survey.pick_label[survey.matches.pick]
     up = values.height_m + survey.height_above_m[label] + chain[:, 2]
     matches, chains = _in_front(survey.matches, np.column_stack([chain[:, :2], up]), values)
+    tie[_from_one_place(survey, values)] = np.nan
     ties, points = _in_front(survey.ties, tie, values)
     usable = replace(survey, matches=matches, ties=ties)
     return usable, np.concatenate([chain[chains], tie[points]])
+
+
+def _from_one_place(survey: Survey, values: FirstValues) -> Bools:
+    """(T,) ties that frames which only turned show, while labels in each of them give its pose.
+
+    They have no depth, and iterations would not come to rest on the way to one.
+    """
+    ties = survey.ties
+    low, high = np.full((ties.points, 3), np.inf), np.full((ties.points, 3), -np.inf)
+    np.minimum.at(low, ties.point, values.center[ties.frame])
+    np.maximum.at(high, ties.point, values.center[ties.frame])
+    labels = np.bincount(seen_labels(survey)[0], minlength=len(survey.frame_id))
+    fewest = np.full(ties.points, FEWEST_LABELS)
+    np.minimum.at(fewest, ties.point, labels[ties.frame])
+    return np.asarray((low == high).all(axis=1) & (fewest == FEWEST_LABELS))
+
+
+def seen_labels(survey: Survey) -> tuple[Ints, Ints]:
+    """Frames and labels, (n,) each, of all pairs of which one shows the other."""
+    matches = survey.matches
+    own = survey.pick_label[matches.pick][matches.point]
+    frame = np.concatenate([survey.pick_frame, matches.frame])
+    label = np.concatenate([survey.pick_label, own])
+    first, second = np.unique(np.stack([frame, label]), axis=1)
+    return first, second
 
 
 def _chains(survey: Survey, values: FirstValues) -> Floats:

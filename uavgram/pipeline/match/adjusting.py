@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.first_poses.tie_points import seen_labels
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
 from uavgram.estimation.survey.departures import heights_at
@@ -227,12 +228,7 @@ def _made_by_people(picks: Picks) -> Picks:
 
 def _photos_of_labels(survey: Survey) -> Ints:
     """(K,) number of photos that each label is seen in, matches included."""
-    matches = survey.matches
-    own = survey.pick_label[matches.pick][matches.point]
-    frame = np.concatenate([survey.pick_frame, matches.frame])
-    label = np.concatenate([survey.pick_label, own])
-    pairs = np.unique(np.stack([label, frame]), axis=1)
-    return np.bincount(pairs[0], minlength=len(survey.label))
+    return np.bincount(seen_labels(survey)[1], minlength=len(survey.label))
 
 
 def _is_found(survey: Survey, picks: Picks) -> Bools:

@@ -28,7 +28,7 @@ from uavgram.stages.refine.begin.softened import iterate, iterations_for
 from uavgram.stages.refine.begin.starts import in_lens
 from uavgram.stages.refine.continued import lines_used
 from uavgram.stages.refine.minima import Participants, best_minima
-from uavgram.stages.refine.off_ground.shown import Shown, shown_by_matches, with_shown
+from uavgram.stages.refine.off_ground.shown import Shown, shown_by_sightings, with_shown
 
 SOFTER = 10.0
 """Factor of the sigmas of picks and lengths while matches and ties are tested."""
@@ -64,10 +64,10 @@ class SoundTies:
     Attributes
     ----------
     survey
-        Without wrong ones, and with the ground as matches show it; with sigmas as they show them,
+        Without wrong ones, and with the ground as these show it; with sigmas as they show them,
         where these are asked for.
     shown
-        What matches show of the ground.
+        What matches and ties show of the ground.
     noise
         Of matches and of ties, where there are any.
     matches_left_out, ties_left_out
@@ -109,7 +109,7 @@ def with_sound_ties(survey: Survey, *, learn: bool = True) -> SoundTies:
             break
     matches = frozenset(row for is_match, row in wrong if is_match)
     ties_ = frozenset(row for is_match, row in wrong if not is_match)
-    shown, noise = shown_by_matches(adjustment), tuple(_noise(adjustment))
+    shown, noise = shown_by_sightings(adjustment), tuple(_noise(adjustment))
     factor = {one.source: one.factor for one in noise if learn}
     sound = replace(
         with_shown(survey, shown),

@@ -64,6 +64,8 @@ def adjusted(scene: Scene, sightings: TiedRays, rows: Bools, iterations: int = I
     iterations
         At the most.
     """
+    if not rows.any():
+        return scene
     used = sightings.take(rows)
     points, point = np.unique(used.point, return_inverse=True)
     frames, frame = np.unique(used.frame, return_inverse=True)

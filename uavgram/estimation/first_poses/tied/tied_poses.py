@@ -13,12 +13,17 @@ from uavgram.estimation.first_poses.tied.growth import (
     with_points,
 )
 from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses, TiedRays
+from uavgram.estimation.first_poses.tied.turned import best_turn
 from uavgram.estimation.first_poses.tied.two_views import relative_poses
-from uavgram.geometry.motion.rotation import nearest_rotation
 from uavgram.model.arrays import Floats, Ints
 
 FEWEST_SHARED = 20
 """Points that a pair must have in common to begin with."""
+
+LEAST_PARALLAX = 10.0
+"""Sigmas of a ray that the parallax of a pair must have to begin: below, noise would tell where the
+second camera stands. A camera that hovers had 2.5; the smallest of twenty flights over flat ground
+has 60."""
 
 LIMIT = 10.0
 """Sigmas beyond which a ray supports nothing."""
@@ -91,15 +96,16 @@ def _chosen(sightings: TiedRays) -> Ints:
 
 
 def _pairs(sightings: TiedRays) -> list[tuple[int, int]]:
-    """Pairs to begin with, best first, of different frames where possible."""
+    """Pairs to begin with that did not only turn, best first, of different frames if possible."""
     shared = np.triu(sightings.shared(), 1)
     first, second = np.nonzero(shared >= FEWEST_SHARED)
-    worth = np.array(
-        [
-            np.sqrt(shared[a, b]) * min(_parallax(sightings, a, b), ENOUGH_RAD)
-            for a, b in zip(first.tolist(), second.tolist(), strict=True)
-        ]
-    )
+    if not len(first):
+        return []
+    pairs = zip(first.tolist(), second.tolist(), strict=True)
+    parallax = np.array([_parallax(sightings, a, b) for a, b in pairs])
+    moved = parallax > LEAST_PARALLAX * np.median(sightings.sigma_rad)
+    first, second, parallax = first[moved], second[moved], parallax[moved]
+    worth = np.sqrt(shared[first, second]) * np.minimum(parallax, ENOUGH_RAD)
     chosen: list[tuple[int, int]] = []
     for k in np.argsort(-worth, kind="stable"):
         pair = int(first[k]), int(second[k])
@@ -113,9 +119,7 @@ def _pairs(sightings: TiedRays) -> list[tuple[int, int]]:
 def _parallax(sightings: TiedRays, first: int, second: int) -> float:
     """Typical angle that is left between the rays of two frames after the best turn [rad]."""
     one, other = sightings.of_pair(first, second)
-    ray_one, ray_other = sightings.ray[one], sightings.ray[other]
-    turn = nearest_rotation(ray_other.T @ ray_one)
-    return float(np.median(np.linalg.norm(ray_other - ray_one @ turn.T, axis=1)))
+    return best_turn(sightings.ray[one], sightings.ray[other]).miss_rad
 
 
 def _begun(sightings: TiedRays, first: int, second: int, rng: np.random.Generator) -> list[Scene]:

@@ -23,6 +23,7 @@ from uavgram.estimation.first_poses.prior_gate import (
     compare_with_seed,
     seed_on_plane,
 )
+from uavgram.estimation.first_poses.tied.turned import with_turned
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane_pose import pose_above_plane
@@ -231,7 +232,7 @@ def _grown(
             network.place(frame, center - lift, rotation)
         network.grow(planes)
         nothing = np.zeros(len(survey.label))
-        poses_found = network.center + lift, network.rotation
+        poses_found = with_turned(survey, network.center + lift, network.rotation)
         grown = FirstValues(network.point, *poses_found, height, nothing)
         values.append(with_free_points(survey, ray, grown if control else _at_gauge(grown)))
     if all(np.isnan(each.center).all() for each in values):

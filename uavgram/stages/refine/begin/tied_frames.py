@@ -7,10 +7,12 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.first_poses.network import placing
+from uavgram.estimation.first_poses.tie_points import FEWEST_LABELS, seen_labels
 from uavgram.estimation.first_poses.tied.placing import levelled, moved
 from uavgram.estimation.first_poses.tied.survey_rays import tied_rays
 from uavgram.estimation.first_poses.tied.tied_poses import tied_poses
 from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
+from uavgram.estimation.survey.selection import without_ties_of
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Floats
@@ -25,10 +27,19 @@ def with_tied_frames(survey: Survey) -> tuple[Survey, frozenset[int]]:
     Over the plane that most tie points lie on, in the scale of the known lengths or of the control
     points; with these, the axes are theirs. Frames that have first poses keep them; so does a
     survey with telemetry. Ties that contradict these poses by far are left out: iterations would
-    follow them.
+    follow them. So are those of frames that have no pose, and too few labels to be given one.
     """
     if survey.telemetry is not None or not survey.ties.points + survey.matches.points:
         return survey, frozenset()
+    begun, wrong = _with_poses(survey)
+    known = {one.frame_id for one in begun.candidate_poses}
+    labels = np.bincount(seen_labels(begun)[0], minlength=len(begun.frame_id))
+    few = zip(begun.frame_id, labels < FEWEST_LABELS, strict=True)
+    return without_ties_of(begun, {name for name, lost in few if lost} - known), wrong
+
+
+def _with_poses(survey: Survey) -> tuple[Survey, frozenset[int]]:
+    """With first poses of the frames that ties alone place, and wrong ties left out by row."""
     rays, row = tied_rays(survey)
     found = tied_poses(rays)
     level = None if found is None else levelled(found)

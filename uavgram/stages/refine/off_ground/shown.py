@@ -1,9 +1,10 @@
-"""What matches show of the ground: labels that do not stand on it, and how uneven it is.
+"""What matches and ties show of the ground: labels that do not stand on it, how uneven it is.
 
 A chain of matches says where its point is in space, to a centimetre, and ties do so between them.
 On a plane a roof would bend everything that hangs on it, and a kerb too. So before matches are
 taken for points of the ground, those that are none are told, and the ground gets the roughness that
-the others show.
+the others show. Ties alone show that roughness as well: photos that are held by them would else be
+bent until labels on uneven ground, and the lengths between them, lie in a plane.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from uavgram.estimation.first_poses.tie_points import seen_labels
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.within_survey import Placed, within_survey
@@ -38,6 +40,9 @@ LEAST_M = 0.003
 BY_CHANCE = 0.001
 """Probability of heights as large on a plane from which on it is taken for one."""
 
+BEYOND = 1.25
+"""Reach of the labels about their middle, in which ties are of the same ground."""
+
 MEDIAN = 0.6745
 """Of the absolute value of a normal variable, in sigmas."""
 
@@ -60,8 +65,10 @@ class Shown:
     probability: Mapping[int, float] = field(default_factory=dict)
 
 
-def shown_by_matches(adjustment: Adjustment) -> Shown:
+def shown_by_sightings(adjustment: Adjustment) -> Shown:
     """Labels off the ground, and the roughness of each area.
+
+    Which area a tie lies on is not known: of several areas, chains alone tell.
 
     Parameters
     ----------
@@ -71,19 +78,24 @@ def shown_by_matches(adjustment: Adjustment) -> Shown:
     survey, ties = adjustment.survey, adjustment.survey.ties
     chains = np.flatnonzero(ties.pick >= 0)
     chains = chains[~survey.off_ground[survey.pick_label[ties.pick[chains]]]]
-    if not len(chains):
+    lone = _about_labels(adjustment) if len(survey.grounds) == 1 else chains[:0]
+    if not len(chains) + len(lone):
         return Shown()
     world, sigma = _in_space(adjustment)
     label = survey.pick_label[ties.pick[chains]]
     off, roughness, probability = set[str](), dict[int, float](), dict[int, float]()
-    for area in np.unique(survey.area[label]).tolist():
+    for area in range(len(survey.grounds)):
         own = chains[survey.area[label] == area]
-        alone = np.flatnonzero(ties.pick < 0) if len(survey.grounds) == 1 else own[:0]
-        points = np.concatenate([own, alone])
+        points = np.concatenate([own, lone])
+        if not len(points):
+            continue
         departure = _departures(world[points], sigma[points])
         if departure is None:
             continue
-        stands = _stands_off(departure, sigma[points])
+        # A label is told with its height; of ties so many are on the ground that a low thing among
+        # them, a bush or a car's bonnet, stands out.
+        least = np.where(ties.pick[points] >= 0, LEAST_OFF_M, 0.0)
+        stands = _stands_off(departure, sigma[points], least)
         named = survey.pick_label[ties.pick[own[stands[: len(own)]]]]
         off |= {survey.label[k] for k in named}
         level = ~stands
@@ -113,6 +125,22 @@ def with_shown(survey: Survey, shown: Shown) -> Survey:
     return replace(survey, grounds=grounds, is_free=free)
 
 
+def _about_labels(adjustment: Adjustment) -> Ints:
+    """Ties that no pick is of, as near the middle of the labels on the ground as these are.
+
+    What photos show beyond, a bank or a meadow, is not the ground that is measured on.
+    """
+    survey, tie = adjustment.survey, adjustment.state.tie[:, :2]
+    label = adjustment.state.point[~survey.off_ground, :2]
+    lone = np.flatnonzero(survey.ties.pick < 0)
+    if not len(label):
+        return lone[:0]
+    middle = label.mean(axis=0)
+    reach = float(np.linalg.norm(label - middle, axis=1).max())
+    near = np.linalg.norm(tie[lone] - middle, axis=1) <= BEYOND * reach
+    return np.asarray(lone[near])
+
+
 def _in_space(adjustment: Adjustment) -> tuple[Floats, Floats]:
     """(T, 3) all chains and ties, and the sigmas (T,) of their heights within the survey."""
     world = adjustment.state.tie
@@ -131,11 +159,11 @@ def _departures(world_m: Floats, sigma_m: Floats) -> Floats | None:
     return None if plane is None else height - plane
 
 
-def _stands_off(departure_m: Floats, sigma_m: Floats) -> Bools:
-    """(n,) what is too high, or too low, for a point of this ground."""
+def _stands_off(departure_m: Floats, sigma_m: Floats, least_m: Floats) -> Bools:
+    """(n,) what lies too high, or too low, for this ground: by some height (n,) at least."""
     near = np.abs(departure_m) < np.maximum(LEAST_OFF_M, FAR * sigma_m)
     spread = float(np.median(np.abs(departure_m[near])) / MEDIAN) if near.any() else 0.0
-    limit = np.maximum(LEAST_OFF_M, FAR * np.hypot(spread, sigma_m))
+    limit = np.maximum(least_m, FAR * np.hypot(spread, sigma_m))
     return np.asarray(np.abs(departure_m) > limit)
 
 
@@ -161,8 +189,4 @@ def _roughness(departure_m: Floats, sigma_m: Floats) -> tuple[float, float]:
 
 def photos_of(survey: Survey) -> Ints:
     """(K,) how many photos show each label, as a pick or as a match."""
-    matched = survey.pick_label[survey.matches.pick][survey.matches.point]
-    label = np.concatenate([survey.pick_label, matched])
-    frame = np.concatenate([survey.pick_frame, survey.matches.frame])
-    pairs = np.unique(np.stack([label, frame]), axis=1)
-    return np.bincount(pairs[0], minlength=len(survey.label))
+    return np.bincount(seen_labels(survey)[1], minlength=len(survey.label))

@@ -1,0 +1,52 @@
+"""Frames of a video from a drone that hovers, at Narrabeen: picked in one, found in the others.
+
+Nothing says where they were taken: the lengths between the targets place the frame that was picked
+in, and ties say how the others are turned from it.
+"""
+
+from __future__ import annotations
+
+import csv
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+from published_scenes import camera_file, narrabeen_targets, write_project
+
+from uavgram.pipeline.match.run import match_picks
+from uavgram.pipeline.picks_ties import write_ties
+
+LENS = (3320, 3319, 1758, 1090, 0.01638, 0.02744, -0.01, 0, 0.00105)
+LENS_SIGMA = (10, 10, 10, 10, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3)
+NEAR_PX = 0.3
+"""Of the places that another program's tracking gave: worst measured 0.22."""
+
+
+def test_labels_of_one_frame_are_found_in_the_others(data_dir: Path, tmp_path: Path) -> None:
+    scene = narrabeen_targets(data_dir / "narrabeen_mavic")
+    first, *others = sorted(name for name in scene.pixels if "Frames" in name)
+    lines = [
+        (f"{a}-{b}", a, b, np.linalg.norm(scene.world[a] - scene.world[b]), 0.03, "adjust")
+        for a, b in combinations(scene.world, 2)
+    ]
+    project = write_project(
+        tmp_path,
+        camera_file((3840, 2160), LENS, LENS_SIGMA),
+        [(first, name, *uv) for name, uv in scene.pixels[first].items()],
+        lines,
+        images=str(scene.folder / "frames/*.jpg"),
+        ground={"slope_sigma_deg": 0.5, "roughness_sigma_m": 0.1},
+        ties="ties.csv",
+    )
+    (tmp_path / "ties.csv").write_text("image,tie,u_px,v_px,sigma_px\n", encoding="utf-8")
+    write_ties(project)
+    match_picks(project)
+    with (tmp_path / "picks.csv").open(newline="", encoding="utf-8") as file:
+        found = [row for row in csv.DictReader(file) if row["source"] == "match"]
+
+    assert {row["image"] for row in found} == set(others)
+    assert len(found) == len(others) * len(scene.world)
+    for row in found:
+        tracked = scene.pixels[row["image"]][row["label"]]
+        away = np.hypot(float(row["u_px"]) - tracked[0], float(row["v_px"]) - tracked[1])
+        assert away < NEAR_PX
