@@ -11,6 +11,7 @@ import numpy as np
 
 from uavgram.errors import OutputError
 from uavgram.model.result.learnt_camera import learnt_camera
+from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment, units_shown
 from uavgram.views.report.budget import budget_table
@@ -26,6 +27,7 @@ from uavgram.views.report.measured import (
     shift_text,
 )
 from uavgram.views.report.method import method_facts
+from uavgram.views.report.pictures import gallery
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.drawing import largest_sigmas
 from uavgram.views.survey.key_facts import key_facts
@@ -67,8 +69,19 @@ from uavgram.views.wording import (
 )
 
 
-def write_report(result: Result, path: str | os.PathLike[str]) -> None:
+def write_report(
+    result: Result, path: str | os.PathLike[str], pictures: Pictures = NO_PICTURES
+) -> None:
     """Write the report; the file is replaced only once the new one is complete.
+
+    Parameters
+    ----------
+    result
+        What a run computed.
+    path
+        The file to write.
+    pictures
+        Parts of its photos.
 
     Raises
     ------
@@ -77,7 +90,7 @@ def write_report(result: Result, path: str | os.PathLike[str]) -> None:
     """
     target = Path(path)
     unfinished = target.with_name(f".{target.name}.unfinished")
-    page = render_report(result)
+    page = render_report(result, pictures)
     try:
         unfinished.write_text(page, encoding="utf-8")
         unfinished.replace(target)
@@ -87,7 +100,7 @@ def write_report(result: Result, path: str | os.PathLike[str]) -> None:
         unfinished.unlink(missing_ok=True)
 
 
-def render_report(result: Result) -> str:
+def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
     """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
     units = units_of(result)
     position_m, attitude_deg = largest_sigmas(result.frames.refined)
@@ -121,6 +134,7 @@ def render_report(result: Result) -> str:
             second_order=second_order_note(result),
             alternatives=alternative_tables(result),
             profiles=profile_drawings(result),
+            gallery=gallery(result, pictures),
             view=top_view(result),
             ink=INK,
             place=place(result),
