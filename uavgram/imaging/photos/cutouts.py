@@ -44,9 +44,7 @@ def cut_out(path: str | os.PathLike[str], regions: Sequence[Region]) -> tuple[Pi
         shown = toned(part, tone)
         encoded = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
         pictures.append(
-            Picture(
-                region=region, jpeg=encoded.tobytes(), shown_px=part.shape[1], stretch=stretch
-            )
+            Picture(region=region, jpeg=encoded.tobytes(), shown_px=part.shape[1], stretch=stretch)
         )
     return tuple(pictures)
 

@@ -123,9 +123,7 @@ def _write_outputs(
     journal.write(folder / "run.jsonl")
 
 
-def write_pdf(
-    result: Result, path: Path, paper: Paper, pictures: Pictures = NO_PICTURES
-) -> None:
+def write_pdf(result: Result, path: Path, paper: Paper, pictures: Pictures = NO_PICTURES) -> None:
     """Write the report as a PDF.
 
     Parameters

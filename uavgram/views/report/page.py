@@ -14,8 +14,10 @@ from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment, units_shown
+from uavgram.views.report.brief import brief
 from uavgram.views.report.budget import budget_table
 from uavgram.views.report.checks import checks_summary
+from uavgram.views.report.contents import with_contents
 from uavgram.views.report.gauge import gauge
 from uavgram.views.report.known import known_table
 from uavgram.views.report.measured import (
@@ -104,7 +106,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
     """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
     units = units_of(result)
     position_m, attitude_deg = largest_sigmas(result.frames.refined)
-    return (
+    return with_contents(
         page_environment()
         .get_template("report.html")
         .render(
@@ -119,6 +121,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             frame_words=FRAME_STATUS_WORDS,
             verdict=verdict_words(result),
             status_words=STATUS_WORDS,
+            brief=brief(result),
             facts=key_facts(result),
             measured=computed_first(result.measurements),
             not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",

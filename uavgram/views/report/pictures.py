@@ -205,9 +205,7 @@ def _words(result: Result, region: Region) -> tuple[str, str]:
 
 def _inside(region: Region, pixel: Floats) -> bool:
     low = np.array([region.left_px, region.top_px]) - 0.5
-    return bool(
-        (pixel >= low).all() and (pixel <= low + [region.width_px, region.height_px]).all()
-    )
+    return bool((pixel >= low).all() and (pixel <= low + [region.width_px, region.height_px]).all())
 
 
 def _picks_in(result: Result, region: Region) -> list[int]:
@@ -221,9 +219,7 @@ def _picks_in(result: Result, region: Region) -> list[int]:
     return sorted(here, key=lambda i: picks.status[i] == "removed")
 
 
-def _marks(
-    result: Result, region: Region, unit: float
-) -> tuple[tuple[Mark, ...], tuple[Tag, ...]]:
+def _marks(result: Result, region: Region, unit: float) -> tuple[tuple[Mark, ...], tuple[Tag, ...]]:
     picks = result.picks
     rows = _picks_in(result, region)
     marks, tags = [], []
@@ -234,9 +230,9 @@ def _marks(
         marks.append(Mark(x, y, shape, hex_colour(BAD if wrong else OBSERVED)))
         half = (LETTER * len(picks.label[i]) / 2 + 3) * unit
         left, right = region.left_px + half, region.left_px + region.width_px - half
-        below = y + 22 * unit
+        below = y + (31 if region.subject == "point" else 22) * unit
         if below > region.top_px + region.height_px - 6 * unit:
-            below = y - 14 * unit
+            below = y - (22 if region.subject == "point" else 14) * unit
         tags.append(Tag(min(max(x, left), max(right, left)), below, half, picks.label[i]))
     own = result.points.label[region.row] if region.subject == "point" else ""
     tags.sort(key=lambda tag: tag.text != own)
