@@ -10,7 +10,7 @@ from uavgram.model.result.result import Result
 from uavgram.stages.products.picture_plan import picture_plan
 
 MOST_BYTES = 9_000_000
-"""Of all pictures together: a third more as text in report.html, and the report stays below 15 MB."""
+"""Of all pictures together. As text in report.html they are a third more: it stays below 15 MB."""
 
 _ORDER = {"overview": 0, "measurement": 1, "point": 2}
 

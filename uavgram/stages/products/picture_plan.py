@@ -63,9 +63,19 @@ def picture_plan(result: Result) -> PicturePlan:
     regions = (
         overview,
         *list(_parts(result, "point", points, frames, seen))[:MOST_POINTS],
-        *list(_parts(result, "measurement", measured, frames, seen))[:MOST_MEASUREMENTS],
+        *_first(result, list(_parts(result, "measurement", measured, frames, seen))),
     )
     return PicturePlan(regions, _left_out(result, regions))
+
+
+def _first(result: Result, regions: list[Region]) -> list[Region]:
+    """As many as are shown: those that something is wrong with, then the least certain ones."""
+    rows = result.measurements
+    with np.errstate(divide="ignore", invalid="ignore"):
+        doubt = np.nan_to_num(rows.sigma / np.abs(rows.value))
+    fine = np.array([status == "ok" for status in rows.status], dtype=np.bool_)
+    regions = sorted(regions, key=lambda one: (bool(fine[one.row]), -float(doubt[one.row])))
+    return regions[:MOST_MEASUREMENTS]
 
 
 def _parts(

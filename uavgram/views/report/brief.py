@@ -13,7 +13,7 @@ from uavgram.views.report.checks import checks_summary
 from uavgram.views.survey.sources import measured_alone
 from uavgram.views.wording import computed_first
 
-MOST_ROWS = 12
+MOST_ROWS = 10
 """Measurements on the first page; the least certain ones, where there are more."""
 
 MOST_NAMES = 8

@@ -14,6 +14,7 @@ from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment, units_shown
+from uavgram.views.report.annex import annex
 from uavgram.views.report.brief import brief
 from uavgram.views.report.budget import budget_table
 from uavgram.views.report.checks import checks_summary
@@ -71,6 +72,10 @@ from uavgram.views.wording import (
 )
 
 
+SMALL_HEIGHT = 330.0
+"""Of the plan on the first page, which has to leave room for the measurements."""
+
+
 def write_report(
     result: Result, path: str | os.PathLike[str], pictures: Pictures = NO_PICTURES
 ) -> None:
@@ -121,6 +126,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             frame_words=FRAME_STATUS_WORDS,
             verdict=verdict_words(result),
             status_words=STATUS_WORDS,
+            annex=annex(result),
             brief=brief(result),
             facts=key_facts(result),
             measured=computed_first(result.measurements),
@@ -139,6 +145,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             profiles=profile_drawings(result),
             gallery=gallery(result, pictures),
             view=top_view(result),
+            small_view=top_view(result, SMALL_HEIGHT),
             ink=INK,
             place=place(result),
             why_to_neighbours=WHY_TO_NEIGHBOURS,

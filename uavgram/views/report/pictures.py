@@ -205,7 +205,10 @@ def _words(result: Result, region: Region) -> tuple[str, str]:
 
 def _inside(region: Region, pixel: Floats) -> bool:
     low = np.array([region.left_px, region.top_px]) - 0.5
-    return bool((pixel >= low).all() and (pixel <= low + [region.width_px, region.height_px]).all())
+    return bool(
+        (pixel >= low).all()
+        and (pixel <= low + np.array([region.width_px, region.height_px])).all()
+    )
 
 
 def _picks_in(result: Result, region: Region) -> list[int]:
