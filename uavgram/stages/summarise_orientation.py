@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.model.arrays import Floats
 from uavgram.model.result.orientation import OrientationCorrelation
 
 PLANE_NAMES = ("plane height", "slope east", "slope north")
@@ -18,7 +19,7 @@ def summarise_orientation(adjustment: Adjustment) -> OrientationCorrelation:
     sigma = np.sqrt(np.diagonal(joint, axis1=1, axis2=2))
     with np.errstate(divide="ignore", invalid="ignore"):
         known = joint / (sigma[:, :, None] * sigma[:, None, :])
-    correlation = np.round(np.where(np.isfinite(known), known, np.nan), DECIMALS) + 0.0
+    correlation: Floats = np.round(np.where(np.isfinite(known), known, np.nan), DECIMALS) + 0.0
     readout = ("readout time",) * adjustment.problem.layout.readout
     return OrientationCorrelation(
         parameters=(*survey.calibration.parameter_names, *PLANE_NAMES, *readout),

@@ -1,4 +1,4 @@
-"""The statistics that an expert on the other side asks for: orientations, correlations, residuals."""
+"""The statistics that an expert asks for: orientations, their correlations, and residuals."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Residuals(NamedTuple):
     """Of the picks in one photo: how many, rms right and down [px], the largest and its label."""
 
     name: str
-    count: int
+    picks: int
     rms: tuple[str, str]
     largest: str
     label: str
@@ -90,8 +90,9 @@ def annex(result: Result) -> Annex:
 
 
 def omega_phi_kappa_deg(world_from_camera: Floats) -> Floats:
-    """(3,) angles of R = Rx(omega) Ry(phi) Rz(kappa) (Luhmann et al., Close-range Photogrammetry,
-    2.2.2), which turns photo axes (right, up, back) into east, north, up.
+    """(3,) angles that turn photo axes (right, up, back) into east, north, up.
+
+    R = Rx(omega) Ry(phi) Rz(kappa): Luhmann et al., Close-Range Photogrammetry, 2.2.2.
 
     Parameters
     ----------
@@ -102,7 +103,7 @@ def omega_phi_kappa_deg(world_from_camera: Floats) -> Floats:
     omega = np.arctan2(-turn[1, 2], turn[2, 2])
     phi = np.arcsin(np.clip(turn[0, 2], -1.0, 1.0))
     kappa = np.arctan2(-turn[0, 1], turn[0, 0])
-    return np.degrees(np.array([omega, phi, kappa]))
+    return np.asarray(np.degrees([omega, phi, kappa]), dtype=np.float64)
 
 
 def _pose(result: Result, frame: int) -> Pose:

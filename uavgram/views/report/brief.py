@@ -16,6 +16,9 @@ from uavgram.views.wording import computed_first
 MOST_ROWS = 10
 """Measurements on the first page; the least certain ones, where there are more."""
 
+LEAST_PLAN, ROW = 330.0, 24.0
+"""Height of the plan beside as many, and what each measurement less leaves for it."""
+
 MOST_NAMES = 8
 
 
@@ -28,6 +31,8 @@ class Brief(NamedTuple):
         Names and texts of its head.
     rows, more
         Rows of the measurements that are shown, and how many are not.
+    plan_height
+        Of the plan, in units of its drawing: what the measurements leave of the page.
     limits
         Sentences on what was not checked, or cannot be relied on.
     """
@@ -35,6 +40,7 @@ class Brief(NamedTuple):
     case: tuple[tuple[str, str], ...]
     rows: tuple[int, ...]
     more: int
+    plan_height: float
     limits: tuple[str, ...]
 
 
@@ -45,6 +51,7 @@ def brief(result: Result) -> Brief:
         case=case_from_options(result.provenance.options),
         rows=tuple(order[:MOST_ROWS]),
         more=len(order[MOST_ROWS:]),
+        plan_height=LEAST_PLAN + ROW * (MOST_ROWS - min(len(order), MOST_ROWS)),
         limits=tuple(_limits(result)),
     )
 

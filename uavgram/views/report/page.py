@@ -72,10 +72,6 @@ from uavgram.views.wording import (
 )
 
 
-SMALL_HEIGHT = 330.0
-"""Of the plan on the first page, which has to leave room for the measurements."""
-
-
 def write_report(
     result: Result, path: str | os.PathLike[str], pictures: Pictures = NO_PICTURES
 ) -> None:
@@ -109,7 +105,7 @@ def write_report(
 
 def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
     """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
-    units = units_of(result)
+    units, first = units_of(result), brief(result)
     position_m, attitude_deg = largest_sigmas(result.frames.refined)
     return with_contents(
         page_environment()
@@ -127,7 +123,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             verdict=verdict_words(result),
             status_words=STATUS_WORDS,
             annex=annex(result),
-            brief=brief(result),
+            brief=first,
             facts=key_facts(result),
             measured=computed_first(result.measurements),
             not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
@@ -145,7 +141,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             profiles=profile_drawings(result),
             gallery=gallery(result, pictures),
             view=top_view(result),
-            small_view=top_view(result, SMALL_HEIGHT),
+            small_view=top_view(result, first.plan_height),
             ink=INK,
             place=place(result),
             why_to_neighbours=WHY_TO_NEIGHBOURS,
@@ -189,7 +185,7 @@ def _made_by(result: Result) -> dict[str, object]:
 
 def option_text(value: object) -> str:
     """An option as it was understood."""
-    if value is None:
+    if value is None or value == "":
         return "–"
     if isinstance(value, tuple | list):
         return ", ".join(map(option_text, value))

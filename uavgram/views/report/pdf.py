@@ -30,13 +30,7 @@ _SHEET = """
     font: 6.5pt sans-serif; color: #5b6470; width: 15%;
   }}
 }}
-.contents h2 {{ margin-top: 0; }}
 .contents a::after {{ content: leader(".") target-counter(attr(href), page); }}
-.wide {{ overflow: visible; }}
-.wide table {{ font-size: 7.5pt; }}
-.wide table.dense {{ font-size: 5.8pt; }}
-table.dense td, table.dense th {{ padding: 1px 3px 1px 0; }}
-th, td {{ padding-right: 5px; }}
 """
 
 
