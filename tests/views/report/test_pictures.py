@@ -19,6 +19,7 @@ from uavgram.model.result.result import Result
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.report import render_report
 from uavgram.views.report.pictures import Gallery, gallery
+from uavgram.views.wording import measurement_text
 
 STRETCH = (12.0, 96.0, 1.5)
 
@@ -105,8 +106,7 @@ def test_a_scale_bar_is_as_long_as_that_length_looks() -> None:
         ends, turn, -back @ poses.center_world_m[frame], matrix, lens[[4, 5, 6, 7, 8]]
     )[0][:, 0]
 
-    # up to the distortion, which bends the photo's scale by some percent
-    assert one.bar.length == pytest.approx(np.linalg.norm(pixel[1] - pixel[0]), rel=0.06)
+    assert one.bar.length == pytest.approx(np.linalg.norm(pixel[1] - pixel[0]), rel=1e-6)
 
 
 def test_each_picture_says_of_which_file_and_part_it_is_and_that_it_was_brightened() -> None:
@@ -138,7 +138,7 @@ def test_who_picked_a_point_is_told_and_what_is_not_shown_is_named() -> None:
 
 def test_the_value_of_a_measurement_stands_under_its_picture() -> None:
     for one in shown().measurements:
-        row = result().measurements.name.index(one.name)
+        row = measurement_text(result().measurements, result().measurements.name.index(one.name))
 
-        assert f"{result().measurements.value[row]:.1f}"[:-2] in one.told
+        assert one.told.startswith(f"{row.value}, ")
         assert one.lines

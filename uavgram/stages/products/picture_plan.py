@@ -18,7 +18,7 @@ POINT_SHARE, LEAST_POINT_PX, MOST_POINT_PX = 0.1, 150, 360
 """Side of the part around a point: a share of the photo's width, within these bounds."""
 ROOM = 0.25
 """Around the points of a measurement, as a share of their extent."""
-FLATTEST = 0.55
+FLATTEST = 0.7
 """No part around a measurement is lower, or narrower, than this share of its longer side."""
 
 

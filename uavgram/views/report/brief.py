@@ -13,11 +13,14 @@ from uavgram.views.report.checks import checks_summary
 from uavgram.views.survey.sources import measured_alone
 from uavgram.views.wording import computed_first
 
-MOST_ROWS = 10
+MOST_ROWS = 8
 """Measurements on the first page; the least certain ones, where there are more."""
 
-LEAST_PLAN, ROW = 330.0, 24.0
+LEAST_PLAN, ROW = 290.0, 24.0
 """Height of the plan beside as many, and what each measurement less leaves for it."""
+
+MOST_REASONS = 3
+"""Of the verdict, beside the first; warnings tell them all."""
 
 MOST_NAMES = 8
 
@@ -33,6 +36,8 @@ class Brief(NamedTuple):
         Rows of the measurements that are shown, and how many are not.
     plan_height
         Of the plan, in units of its drawing: what the measurements leave of the page.
+    reasons, reasons_more
+        Of the verdict beside the first, and how many are not shown.
     limits
         Sentences on what was not checked, or cannot be relied on.
     """
@@ -41,17 +46,22 @@ class Brief(NamedTuple):
     rows: tuple[int, ...]
     more: int
     plan_height: float
+    reasons: tuple[str, ...]
+    reasons_more: int
     limits: tuple[str, ...]
 
 
 def brief(result: Result) -> Brief:
     """Choose what stands on the first page."""
     order = [int(i) for i in computed_first(result.measurements)]
+    others = [reason.text for reason in result.verdict.reasons[1:]]
     return Brief(
         case=case_from_options(result.provenance.options),
         rows=tuple(order[:MOST_ROWS]),
         more=len(order[MOST_ROWS:]),
         plan_height=LEAST_PLAN + ROW * (MOST_ROWS - min(len(order), MOST_ROWS)),
+        reasons=tuple(others[:MOST_REASONS]),
+        reasons_more=len(others[MOST_REASONS:]),
         limits=tuple(_limits(result)),
     )
 

@@ -83,8 +83,8 @@ def report_pdf(html: str, results: str, paper: Paper, name: str, made_utc: str) 
     sheet = _SHEET.format(size=_SIZES[paper], digest=digest, name=shown)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)  # it leaves its colour profile open
-        # what is not in the page itself, which would have to be loaded, is an error
-        inside = weasyprint.urls.URLFetcher(allowed_protocols=("data",), fail_on_errors=True)
+        # nothing is loaded that is not in the page itself
+        inside = weasyprint.urls.URLFetcher(allowed_protocols=("data",))
         page: bytes = weasyprint.HTML(string=html, url_fetcher=inside).write_pdf(
             stylesheets=[weasyprint.CSS(string=sheet)],
             attachments=[attached],

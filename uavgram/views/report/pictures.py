@@ -72,7 +72,7 @@ class Shown(NamedTuple):
     lines
         Points of polylines, and their colour.
     marks, tags, bar
-        Picks, names, and what a length looks like at the middle, square to the line of sight.
+        Picks, names, and what a length along the photo's rows looks like in the middle.
     name, told
         What it shows, and what is to be said of that.
     origin
@@ -272,11 +272,14 @@ def _bar(result: Result, region: Region) -> Bar | None:
         else result.measurements.outlines[region.row]
     )
     rows = [result.points.label.index(label) for label in labels]
-    poses = result.frames.refined
-    away = result.points.position_world_m[rows].mean(axis=0) - poses.center_world_m[region.frame]
-    depth_m = float(away @ poses.world_from_camera[region.frame][:, 2])
+    middle = result.points.position_world_m[rows].mean(axis=0)
+    poses = row_poses(result, region.frame)
+    depth_m = float((middle - poses.center) @ poses.rotation[:, 2])
     if not depth_m > 0:
         return None
     pixel_m = depth_m / float(result.shared.intrinsics.value[0])
     bar_m, text = round_bar(0.35 * region.width_px * pixel_m, units_of(result))
-    return Bar(bar_m / pixel_m, text)
+    half = poses.rotation[:, 0] * bar_m / 2
+    ends = project_from(result, poses, np.stack([middle - half, middle + half]))
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    return Bar(length, text) if np.isfinite(length) else None
