@@ -14,6 +14,7 @@ from uavgram.model.case import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.views.report import render_report
 from uavgram.views.report.brief import MOST_NAMES, MOST_ROWS, brief
+from uavgram.views.wording import measurement_text
 
 CASE = (
     ("case.number", "AZ 12/26"),
@@ -42,14 +43,17 @@ def test_the_case_is_as_it_was_written_and_empty_fields_are_left_out() -> None:
 
 
 def test_the_first_page_has_the_verdict_the_values_and_a_plan() -> None:
-    html = first_page(render_report(survey.build()))
+    made = survey.build()
+    html = first_page(render_report(made))
+    first = measurement_text(made.measurements, brief(made).rows[0])
 
     assert re.findall(r'class="(verdict \w+|short|drawing)"', html) == [
         "verdict amber",
         "short",
         "drawing",
     ]
-    assert "39.612 ± 0.021 m" in html
+    assert f"<td>{first.name}</td>" in html
+    assert first.value in html
 
 
 @pytest.mark.parametrize("status", ["not-checked", "doubtful", "contradicted"])
