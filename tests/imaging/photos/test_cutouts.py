@@ -10,6 +10,7 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos.cutouts import LONGEST_PX, cut_out
+from uavgram.model.arrays import Floats
 from uavgram.model.result.pictures import Region, Subject
 
 WIDTH, HEIGHT = 600, 400
@@ -29,13 +30,15 @@ def photo(tmp_path: Path) -> Path:
     return tmp_path / "a.png"
 
 
-def decoded(jpeg: bytes) -> np.ndarray:
-    return cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR).astype(float)
+def decoded(content: bytes) -> Floats:
+    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+    assert pixels is not None
+    return pixels.astype(np.float64)
 
 
 def test_a_part_shows_the_pixels_of_the_photo_and_says_that_they_are_as_stored(photo: Path) -> None:
     (picture,) = cut_out(photo, [region(120, 200, 90, 60)])
-    wanted = cv2.imread(str(photo))[200:260, 120:210].astype(float)
+    wanted = decoded(photo.read_bytes())[200:260, 120:210]
 
     assert decoded(picture.jpeg).shape == wanted.shape
     assert np.abs(decoded(picture.jpeg) - wanted).max() < 8  # JPEG
@@ -53,7 +56,7 @@ def test_a_large_part_is_reduced(photo: Path) -> None:
 def test_a_dark_photo_is_brightened_alike_in_all_parts_and_says_so(
     photo: Path, tmp_path: Path
 ) -> None:
-    dark = (cv2.imread(str(photo)) // 5).astype(np.uint8)
+    dark = (decoded(photo.read_bytes()) // 5).astype(np.uint8)
     cv2.imwrite(str(tmp_path / "dark.png"), dark)
     pictures = cut_out(tmp_path / "dark.png", [region(0, 0, 60, 60), region(400, 300, 60, 60)])
 

@@ -12,6 +12,7 @@ from html_page import Page
 
 from uavgram.model.case import case_from_options
 from uavgram.model.result.result import Result
+from uavgram.model.result.verdict import MeasurementStatus
 from uavgram.views.report import render_report
 from uavgram.views.report.brief import MOST_NAMES, MOST_ROWS, brief
 from uavgram.views.wording import measurement_text
@@ -57,7 +58,7 @@ def test_the_first_page_has_the_verdict_the_values_and_a_plan() -> None:
 
 
 @pytest.mark.parametrize("status", ["not-checked", "doubtful", "contradicted"])
-def test_what_was_not_checked_or_does_not_fit_is_named(status: str) -> None:
+def test_what_was_not_checked_or_does_not_fit_is_named(status: MeasurementStatus) -> None:
     made = survey.build()
     rows = made.measurements
     changed = replace(made, measurements=replace(rows, status=(status,) * len(rows.name)))

@@ -16,6 +16,7 @@ from html_page import Page
 from uavgram.model.provenance import InputDigest
 from uavgram.model.result.pictures import Picture, Pictures
 from uavgram.model.result.result import Result
+from uavgram.model.survey.observations import Source
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.report import render_report
 from uavgram.views.report.pictures import Gallery, gallery
@@ -126,7 +127,9 @@ def test_each_picture_says_of_which_file_and_part_it_is_and_that_it_was_brighten
 def test_who_picked_a_point_is_told_and_what_is_not_shown_is_named() -> None:
     made = result()
     label = shown().points[0].name
-    source = tuple("target" if one == label else "hand" for one in made.picks.label)
+    source: tuple[Source, ...] = tuple(
+        "target" if one == label else "hand" for one in made.picks.label
+    )
     changed = replace(made, picks=replace(made.picks, source=source))
     told = gallery(changed, pictures())
 

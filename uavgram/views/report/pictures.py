@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,6 +32,16 @@ PICKED_BY: dict[Source, str] = {
     "match": "found by the program (matched)",
     "target": "found by the program (target)",
 }
+
+
+@dataclass(frozen=True)
+class Inline:
+    """A picture as an address that holds it; no text, in which lengths would be sought."""
+
+    jpeg: bytes
+
+    def __html__(self) -> str:
+        return f"data:image/jpeg;base64,{base64.b64encode(self.jpeg).decode()}"
 
 
 class Mark(NamedTuple):
@@ -66,7 +77,7 @@ class Shown(NamedTuple):
     region
         Of the photo.
     data
-        The picture as a ``data:`` address.
+        The picture itself.
     unit
         Pixels of the photo for one unit of a drawing.
     lines
@@ -80,7 +91,7 @@ class Shown(NamedTuple):
     """
 
     region: Region
-    data: str
+    data: Inline
     unit: float
     lines: tuple[tuple[str, str], ...]
     marks: tuple[Mark, ...]
@@ -155,7 +166,7 @@ def _shown(result: Result, picture: Picture) -> Shown:
     name, told = _words(result, region)
     return Shown(
         region=region,
-        data=f"data:image/jpeg;base64,{base64.b64encode(picture.jpeg).decode()}",
+        data=Inline(picture.jpeg),
         unit=unit,
         lines=tuple(_lines(result, region)),
         marks=marks,
