@@ -10,6 +10,7 @@ import synthetic_survey as survey
 
 from uavgram.model.result.pictures import Region
 from uavgram.model.result.result import Result
+from uavgram.model.survey.observations import Source
 from uavgram.stages.products import picture_plan as module
 from uavgram.stages.products.picture_plan import picture_plan
 
@@ -100,7 +101,7 @@ def test_where_a_person_picked_it_a_point_is_shown_there() -> None:
         if made.frames.frame_id[f] in made.points.frames[row]
     ]
     for by_hand in images:
-        source = tuple(
+        source: tuple[Source, ...] = tuple(
             "match" if name == label and image != by_hand else "hand"
             for image, name in zip(made.picks.image, made.picks.label, strict=True)
         )
