@@ -91,6 +91,12 @@ _OPTIONS = {
 # units: metric                    # what you read: metric (m, km/h), imperial (ft and in, mph),
 #                                  # or such as {length: ft, speed: mph}; files keep metres
 """,
+    "case": """\
+# case:                            # the head of the report
+#   number: ""
+#   title: ""
+#   place: ""
+""",
     "world": """\
 # world:
 #   heights: msl                   # datum of heights in files: msl (mean sea level) or ellipsoid

@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from uavgram.errors import near_miss
+from uavgram.model.case import Case
 from uavgram.model.flight.log import HeightDatum
 from uavgram.model.limits import LARGEST_NUMBER, sigma_fault
 from uavgram.model.survey.survey import DEFAULT_AREA
@@ -322,7 +323,8 @@ class Project(_Options):
     ``unknown`` or a path; `poses` is ``exif`` or a path, or several, and stands in place of
     `log`. `crs` is the projected coordinate system of maps and drawings; ``auto``: the UTM zone.
     `operator` is who answers for the survey; ``auto``: the account that runs it. `ties` is
-    ``auto`` or a path. `units` are those in which people read; files keep metres.
+    ``auto`` or a path. `units` are those in which people read; files keep metres. `case` is what
+    the head of the report says.
     """
 
     name: str
@@ -350,6 +352,7 @@ class Project(_Options):
     tape: TapeOptions = field(default_factory=TapeOptions)
     targets: TargetOptions | None = None
     units: Units = field(default_factory=Units)
+    case: Case = field(default_factory=Case)
 
     def _rules(self) -> dict[str, tuple[bool, str]]:
         texts = [

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Iterable
 
+from uavgram.model.case import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.model.units import FOOT_M, Units
 from uavgram.views.units import INCH_M, INCHES, feet_inches, fixed, quantity, shown, step_in_of
@@ -65,6 +66,7 @@ def names_like_lengths(result: Result) -> tuple[str, ...]:
         *result.known.name,
         *result.frames.frame_id,
         result.name,
+        *(text for row in case_from_options(result.provenance.options) for text in row),
     )
     return like_lengths(named)
 

@@ -14,6 +14,7 @@ import pytest
 from uavgram.errors import InputError
 from uavgram.io.results.results_json import dump_results, load_results, write_results
 from uavgram.model.remedy import Correction, Remedy
+from uavgram.model.result.orientation import OrientationCorrelation
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import NOT_JUDGED, Reason, Verdict
 
@@ -361,3 +362,26 @@ def test_what_would_put_it_right_stands_with_each_reason_and_comes_back(
         {"action": "length", "length": "L1", "length_m": 3.25}
     ]
     assert not {"plain", "mend", "instead"} & set(second)  # as earlier versions wrote it
+
+
+def test_correlations_of_the_orientation_come_back_and_earlier_files_have_none(
+    sample_result: Result, tmp_path: Path
+) -> None:
+    known = OrientationCorrelation(
+        parameters=("fx", "plane height"),
+        shared=np.array([[1.0, np.nan], [np.nan, np.nan]]),
+        frame_id=sample_result.frames.frame_id[:1],
+        with_pose=np.arange(12.0).reshape(1, 6, 2) / 100.0,
+    )
+    path = tmp_path / "results.json"
+    write_results(replace(sample_result, orientation=known), path)
+    read = load_results(path).orientation
+    content = json.loads(path.read_text())
+    del content["orientation"]
+    path.write_text(json.dumps(content))
+
+    assert read is not None
+    assert (read.parameters, read.frame_id) == (known.parameters, known.frame_id)
+    np.testing.assert_array_equal(read.shared, known.shared)
+    np.testing.assert_array_equal(read.with_pose, known.with_pose)
+    assert load_results(path).orientation is None

@@ -24,7 +24,7 @@ def table(result: Result) -> tuple[list[str], dict[str, list[str]]]:
     """Head and rows of the table of points."""
     rows = Page(render_report(result)).rows
     start = next(i for i, row in enumerate(rows) if row[:1] == ["label"])
-    return rows[start], {row[0]: row for row in rows[start + 1 :]}
+    return rows[start], {row[0]: row for row in rows[start + 1 :] if len(row) == len(rows[start])}
 
 
 def test_each_point_has_its_height_and_says_where_that_is_from() -> None:

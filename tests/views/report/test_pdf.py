@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import io
+import re
+import shutil
+import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 import synthetic_survey
 
@@ -16,9 +23,7 @@ from uavgram.views.report import Paper, check_pdf, render_report, report_pdf
 pikepdf = pytest.importorskip("pikepdf", reason="pikepdf is not installed")
 NUMBERS = '{"schema": 1, "value": 12.5}\n'
 MADE = "2026-01-05T11:00:00Z"
-SHORT = "<style>@media print { @page { size: A4 } }</style><h1>crossing</h1>"
-
-
+MARGIN_PT = 14 / 25.4 * 72
 SHORT = "<style>@page { size: A4 }</style><h1>crossing</h1>"
 
 
@@ -60,6 +65,42 @@ def test_the_numbers_are_attached(content: bytes) -> None:
     assert attached.get_file().read_bytes().decode() == NUMBERS
     assert str(attached.obj.AFRelationship) == "/Data"
     assert {str(one.UF) for one in pdf.Root.AF} == {"results.json"}
+
+
+def test_no_word_stands_beyond_the_margins(content: bytes, tmp_path: Path) -> None:
+    program = shutil.which("pdftotext")
+    if program is None:
+        pytest.skip("pdftotext (poppler-utils) is not installed")
+    (tmp_path / "report.pdf").write_bytes(content)
+    command = [program, "-bbox", str(tmp_path / "report.pdf"), "-"]
+    told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    words = re.findall(
+        r'<word xMin="([-\d.]+)" yMin="[-\d.]+" xMax="([-\d.]+)".*?>(.*)</word>', told
+    )
+
+    assert len(words) > 1000
+    width = 210 / 25.4 * 72
+    beyond = [
+        word
+        for left, right, word in words
+        if float(left) < MARGIN_PT - 1 or float(right) > width - MARGIN_PT + 1
+    ]
+    assert beyond == []
+
+
+@pytest.mark.usefixtures("page")  # or there is no WeasyPrint
+def test_photos_in_the_page_are_kept_as_they_are_and_nothing_is_loaded(tmp_path: Path) -> None:
+    jpeg = cv2.imencode(".jpg", np.full((16, 24), 90, np.uint8))[1].tobytes()
+    (tmp_path / "a.jpg").write_bytes(jpeg)
+    inside = f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}"
+
+    for address, wanted in ((inside, [jpeg]), ((tmp_path / "a.jpg").as_uri(), [])):
+        drawn = (
+            f'<svg viewBox="0 0 9 6" width="9"><image width="9" height="6" href="{address}"/></svg>'
+        )
+        pdf = opened(report_pdf(drawn, NUMBERS, "a4", "crossing", MADE))
+        streams = [one for one in pdf.objects if isinstance(one, pikepdf.Stream)]
+        assert [s.read_raw_bytes() for s in streams if s.get("/Subtype") == "/Image"] == wanted
 
 
 def test_every_font_is_embedded(content: bytes) -> None:

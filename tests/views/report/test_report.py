@@ -36,7 +36,21 @@ def test_the_page_is_well_formed_and_loads_nothing(variant: survey.Variant) -> N
 
         assert not [tag for tag, _ in page.tags if tag in ("script", "link", "img", "iframe")]
         attributes = {name for _, attrs in page.tags for name in attrs}
-        assert not [n for n in attributes if n in ("src", "href") or n.startswith("on")]
+        assert not [n for n in attributes if n == "src" or n.startswith("on")]
+        links = [str(attrs["href"]) for _, attrs in page.tags if "href" in attrs]
+        sections = {f"#{attrs.get('id')}" for tag, attrs in page.tags if tag == "section"}
+        assert set(links) == sections  # the contents: all of them, and nothing outside of the page
+
+
+def test_texts_in_drawings_say_themselves_what_they_look_like() -> None:
+    """What makes the PDF knows no style sheet inside of drawings."""
+    page = Page(render_report(full(survey.build())))
+    texts = [attrs for tag, attrs in page.tags if tag == "text"]
+
+    assert len(texts) > 20
+    for attrs in texts:
+        assert attrs["text-anchor"] == "middle"
+        assert {"font-size", "font-weight", "fill", "font-family"} <= attrs.keys()
 
 
 def test_the_page_forbids_itself_scripts_and_loading() -> None:

@@ -27,6 +27,7 @@ from uavgram.model.provenance import InputDigest, Provenance
 from uavgram.model.result.error_budget import ErrorBudget
 from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.noise import AreaNoise, Noise, PickNoise
+from uavgram.model.result.orientation import OrientationCorrelation
 from uavgram.model.result.reliability import ChecksOverall, RemovalRecord
 from uavgram.model.result.result import Result, SolutionSummary
 from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
@@ -81,6 +82,7 @@ def dump_results(result: Result) -> str:
         + tables.LINE_CHECKS.dump(result.line_checks),
         "solution": encode(result.solution),
         "noise": _dump_noise(result.noise),
+        "orientation": encode(result.orientation),
         "ties": encode(result.ties),
         "messages": [message.record() for message in result.messages],
     }
@@ -146,6 +148,7 @@ def _result(content: Record) -> Result:
         line_checks=tables.LINE_CHECKS.load([c for c in checks if "label" not in c]),
         solution=from_record(SolutionSummary, content["solution"]),
         noise=_load_noise(content.get("noise")),
+        orientation=decode(OrientationCorrelation | None, content.get("orientation")),
         ties=decode(TieSummary | None, content.get("ties")),
         messages=tuple(_load_message(record) for record in content["messages"]),
         verdict=load_verdict(content.get("verdict") or dump_verdict(NOT_JUDGED)),

@@ -16,6 +16,7 @@ from uavgram.model.provenance import Provenance
 from uavgram.model.result.error_budget import ErrorBudget
 from uavgram.model.result.known import NOTHING_KNOWN, KnownResults
 from uavgram.model.result.noise import Noise
+from uavgram.model.result.orientation import OrientationCorrelation
 from uavgram.model.result.profiles import NO_PROFILES, ProfileResults
 from uavgram.model.result.reliability import ChecksOverall, Evidence, RemovalRecord, SecondOrder
 from uavgram.model.result.shared import AreaPlane, SharedResult
@@ -114,6 +115,9 @@ class Result:
     solution: SolutionSummary
     noise: Noise | None = None
     """How large errors are, as the survey shows; None where the stated sigmas were kept."""
+    orientation: OrientationCorrelation | None = None
+    """What the poses have in common with camera and plane; None in results of versions that did not
+    tell."""
     ties: TieSummary | None = None
     """All tie points together; None where none took part."""
     messages: tuple[Message, ...]

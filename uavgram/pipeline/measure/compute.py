@@ -64,6 +64,7 @@ from uavgram.stages.summarise import (
     summarise_shared,
     summarise_solution,
 )
+from uavgram.stages.summarise_orientation import summarise_orientation
 from uavgram.stages.summarise_ties import summarise_ties
 
 _GUESSED = (ASSUMED_CAMERA, UNKNOWN_CAMERA)
@@ -177,6 +178,7 @@ def compute(
         checks_overall=judged.checks_overall,
         solution=summarise_solution(refined, judged.groups, measured.others),
         noise=refined.noise,
+        orientation=summarise_orientation(adjustment),
         ties=tied.together,
         messages=messages,
         verdict=verdict,

@@ -13,12 +13,14 @@ from uavgram.imaging.top_view.mosaic import Mosaic
 from uavgram.io.outputs import replace_bytes, staged_output
 from uavgram.io.own_files import check_folder_of_project
 from uavgram.io.results.results_json import dump_results, write_results
+from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.model.result.ties import TieCloud
 from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.exports import exports
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.journal import Journal
+from uavgram.pipeline.measure.pictures import report_pictures
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.measure.tie_points import are_missing, with_ties_found
 from uavgram.pipeline.parallel import prefetch
@@ -105,13 +107,15 @@ def _write_outputs(
 ) -> None:
     with journal.step("write recording.rrd"):
         write_review(result, folder / "recording.rrd", progress, ties)
+    with journal.step("cut the report's pictures out of the photos"):
+        pictures = report_pictures(result)
     writers: dict[str, Callable[[Path], None]] = {
         **exports(result),
-        "report.html": lambda path: write_report(result, path),
+        "report.html": lambda path: write_report(result, path, pictures),
         "results.json": lambda path: write_results(result, path),
     }
     if pdf is not None:
-        writers["report.pdf"] = lambda path: write_pdf(result, path, pdf)
+        writers["report.pdf"] = lambda path: write_pdf(result, path, pdf, pictures)
     for name, write in progress(writers.items(), "writing", len(writers)):
         with journal.step(f"write {name}"):
             (folder / name).parent.mkdir(exist_ok=True)
@@ -119,7 +123,7 @@ def _write_outputs(
     journal.write(folder / "run.jsonl")
 
 
-def write_pdf(result: Result, path: Path, paper: Paper) -> None:
+def write_pdf(result: Result, path: Path, paper: Paper, pictures: Pictures = NO_PICTURES) -> None:
     """Write the report as a PDF.
 
     Parameters
@@ -130,6 +134,8 @@ def write_pdf(result: Result, path: Path, paper: Paper) -> None:
         The file to write.
     paper
         Its size.
+    pictures
+        Parts of its photos.
 
     Raises
     ------
@@ -137,7 +143,8 @@ def write_pdf(result: Result, path: Path, paper: Paper) -> None:
         The file cannot be written.
     """
     made = result.provenance.created_utc
-    page = report_pdf(render_report(result), dump_results(result), paper, result.name, made)
+    html = render_report(result, pictures)
+    page = report_pdf(html, dump_results(result), paper, result.name, made)
     replace_bytes(path, page)
 
 

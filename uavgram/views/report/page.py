@@ -11,10 +11,14 @@ import numpy as np
 
 from uavgram.errors import OutputError
 from uavgram.model.result.learnt_camera import learnt_camera
+from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment, units_shown
+from uavgram.views.report.annex import annex
+from uavgram.views.report.brief import brief
 from uavgram.views.report.budget import budget_table
 from uavgram.views.report.checks import checks_summary
+from uavgram.views.report.contents import with_contents
 from uavgram.views.report.gauge import gauge
 from uavgram.views.report.known import known_table
 from uavgram.views.report.measured import (
@@ -26,6 +30,7 @@ from uavgram.views.report.measured import (
     shift_text,
 )
 from uavgram.views.report.method import method_facts
+from uavgram.views.report.pictures import gallery
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.drawing import largest_sigmas
 from uavgram.views.survey.key_facts import key_facts
@@ -67,8 +72,19 @@ from uavgram.views.wording import (
 )
 
 
-def write_report(result: Result, path: str | os.PathLike[str]) -> None:
+def write_report(
+    result: Result, path: str | os.PathLike[str], pictures: Pictures = NO_PICTURES
+) -> None:
     """Write the report; the file is replaced only once the new one is complete.
+
+    Parameters
+    ----------
+    result
+        What a run computed.
+    path
+        The file to write.
+    pictures
+        Parts of its photos.
 
     Raises
     ------
@@ -77,7 +93,7 @@ def write_report(result: Result, path: str | os.PathLike[str]) -> None:
     """
     target = Path(path)
     unfinished = target.with_name(f".{target.name}.unfinished")
-    page = render_report(result)
+    page = render_report(result, pictures)
     try:
         unfinished.write_text(page, encoding="utf-8")
         unfinished.replace(target)
@@ -87,11 +103,11 @@ def write_report(result: Result, path: str | os.PathLike[str]) -> None:
         unfinished.unlink(missing_ok=True)
 
 
-def render_report(result: Result) -> str:
+def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
     """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
-    units = units_of(result)
+    units, first = units_of(result), brief(result)
     position_m, attitude_deg = largest_sigmas(result.frames.refined)
-    return (
+    return with_contents(
         page_environment()
         .get_template("report.html")
         .render(
@@ -106,6 +122,8 @@ def render_report(result: Result) -> str:
             frame_words=FRAME_STATUS_WORDS,
             verdict=verdict_words(result),
             status_words=STATUS_WORDS,
+            annex=annex(result),
+            brief=first,
             facts=key_facts(result),
             measured=computed_first(result.measurements),
             not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
@@ -121,7 +139,9 @@ def render_report(result: Result) -> str:
             second_order=second_order_note(result),
             alternatives=alternative_tables(result),
             profiles=profile_drawings(result),
+            gallery=gallery(result, pictures),
             view=top_view(result),
+            small_view=top_view(result, first.plan_height),
             ink=INK,
             place=place(result),
             why_to_neighbours=WHY_TO_NEIGHBOURS,
@@ -165,7 +185,7 @@ def _made_by(result: Result) -> dict[str, object]:
 
 def option_text(value: object) -> str:
     """An option as it was understood."""
-    if value is None:
+    if value is None or value == "":
         return "–"
     if isinstance(value, tuple | list):
         return ", ".join(map(option_text, value))

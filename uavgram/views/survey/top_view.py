@@ -133,8 +133,8 @@ class _Sheet:
         return np.stack([x, MARGIN + (self.north_m - north) * self.scale], axis=-1)
 
 
-def top_view(result: Result) -> TopView | None:
-    """Lay out the drawing; None where there is no point to draw."""
+def top_view(result: Result, most_height: float = MOST_HEIGHT) -> TopView | None:
+    """Lay out the drawing, not higher than that; None where there is no point to draw."""
     position = result.points.position_world_m
     if not len(position):
         return None
@@ -146,7 +146,7 @@ def top_view(result: Result) -> TopView | None:
     room = min(factor * float(major.max()), MOST_ROOM * extent_m)
     low, high = low - room, high + room
     size = np.maximum(high - low, 1.0)
-    scale = min((WIDTH - 2 * MARGIN) / size[0], (MOST_HEIGHT - 2 * MARGIN) / size[1])
+    scale = min((WIDTH - 2 * MARGIN) / size[0], (most_height - 2 * MARGIN) / size[1])
     sheet = _Sheet(
         west_m=float(low[0] - ((WIDTH - 2 * MARGIN) / scale - size[0]) / 2),
         north_m=float(high[1]),

@@ -1,0 +1,71 @@
+"""Parts of a photo for a report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.imaging.photos.cutouts import LONGEST_PX, cut_out
+from uavgram.model.arrays import Floats
+from uavgram.model.result.pictures import Region, Subject
+
+WIDTH, HEIGHT = 600, 400
+
+
+def region(left: int, top: int, width: int, height: int, subject: Subject = "point") -> Region:
+    return Region(
+        subject=subject, row=0, frame=0, left_px=left, top_px=top, width_px=width, height_px=height
+    )
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    v, u = np.mgrid[:HEIGHT, :WIDTH]
+    pixels = np.stack([u * 255 // WIDTH, v * 255 // HEIGHT, (u + v) // 4], axis=-1)
+    cv2.imwrite(str(tmp_path / "a.png"), pixels.astype(np.uint8))
+    return tmp_path / "a.png"
+
+
+def decoded(content: bytes) -> Floats:
+    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+    assert pixels is not None
+    return pixels.astype(np.float64)
+
+
+def test_a_part_shows_the_pixels_of_the_photo_and_says_that_they_are_as_stored(photo: Path) -> None:
+    (picture,) = cut_out(photo, [region(120, 200, 90, 60)])
+    wanted = decoded(photo.read_bytes())[200:260, 120:210]
+
+    assert decoded(picture.jpeg).shape == wanted.shape
+    assert np.abs(decoded(picture.jpeg) - wanted).max() < 8  # JPEG
+    assert (picture.shown_px, picture.stretch) == (90, None)
+
+
+def test_a_large_part_is_reduced(photo: Path) -> None:
+    (picture,) = cut_out(photo, [region(0, 0, WIDTH, HEIGHT)])
+    shown = decoded(picture.jpeg)
+
+    assert picture.shown_px == shown.shape[1] == LONGEST_PX["point"]
+    assert shown.shape[0] == LONGEST_PX["point"] * HEIGHT // WIDTH
+
+
+def test_a_dark_photo_is_brightened_alike_in_all_parts_and_says_so(
+    photo: Path, tmp_path: Path
+) -> None:
+    dark = (decoded(photo.read_bytes()) // 5).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "dark.png"), dark)
+    pictures = cut_out(tmp_path / "dark.png", [region(0, 0, 60, 60), region(400, 300, 60, 60)])
+
+    assert pictures[0].stretch == pictures[1].stretch is not None
+    assert decoded(pictures[1].jpeg).mean() > 2 * dark[300:360, 400:460].mean()
+
+
+def test_what_is_no_photo_is_refused_by_name(tmp_path: Path) -> None:
+    (tmp_path / "b.jpg").write_bytes(b"nothing")
+
+    with pytest.raises(InputError, match=r"b\.jpg"):
+        cut_out(tmp_path / "b.jpg", [region(0, 0, 9, 9)])

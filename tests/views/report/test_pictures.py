@@ -1,0 +1,147 @@
+"""Photos in the report, with what is drawn over them."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import replace
+from functools import cache
+from html import unescape
+
+import cv2
+import numpy as np
+import pytest
+import synthetic_survey as survey
+from html_page import Page
+
+from uavgram.model.provenance import InputDigest
+from uavgram.model.result.pictures import Picture, Pictures
+from uavgram.model.result.result import Result
+from uavgram.model.survey.observations import Source
+from uavgram.stages.products.picture_plan import picture_plan
+from uavgram.views.report import render_report
+from uavgram.views.report.pictures import Gallery, gallery
+from uavgram.views.wording import measurement_text
+
+STRETCH = (12.0, 96.0, 1.5)
+
+
+@cache
+def result() -> Result:
+    made = survey.build()
+    photos = tuple(
+        InputDigest(path=f"photos/{name}", sha256=f"{k:064x}", size_bytes=k)
+        for k, name in enumerate(made.frames.frame_id)
+    )
+    return replace(made, provenance=replace(made.provenance, inputs=photos))
+
+
+@cache
+def pictures() -> Pictures:
+    """Grey ones: what they show is not the subject here."""
+    plan = picture_plan(result())
+    grey = cv2.imencode(".jpg", np.full((8, 8), 128, np.uint8))[1].tobytes()
+    shown = [Picture(region=one, jpeg=grey, shown_px=8, stretch=STRETCH) for one in plan.regions]
+    return Pictures(shown=tuple(shown), left_out=("P77",))
+
+
+@cache
+def shown() -> Gallery:
+    made = gallery(result(), pictures())
+    assert made is not None
+    return made
+
+
+@cache
+def html() -> str:
+    return unescape(render_report(result(), pictures()))
+
+
+def test_without_photos_there_is_no_gallery_and_nothing_may_be_shown() -> None:
+    assert gallery(result(), Pictures()) is None
+    assert "img-src" not in render_report(result())
+
+
+def test_pictures_are_in_the_page_itself_which_allows_itself_no_others() -> None:
+    page = Page(render_report(result(), pictures()))
+    images = [str(attrs["href"]) for tag, attrs in page.tags if tag == "image"]
+    policy = [attrs["content"] for tag, attrs in page.tags if "http-equiv" in attrs]
+
+    assert len(images) == len(pictures().shown)
+    assert all(image.startswith("data:image/jpeg;base64,") for image in images)
+    assert base64.b64decode(images[0].partition(",")[2]) == pictures().shown[0].jpeg
+    assert policy == ["default-src 'none'; style-src 'unsafe-inline'; img-src data:"]
+
+
+def test_the_mark_of_a_point_is_where_it_was_picked() -> None:
+    made, picks = result(), result().picks
+    for one in shown().points:
+        image = made.frames.frame_id[one.region.frame]
+        (row,) = [
+            i
+            for i, pair in enumerate(zip(picks.image, picks.label, strict=True))
+            if pair == (image, one.name)
+        ]
+
+        assert any(
+            abs(mark.x - picks.pixel_px[row, 0]) < 0.006
+            and abs(mark.y - picks.pixel_px[row, 1]) < 0.006
+            for mark in one.marks
+        )
+        assert any(tag.text == one.name for tag in one.tags)
+
+
+def test_a_scale_bar_is_as_long_as_that_length_looks() -> None:
+    made = result()
+    one = shown().points[0]
+    poses, frame = made.frames.refined, one.region.frame
+    assert one.bar is not None
+    length_m = float(one.bar.text.removesuffix(" m"))
+    middle = made.points.position_world_m[one.region.row]
+    right = poses.world_from_camera[frame][:, 0]
+    ends = np.stack([middle - right * length_m / 2, middle + right * length_m / 2])
+    back = poses.world_from_camera[frame].T
+    turn = cv2.Rodrigues(back)[0]
+    lens = survey.LENS
+    matrix = np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]])
+    pixel = cv2.projectPoints(
+        ends, turn, -back @ poses.center_world_m[frame], matrix, lens[[4, 5, 6, 7, 8]]
+    )[0][:, 0]
+
+    assert one.bar.length == pytest.approx(np.linalg.norm(pixel[1] - pixel[0]), rel=1e-6)
+
+
+def test_each_picture_says_of_which_file_and_part_it_is_and_that_it_was_brightened() -> None:
+    one = shown().points[0]
+    part, frame = one.region, one.region.frame
+    name = result().frames.frame_id[frame]
+    columns = f"columns {part.left_px} to {part.left_px + part.width_px - 1}"
+
+    assert one.origin.startswith(f"{name} (SHA-256 {frame:064x}"[: len(name) + 22])
+    assert columns in one.origin
+    assert one.origin.endswith("brightened")
+    assert one.origin in html()
+    assert f"{frame:064x}" in html()
+    assert "values 12 to 96 of 0 to 255 are shown as black to white, gamma 1.50" in html()
+
+
+def test_who_picked_a_point_is_told_and_what_is_not_shown_is_named() -> None:
+    made = result()
+    label = shown().points[0].name
+    source: tuple[Source, ...] = tuple(
+        "target" if one == label else "hand" for one in made.picks.label
+    )
+    changed = replace(made, picks=replace(made.picks, source=source))
+    told = gallery(changed, pictures())
+
+    assert told is not None
+    assert told.points[0].told.startswith("found by the program (target)")
+    assert all(one.told.startswith("picked by a person") for one in told.points[1:])
+    assert "Not shown here: P77." in html()
+
+
+def test_the_value_of_a_measurement_stands_under_its_picture() -> None:
+    for one in shown().measurements:
+        row = measurement_text(result().measurements, result().measurements.name.index(one.name))
+
+        assert one.told.startswith(f"{row.value}, ")
+        assert one.lines

@@ -1,0 +1,74 @@
+"""Parts of photos that a report shows, and which parts those are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+Subject = Literal["overview", "point", "measurement"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Region:
+    """A part of a photo to be shown.
+
+    Attributes
+    ----------
+    subject, row
+        What it shows, and the row of that among the points or the measurements; 0 of an overview.
+    frame
+        Row of the photo among the frames.
+    left_px, top_px, width_px, height_px
+        Whole pixels of the photo: the first column and row, and how many.
+    """
+
+    subject: Subject
+    row: int
+    frame: int
+    left_px: int
+    top_px: int
+    width_px: int
+    height_px: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """What a region looks like.
+
+    Attributes
+    ----------
+    region
+        Of the photo.
+    jpeg
+        Of that part, perhaps reduced.
+    shown_px
+        Its width in pixels of its own: less than the region's where it is reduced.
+    stretch
+        Values of the photo that are shown as black and as white, and gamma; None where it is shown
+        as it is.
+    """
+
+    region: Region
+    jpeg: bytes = field(repr=False)
+    shown_px: int
+    stretch: tuple[float, float, float] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pictures:
+    """All that a report shows of the photos.
+
+    Attributes
+    ----------
+    shown
+        The overview first, then points and measurements by their rows.
+    left_out
+        Names of points and measurements of which no picture is shown.
+    """
+
+    shown: tuple[Picture, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+
+NO_PICTURES = Pictures()
+"""Of a report without photos."""

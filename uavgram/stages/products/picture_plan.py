@@ -1,0 +1,201 @@
+"""Which parts of which photos a report shows: few photos, so that few have to be decoded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.geometry.ground.row_projection import project_rows, row_poses
+from uavgram.model.arrays import Floats
+from uavgram.model.result.pictures import Region, Subject
+from uavgram.model.result.result import Result
+
+MOST_PHOTOS = 8
+MOST_POINTS, MOST_MEASUREMENTS = 120, 40
+POINT_SHARE, LEAST_POINT_PX, MOST_POINT_PX = 0.1, 150, 360
+"""Side of the part around a point: a share of the photo's width, within these bounds."""
+ROOM = 0.25
+"""Around the points of a measurement, as a share of their extent."""
+FLATTEST = 0.7
+"""No part around a measurement is lower, or narrower, than this share of its longer side."""
+
+
+class PicturePlan(NamedTuple):
+    """The parts to be shown, and the names of what none is shown of."""
+
+    regions: tuple[Region, ...]
+    left_out: tuple[str, ...]
+
+
+class _Seen(NamedTuple):
+    """By label, where points were picked in a photo, and where those and others lie in it."""
+
+    picked: dict[str, Floats]
+    lies: dict[str, Floats]
+
+
+class _Group(NamedTuple):
+    """Labels to be shown together, and whether they must have been picked in that photo."""
+
+    labels: frozenset[str]
+    picked: bool
+
+    def is_in(self, seen: _Seen) -> bool:
+        return self.labels <= (seen.picked if self.picked else seen.lies).keys()
+
+
+def picture_plan(result: Result) -> PicturePlan:
+    """Choose an overview, and a part for each point and each measurement that can be seen.
+
+    A point is shown in a photo in which it was picked, by a person where there is one; of a
+    measurement, ends may also lie where the adjustment puts them.
+    """
+    seen = _seen(result)
+    points = [_Group(frozenset([label]), picked=True) for label in result.points.label]
+    measured = [_Group(frozenset(labels), picked=False) for labels in _ends(result)]
+    frames = _chosen(seen, [*points, *(group for group in measured if group.labels)])
+    if not frames:
+        return PicturePlan((), ())
+    size = {"width_px": result.camera.width_px, "height_px": result.camera.height_px}
+    overview = Region(subject="overview", row=0, frame=frames[0], left_px=0, top_px=0, **size)
+    regions = (
+        overview,
+        *list(_parts(result, "point", points, frames, seen))[:MOST_POINTS],
+        *_first(result, list(_parts(result, "measurement", measured, frames, seen))),
+    )
+    return PicturePlan(regions, _left_out(result, regions))
+
+
+def _first(result: Result, regions: list[Region]) -> list[Region]:
+    """As many as are shown: those that something is wrong with, then the least certain ones."""
+    rows = result.measurements
+    with np.errstate(divide="ignore", invalid="ignore"):
+        doubt = np.nan_to_num(rows.sigma / np.abs(rows.value))
+    fine = np.array([status == "ok" for status in rows.status], dtype=np.bool_)
+    regions = sorted(regions, key=lambda one: (bool(fine[one.row]), -float(doubt[one.row])))
+    return regions[:MOST_MEASUREMENTS]
+
+
+def _parts(
+    result: Result,
+    subject: Subject,
+    groups: Sequence[_Group],
+    frames: Sequence[int],
+    seen: dict[int, _Seen],
+) -> Iterator[Region]:
+    """Of each group, in the photo in which most of it was picked."""
+    by_hand = {
+        (image, label)
+        for image, label, hand in zip(
+            result.picks.image, result.picks.label, result.picks.by_hand, strict=True
+        )
+        if hand
+    }
+    for row, group in enumerate(groups):
+        showing = [frame for frame in frames if group.labels and group.is_in(seen[frame])]
+        if showing:
+            names = result.frames.frame_id
+            best = max(
+                showing,
+                key=lambda f: (
+                    len(group.labels & seen[f].picked.keys()),
+                    sum((names[f], label) in by_hand for label in group.labels),
+                    -frames.index(f),
+                ),
+            )
+            at = np.stack([seen[best].lies[label] for label in sorted(group.labels)])
+            yield _around(result, subject, row, best, at)
+
+
+def _seen(result: Result) -> dict[int, _Seen]:
+    """By frame that was adjusted and has picks: where points are in it."""
+    frame_of = {name: k for k, name in enumerate(result.frames.frame_id)}
+    seen: dict[int, _Seen] = {}
+    picks = result.picks
+    for i in np.argsort(picks.by_hand, kind="stable").tolist():  # what a person picked stays
+        frame = frame_of[picks.image[i]]
+        if picks.status[i] in ("used", "suspect") and result.has_refined[frame]:
+            one = seen.setdefault(frame, _Seen({}, {}))
+            one.picked[picks.label[i]] = picks.pixel_px[i]
+    for frame, one in seen.items():
+        one.lies.update(_adjusted(result, frame) | one.picked)
+    return seen
+
+
+def _adjusted(result: Result, frame: int) -> dict[str, Floats]:
+    """Where the adjustment puts the points that lie in a photo."""
+    pixel = project_rows(
+        result.camera,
+        result.shared.intrinsics.value,
+        row_poses(result, frame),
+        result.points.position_world_m,
+    )
+    size = np.array([result.camera.width_px, result.camera.height_px])
+    inside = ((pixel >= -0.5) & (pixel <= size - 0.5)).all(axis=1)
+    return {result.points.label[k]: pixel[k] for k in np.flatnonzero(inside)}
+
+
+def _ends(result: Result) -> tuple[tuple[str, ...], ...]:
+    """(M,) labels of each computed measurement's points; none of one that is no shape."""
+    known, rows = set(result.points.label), result.measurements
+    return tuple(
+        labels if kind != "coordinate" and np.isfinite(value) and known.issuperset(labels) else ()
+        for kind, labels, value in zip(rows.kind, rows.outlines, rows.value, strict=True)
+    )
+
+
+def _chosen(seen: dict[int, _Seen], wanted: Sequence[_Group]) -> list[int]:
+    """Frames that show most of what those before do not; the one that shows most is the first."""
+    chosen: list[int] = []
+    missing = list(wanted)
+    while len(chosen) < MOST_PHOTOS:
+        gain = {
+            frame: sum(group.is_in(one) for group in missing)
+            for frame, one in sorted(seen.items())
+            if frame not in chosen
+        }
+        best = max(gain, key=lambda frame: gain[frame], default=None)
+        if best is None or not gain[best]:
+            break
+        chosen.append(best)
+        missing = [group for group in missing if not group.is_in(seen[best])]
+    return chosen
+
+
+def _around(result: Result, subject: Subject, row: int, frame: int, pixel_px: Floats) -> Region:
+    """The part around (n, 2) pixels, inside the photo."""
+    photo = np.array([result.camera.width_px, result.camera.height_px])
+    least = np.clip(POINT_SHARE * photo[0], LEAST_POINT_PX, MOST_POINT_PX)
+    low, high = pixel_px.min(axis=0), pixel_px.max(axis=0)
+    extent = high - low
+    room = ROOM * extent.max()
+    size = np.maximum(extent + 2 * room, least)
+    size = np.maximum(size, FLATTEST * size.max())
+    size = np.minimum(np.ceil(size), photo).astype(int)
+    start = np.round((low + high) / 2 - size / 2).astype(int)
+    left, top = np.clip(start, 0, photo - size).tolist()
+    width, height = size.tolist()
+    return Region(
+        subject=subject,
+        row=row,
+        frame=frame,
+        left_px=left,
+        top_px=top,
+        width_px=width,
+        height_px=height,
+    )
+
+
+def _left_out(result: Result, regions: Sequence[Region]) -> tuple[str, ...]:
+    shown = {(region.subject, region.row) for region in regions}
+    points = [n for k, n in enumerate(result.points.label) if ("point", k) not in shown]
+    measured = [
+        name
+        for k, (name, labels) in enumerate(
+            zip(result.measurements.name, _ends(result), strict=True)
+        )
+        if labels and ("measurement", k) not in shown
+    ]
+    return (*points, *measured)

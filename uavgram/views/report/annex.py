@@ -1,0 +1,175 @@
+"""The statistics that an expert asks for: orientations, their correlations, and residuals."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.result.orientation import POSE_NAMES
+from uavgram.model.result.result import Result
+from uavgram.views.survey.drawing import flight_order
+from uavgram.views.wording import number
+
+MOST_POSES, MOST_MATRICES = 120, 16
+"""Photos whose pose, and whose matrix with the camera, is printed; results.json has them all."""
+
+TO_PHOTO_AXES = np.diag([1.0, -1.0, -1.0])
+"""From right, down, forward to photogrammetry's right, up, back."""
+
+
+class Pose(NamedTuple):
+    """An adjusted photo: centre and its sigmas [m], omega, phi, kappa and sigmas [°]."""
+
+    name: str
+    center_m: Floats
+    sigma_m: Floats
+    angles_deg: Floats
+    turn_sigma_deg: Floats
+    correlations: tuple[str, ...]
+
+
+class Matrix(NamedTuple):
+    """Correlations: a title, names of the columns, and rows with theirs."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, tuple[str, ...]], ...]
+
+
+class Residuals(NamedTuple):
+    """Of the picks in one photo: how many, rms right and down [px], the largest and its label."""
+
+    name: str
+    picks: int
+    rms: tuple[str, str]
+    largest: str
+    label: str
+
+
+class Annex(NamedTuple):
+    """Everything in the annex.
+
+    Attributes
+    ----------
+    poses, poses_more
+        Adjusted photos, and how many are not shown.
+    pairs
+        Names of the columns of correlations within a pose.
+    shared, matrices, matrices_more
+        Correlations of what all photos share; of each pose with it; how many are not shown.
+    residuals
+        By photo.
+    """
+
+    poses: tuple[Pose, ...]
+    poses_more: int
+    pairs: tuple[str, ...]
+    shared: Matrix | None
+    matrices: tuple[Matrix, ...]
+    matrices_more: int
+    residuals: tuple[Residuals, ...]
+
+
+def annex(result: Result) -> Annex:
+    """Lay out the annex, photos in the order of flight."""
+    order = [int(f) for f in flight_order(result) if result.has_refined[f]]
+    shared, matrices = _matrices(result, order)
+    short = ("E", "N", "U", "x", "y", "z")
+    upper = zip(*np.triu_indices(6, 1), strict=True)
+    return Annex(
+        poses=tuple(_pose(result, frame) for frame in order[:MOST_POSES]),
+        poses_more=len(order[MOST_POSES:]),
+        pairs=tuple(f"{short[i]}{short[j]}" for i, j in upper),
+        shared=shared,
+        matrices=matrices[:MOST_MATRICES],
+        matrices_more=len(matrices[MOST_MATRICES:]),
+        residuals=tuple(_residuals(result, frame) for frame in order),
+    )
+
+
+def omega_phi_kappa_deg(world_from_camera: Floats) -> Floats:
+    """(3,) angles that turn photo axes (right, up, back) into east, north, up.
+
+    R = Rx(omega) Ry(phi) Rz(kappa): Luhmann et al., Close-Range Photogrammetry, 2.2.2.
+
+    Parameters
+    ----------
+    world_from_camera
+        (3, 3) of axes right, down, forward.
+    """
+    turn = world_from_camera @ TO_PHOTO_AXES
+    omega = np.arctan2(-turn[1, 2], turn[2, 2])
+    phi = np.arcsin(np.clip(turn[0, 2], -1.0, 1.0))
+    kappa = np.arctan2(-turn[0, 1], turn[0, 0])
+    return np.asarray(np.degrees([omega, phi, kappa]), dtype=np.float64)
+
+
+def _pose(result: Result, frame: int) -> Pose:
+    poses = result.frames.refined
+    covariance = poses.covariance[frame]
+    sigma = np.sqrt(np.diagonal(covariance))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        correlation = covariance / np.outer(sigma, sigma)
+    return Pose(
+        name=result.frames.frame_id[frame],
+        center_m=poses.center_world_m[frame],
+        sigma_m=sigma[:3],
+        angles_deg=omega_phi_kappa_deg(poses.world_from_camera[frame]),
+        turn_sigma_deg=np.degrees(sigma[3:]),
+        correlations=_numbers(correlation[np.triu_indices(6, 1)]),
+    )
+
+
+def _numbers(values: Floats) -> tuple[str, ...]:
+    return tuple(number(float(value), 2) for value in values)
+
+
+def _matrices(result: Result, order: list[int]) -> tuple[Matrix | None, tuple[Matrix, ...]]:
+    known = result.orientation
+    if known is None:
+        return None, ()
+    names = known.parameters
+    shared = Matrix(
+        "",
+        names,
+        tuple((name, _numbers(row)) for name, row in zip(names, known.shared, strict=True)),
+    )
+    at = {name: k for k, name in enumerate(known.frame_id)}
+    titles = [result.frames.frame_id[frame] for frame in order]
+    matrices = tuple(
+        Matrix(
+            title,
+            names,
+            tuple(
+                (name, _numbers(row))
+                for name, row in zip(POSE_NAMES, known.with_pose[at[title]], strict=True)
+            ),
+        )
+        for title in titles
+        if title in at
+    )
+    return shared, matrices
+
+
+def _residuals(result: Result, frame: int) -> Residuals:
+    picks, name = result.picks, result.frames.frame_id[frame]
+    rows = [
+        i
+        for i, (image, status) in enumerate(zip(picks.image, picks.status, strict=True))
+        if image == name and status in ("used", "suspect")
+    ]
+    if not rows:
+        return Residuals(name, 0, ("–", "–"), "–", "–")
+    residual = picks.residual_px[rows]
+    rms = np.sqrt(np.mean(residual**2, axis=0))
+    size = np.linalg.norm(residual, axis=1)
+    worst = int(np.argmax(size))
+    return Residuals(
+        name,
+        len(rows),
+        (number(float(rms[0]), 2), number(float(rms[1]), 2)),
+        number(float(size[worst]), 2),
+        picks.label[rows[worst]],
+    )

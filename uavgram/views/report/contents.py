@@ -1,0 +1,15 @@
+"""The contents of a page, made of its own headings: each section that is there, and no other."""
+
+from __future__ import annotations
+
+import re
+
+PLACE = "<!-- contents -->"
+_HEADING = re.compile(r'<section id="([\w-]+)">\s*<h2>(.*?)</h2>', re.DOTALL)
+
+
+def with_contents(html: str) -> str:
+    """The page with a list of its sections at the place for it; the PDF adds numbers of pages."""
+    rows = [f'<li><a href="#{name}">{words}</a></li>' for name, words in _HEADING.findall(html)]
+    listed = "\n".join(rows)
+    return html.replace(PLACE, f'<nav class="contents">\n<ol>\n{listed}\n</ol>\n</nav>', 1)

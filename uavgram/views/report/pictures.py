@@ -1,0 +1,296 @@
+"""Photos in the report: parts of them as stored, with marks drawn over them as lines."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.geometry.ground.row_projection import row_poses
+from uavgram.model.arrays import Floats
+from uavgram.model.result.pictures import Picture, Pictures, Region
+from uavgram.model.result.result import Result
+from uavgram.model.survey.observations import Source
+from uavgram.stages.products.map_layers import measured_strips, reference_strips
+from uavgram.views.style import BAD, MEASURED, OBSERVED, REFERENCE, hex_colour
+from uavgram.views.survey.drawing import project_from, sampled, uncovered, visible_runs
+from uavgram.views.survey.sources import measured_alone
+from uavgram.views.survey.verdict import STATUS_WORDS
+from uavgram.views.units import round_bar, units_of
+from uavgram.views.wording import measurement_text, number, size_text
+
+WIDTHS = {"overview": 900.0, "measurement": 440.0, "point": 210.0}
+"""Of a picture on the page: marks are drawn as large as they are on a drawing of this width."""
+LETTER = 6.0
+"""Width of a letter of a name, in the same unit."""
+PICKED_BY: dict[Source, str] = {
+    "hand": "picked by a person",
+    "match": "found by the program (matched)",
+    "target": "found by the program (target)",
+}
+
+
+@dataclass(frozen=True)
+class Inline:
+    """A picture as an address that holds it; no text, in which lengths would be sought."""
+
+    jpeg: bytes
+
+    def __html__(self) -> str:
+        return f"data:image/jpeg;base64,{base64.b64encode(self.jpeg).decode()}"
+
+
+class Mark(NamedTuple):
+    """A pick: where, its shape (by who made it) and its colour."""
+
+    x: float
+    y: float
+    shape: str
+    colour: str
+
+
+class Tag(NamedTuple):
+    """A name beside a mark: middle, half its width, and the text."""
+
+    x: float
+    y: float
+    half: float
+    text: str
+
+
+class Bar(NamedTuple):
+    """A scale bar in pixels of the photo, and its length in words."""
+
+    length: float
+    text: str
+
+
+class Shown(NamedTuple):
+    """A picture with what is drawn over it, in pixels of the photo.
+
+    Attributes
+    ----------
+    region
+        Of the photo.
+    data
+        The picture itself.
+    unit
+        Pixels of the photo for one unit of a drawing.
+    lines
+        Points of polylines, and their colour.
+    marks, tags, bar
+        Picks, names, and what a length along the photo's rows looks like in the middle.
+    name, told
+        What it shows, and what is to be said of that.
+    origin
+        From which file and part of it.
+    """
+
+    region: Region
+    data: Inline
+    unit: float
+    lines: tuple[tuple[str, str], ...]
+    marks: tuple[Mark, ...]
+    tags: tuple[Tag, ...]
+    bar: Bar | None
+    name: str
+    told: str
+    origin: str
+
+
+class PhotoFile(NamedTuple):
+    """A photo that is shown: its name and SHA-256, and how it was brightened."""
+
+    name: str
+    sha256: str
+    stretch: str
+
+
+class Gallery(NamedTuple):
+    """All pictures of a report."""
+
+    files: tuple[PhotoFile, ...]
+    overview: tuple[Shown, ...]
+    measurements: tuple[Shown, ...]
+    points: tuple[Shown, ...]
+    left_out: tuple[str, ...]
+
+
+def gallery(result: Result, pictures: Pictures) -> Gallery | None:
+    """Lay out the pictures; None where there is none."""
+    if not pictures.shown:
+        return None
+    by_subject: dict[str, list[Shown]] = {"overview": [], "measurement": [], "point": []}
+    for picture in pictures.shown:
+        by_subject[picture.region.subject].append(_shown(result, picture))
+    stretch = {one.region.frame: _stretch_text(one) for one in pictures.shown}
+    names = result.frames.frame_id
+    return Gallery(
+        files=tuple(
+            PhotoFile(names[f], photo_sha256(result, f), words)
+            for f, words in sorted(stretch.items())
+        ),
+        overview=tuple(by_subject["overview"]),
+        measurements=tuple(by_subject["measurement"]),
+        points=tuple(by_subject["point"]),
+        left_out=pictures.left_out,
+    )
+
+
+def photo_sha256(result: Result, frame: int) -> str:
+    """Of the photo's file, as the chain of custody has it; empty where that names none."""
+    path = Path(result.frames.path[frame])
+    named = [one for one in result.provenance.inputs if Path(one.path).name == path.name]
+    exact = [one for one in named if path.as_posix().endswith(f"/{one.path}")]
+    return next((one.sha256 for one in (*exact, *named[:1])), "")
+
+
+def _stretch_text(picture: Picture) -> str:
+    if picture.stretch is None:
+        return "as stored"
+    black, white, gamma = picture.stretch
+    return (
+        f"brightened to be seen: values {number(black, 0)} to {number(white, 0)} of 0 to 255 are "
+        f"shown as black to white, gamma {number(gamma, 2)}"
+    )
+
+
+def _shown(result: Result, picture: Picture) -> Shown:
+    region = picture.region
+    unit = region.width_px / WIDTHS[region.subject]
+    marks, tags = _marks(result, region, unit)
+    name, told = _words(result, region)
+    return Shown(
+        region=region,
+        data=Inline(picture.jpeg),
+        unit=unit,
+        lines=tuple(_lines(result, region)),
+        marks=marks,
+        tags=tags,
+        bar=_bar(result, region),
+        name=name,
+        told=told,
+        origin=_origin(result, picture),
+    )
+
+
+def _origin(result: Result, picture: Picture) -> str:
+    region = picture.region
+    digest = photo_sha256(result, region.frame)
+    of = f" (SHA-256 {digest[:12]}…)" if digest else ""
+    right, bottom = region.left_px + region.width_px - 1, region.top_px + region.height_px - 1
+    reduced = picture.shown_px < region.width_px
+    return (
+        f"{result.frames.frame_id[region.frame]}{of}, columns {region.left_px} to {right}, rows "
+        f"{region.top_px} to {bottom}"
+        + (f", reduced to {picture.shown_px} columns" if reduced else "")
+        + (", brightened" if picture.stretch else "")
+    )
+
+
+def _words(result: Result, region: Region) -> tuple[str, str]:
+    if region.subject == "overview":
+        return "Overview", "The photo that shows most of the points and measurements."
+    if region.subject == "point":
+        label = result.points.label[region.row]
+        made = [
+            i
+            for i in _picks_in(result, region)
+            if result.picks.label[i] == label and result.picks.status[i] != "removed"
+        ]
+        sources = [result.picks.source[i] for i in made]
+        who = PICKED_BY["hand" if "hand" in sources else sources[0]] if sources else ""
+        count = len(result.points.frames[region.row])
+        sigma = float(result.points.neighbour_sigma_m[region.row])
+        near = f"; ± {size_text(sigma)} to its neighbours" if np.isfinite(sigma) else ""
+        return label, f"{who}; used in {count} photo{'' if count == 1 else 's'}{near}"
+    row = measurement_text(result.measurements, region.row, units_of(result))
+    alone = measured_alone(result)[region.row]
+    status = STATUS_WORDS[result.measurements.status[region.row]]
+    return row.name, f"{row.value}, {status}{f' ({alone})' if alone else ''}"
+
+
+def _inside(region: Region, pixel: Floats) -> bool:
+    low = np.array([region.left_px, region.top_px]) - 0.5
+    return bool(
+        (pixel >= low).all()
+        and (pixel <= low + np.array([region.width_px, region.height_px])).all()
+    )
+
+
+def _picks_in(result: Result, region: Region) -> list[int]:
+    """Rows of the picks in a region that the adjustment looked at, used ones first."""
+    picks, name = result.picks, result.frames.frame_id[region.frame]
+    here = [
+        i
+        for i, image in enumerate(picks.image)
+        if image == name and picks.status[i] != "unused" and _inside(region, picks.pixel_px[i])
+    ]
+    return sorted(here, key=lambda i: picks.status[i] == "removed")
+
+
+def _marks(result: Result, region: Region, unit: float) -> tuple[tuple[Mark, ...], tuple[Tag, ...]]:
+    picks = result.picks
+    rows = _picks_in(result, region)
+    marks, tags = [], []
+    for i in rows:
+        x, y = (round(float(part), 2) for part in picks.pixel_px[i])
+        wrong = picks.status[i] in ("suspect", "removed")
+        shape = "removed" if picks.status[i] == "removed" else picks.source[i]
+        marks.append(Mark(x, y, shape, hex_colour(BAD if wrong else OBSERVED)))
+        half = (LETTER * len(picks.label[i]) / 2 + 3) * unit
+        left, right = region.left_px + half, region.left_px + region.width_px - half
+        below = y + (31 if region.subject == "point" else 22) * unit
+        if below > region.top_px + region.height_px - 6 * unit:
+            below = y - (22 if region.subject == "point" else 14) * unit
+        tags.append(Tag(min(max(x, left), max(right, left)), below, half, picks.label[i]))
+    own = result.points.label[region.row] if region.subject == "point" else ""
+    tags.sort(key=lambda tag: tag.text != own)
+    anchors = np.reshape([(tag.x, tag.y) for tag in tags], (-1, 2))
+    free = uncovered(anchors, np.array([tag.half for tag in tags]), 15 * unit, len(tags) or 1)
+    return tuple(marks), tuple(tags[i] for i in free)
+
+
+def _lines(result: Result, region: Region) -> Iterator[tuple[str, str]]:
+    """Measurements, and in the overview known lengths, where the adjustment puts them."""
+    if region.subject == "point":
+        return
+    measured = measured_strips(result)
+    strips = []
+    if region.subject == "overview":
+        known = reference_strips(result)
+        strips += [(strip, REFERENCE) for strip in known.values()]
+        strips += [(strip, MEASURED) for some in measured.values() for strip in some]
+    else:
+        strips += [(strip, MEASURED) for strip in measured.get(region.row, [])]
+    poses = row_poses(result, region.frame)
+    for strip, colour in strips:
+        for run in visible_runs(project_from(result, poses, sampled(strip))):
+            yield " ".join(f"{x:.1f},{y:.1f}" for x, y in run), hex_colour(colour)
+
+
+def _bar(result: Result, region: Region) -> Bar | None:
+    """What a length looks like at the depth of what is shown; None in an overview."""
+    if region.subject == "overview":
+        return None
+    labels = (
+        (result.points.label[region.row],)
+        if region.subject == "point"
+        else result.measurements.outlines[region.row]
+    )
+    rows = [result.points.label.index(label) for label in labels]
+    middle = result.points.position_world_m[rows].mean(axis=0)
+    poses = row_poses(result, region.frame)
+    depth_m = float((middle - poses.center) @ poses.rotation[:, 2])
+    if not depth_m > 0:
+        return None
+    pixel_m = depth_m / float(result.shared.intrinsics.value[0])
+    bar_m, text = round_bar(0.35 * region.width_px * pixel_m, units_of(result))
+    half = poses.rotation[:, 0] * bar_m / 2
+    ends = project_from(result, poses, np.stack([middle - half, middle + half]))
+    length = float(np.linalg.norm(ends[1] - ends[0]))
+    return Bar(length, text) if np.isfinite(length) else None
