@@ -19,6 +19,7 @@ from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.exports import exports
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.journal import Journal
+from uavgram.pipeline.measure.plan import PLAN_PDF, PlanWish, write_plan
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.measure.tie_points import are_missing, with_ties_found
 from uavgram.pipeline.parallel import prefetch
@@ -46,6 +47,7 @@ def run(
     progress: Progress = silent,
     sampling: Sampling | None = None,
     pdf: Paper | None = None,
+    plan: PlanWish | None = None,
 ) -> Result:
     """Run a project from its inputs to its outputs.
 
@@ -61,6 +63,8 @@ def run(
         A Monte Carlo check of the measurements.
     pdf
         Paper of a report.pdf; None: there is none.
+    plan
+        Paper and scale of plan.pdf and plan.png; None: there is none.
 
     Returns
     -------
@@ -91,7 +95,7 @@ def run(
     journal.result(result)
     if folder is not None:
         with staged_output(Path(folder), inputs.files, inputs.photos.path) as staging:
-            _write_outputs(result, ties, staging, journal, progress, pdf)
+            _write_outputs(result, ties, staging, journal, progress, pdf, plan)
     return result
 
 
@@ -102,6 +106,7 @@ def _write_outputs(
     journal: Journal,
     progress: Progress,
     pdf: Paper | None = None,
+    plan: PlanWish | None = None,
 ) -> None:
     with journal.step("write recording.rrd"):
         write_review(result, folder / "recording.rrd", progress, ties)
@@ -112,6 +117,8 @@ def _write_outputs(
     }
     if pdf is not None:
         writers["report.pdf"] = lambda path: write_pdf(result, path, pdf)
+    if plan is not None:
+        writers[PLAN_PDF] = lambda path: write_plan(result, plan, path.parent)
     for name, write in progress(writers.items(), "writing", len(writers)):
         with journal.step(f"write {name}"):
             (folder / name).parent.mkdir(exist_ok=True)
