@@ -15,8 +15,8 @@ from uavgram.stages.products.map_layers import measured_strips
 MARGIN_MM = 10.0
 """Around the sheet: printers leave about half of it white."""
 
-LEGEND_MM = 50.0
-"""Height of the strip below the frame."""
+LEGEND_MM = (50.0, 66.0)
+"""Of the legend: its height below the frame of a sheet that stands, its width beside a lying one."""
 
 OVERLAP_MM = 10.0
 MOST_SHEETS = 100
@@ -100,13 +100,10 @@ def _frame(
     size: tuple[float, float],
 ) -> tuple[tuple[float, float], tuple[float, float, float, float]]:
     """Paper as it is turned, and the frame on it."""
-    bottom = MARGIN_MM + LEGEND_MM
-    return size, (
-        MARGIN_MM,
-        bottom,
-        size[0] - 2 * MARGIN_MM,
-        size[1] - bottom - MARGIN_MM,
-    )
+    width, height = size[0] - 2 * MARGIN_MM, size[1] - 2 * MARGIN_MM
+    if size[0] < size[1]:
+        return size, (MARGIN_MM, MARGIN_MM + LEGEND_MM[0], width, height - LEGEND_MM[0])
+    return size, (MARGIN_MM, MARGIN_MM, width - LEGEND_MM[1], height)
 
 
 def _round_scale(size_m: Floats, frame: tuple[float, ...], steps: tuple[float, ...]) -> int:

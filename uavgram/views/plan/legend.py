@@ -18,10 +18,10 @@ from uavgram.views.units import round_bar, spread_text, units_of
 
 TEXT_PT, TITLE_PT, FOOT_PT = 6.0, 11.0, 5.0
 BAR_MM = 50.0
-SIGNS_MM, NOTES_MM = 62.0, 98.0
-"""Where the columns of the strip begin, from its left."""
+SIGNS_MM, NOTES_MM = 60.0, 106.0
+"""Where the columns below a frame begin, from its left."""
 
-LETTER_MM = 1.06
+LETTER_MM = 1.1
 """Of a line of notes, the usual width of a letter."""
 
 INDEX_MM = 22.0
@@ -31,14 +31,14 @@ LEANS = (
     "away from the camera and is not where it seems: only its surveyed points are in their place."
 )
 ACTUAL_SIZE = (
-    'Print at "actual size" (100 %), then hold a ruler to the scale bar: it must be {bar} mm long.'
+    'Print at "actual size" (100 %) and hold a ruler to the scale bar: it says how long it must be.'
 )
 
 
 def draw_legend(
     sheet: Sheet, result: Result, title: str, notes: tuple[str, ...], foot: str
 ) -> None:
-    """Fill the strip.
+    """Fill the paper below the frame, or beside it where the sheet lies.
 
     Parameters
     ----------
@@ -53,19 +53,30 @@ def draw_legend(
     foot
         One line at the very bottom.
     """
-    left, bottom, across, _ = sheet.plan.frame_mm
-    top = bottom - 3.0
-    _write(sheet, left, top - 2.5, result.name, TITLE_PT, weight="bold")
-    _write(sheet, left, top - 8.0, f"Plan 1:{sheet.plan.scale}, {title}", 8.0)
-    bar_mm = _scale_bar(sheet, result, left, top - 15.0)
-    _north(sheet, left + 53.0, top - 9.0)
-    told = (headline(result), ACTUAL_SIZE.format(bar=f"{bar_mm:.1f}"), LEANS, *notes)
-    _signs(sheet, result, left + SIGNS_MM, top - 1.5)
+    left, bottom, across, up = sheet.plan.frame_mm
+    told = (headline(result), ACTUAL_SIZE, LEANS, *notes)
     index = INDEX_MM + 4.0 if len(sheet.plan.sheets) > 1 else 0.0
-    _paragraphs(sheet, told, left + NOTES_MM, top - 1.5, across - NOTES_MM - index)
-    if index:
+    if sheet.plan.paper_mm[0] < sheet.plan.paper_mm[1]:
+        top = bottom - 3.0
+        _title(sheet, result, title, left, top)
+        _signs(sheet, result, left + SIGNS_MM, top - 1.5)
+        _paragraphs(sheet, told, left + NOTES_MM, top - 1.5, across - NOTES_MM - index)
         _index(sheet, left + across - INDEX_MM, top - 1.0)
-    _write(sheet, left, 8.0, foot, FOOT_PT, colour=QUIET)
+    else:
+        left, top = left + across + 5.0, bottom + up
+        right = sheet.plan.paper_mm[0] - sheet.plan.frame_mm[0]
+        _title(sheet, result, title, left, top)
+        below = _signs(sheet, result, left, top - 26.0)
+        below = _paragraphs(sheet, told, left, below - 2.0, right - left)
+        _index(sheet, left, below - 2.0)
+    _write(sheet, sheet.plan.frame_mm[0], 6.5, foot, FOOT_PT, colour=QUIET)
+
+
+def _title(sheet: Sheet, result: Result, title: str, left: float, top: float) -> None:
+    _write(sheet, left, top - 2.5, result.name, TITLE_PT, weight="bold")
+    _write(sheet, left, top - 8.0, f"Plan 1:{sheet.plan.scale}, {title}", 7.0)
+    _scale_bar(sheet, result, left, top - 14.0)
+    _north(sheet, left + 53.0, top - 14.5)
 
 
 def accuracy_note(result: Result) -> str:
@@ -97,8 +108,8 @@ def _write(
     )
 
 
-def _scale_bar(sheet: Sheet, result: Result, left: float, y: float) -> float:
-    """Draw it; how long it is on paper [mm]."""
+def _scale_bar(sheet: Sheet, result: Result, left: float, y: float) -> None:
+    """Draw it, with its length on the ground and on paper."""
     bar_m, words = round_bar(BAR_MM * sheet.plan.scale / 1000.0, units_of(result))
     long = bar_m * 1000.0 / sheet.plan.scale
     for k in range(5):
@@ -115,7 +126,7 @@ def _scale_bar(sheet: Sheet, result: Result, left: float, y: float) -> float:
         )
     _write(sheet, left, y - 3.2, "0", TEXT_PT)
     _write(sheet, left + long, y - 3.2, words, TEXT_PT, align="center")
-    return long
+    _write(sheet, left + long / 2, y - 3.2, f"{long:.1f} mm on paper", FOOT_PT, align="center")
 
 
 def _north(sheet: Sheet, x: float, y: float) -> None:
@@ -124,9 +135,9 @@ def _north(sheet: Sheet, x: float, y: float) -> None:
     _write(sheet, x, y + 6.6, "N", 7.0, align="center")
 
 
-def _signs(sheet: Sheet, result: Result, x: float, y: float) -> None:
-    """Only those that occur in the survey."""
-    rows = [(INK["measured"], (), "measured, ± one standard deviation")]
+def _signs(sheet: Sheet, result: Result, x: float, y: float) -> float:
+    """Only those that occur in the survey; where they end."""
+    rows = [(INK["measured"], (), "measured ± standard deviation")]
     words = {
         "used": "known length, used",
         "checked": "known length, withheld",
@@ -154,19 +165,24 @@ def _signs(sheet: Sheet, result: Result, x: float, y: float) -> None:
             Polygon(shape, closed=True, fill=False, edgecolor=INK["above"], linewidth=LINE_PT)
         )
         _write(sheet, x + 8.5, at, "off the ground, and how high", TEXT_PT)
+    return at - 3.0
 
 
-def _paragraphs(sheet: Sheet, told: tuple[str, ...], x: float, y: float, width_mm: float) -> None:
+def _paragraphs(sheet: Sheet, told: tuple[str, ...], x: float, y: float, width_mm: float) -> float:
+    """Write them below each other; where they end."""
     for text in told:
         for line in textwrap.wrap(text, max(int(width_mm / LETTER_MM), 20)):
             _write(sheet, x, y, line, TEXT_PT)
             y -= 2.6
         y -= 0.7
+    return y
 
 
 def _index(sheet: Sheet, x: float, y: float) -> None:
-    """All sheets, small; this one is filled."""
+    """All sheets, small; this one is filled. One alone needs none."""
     plan = sheet.plan
+    if len(plan.sheets) == 1:
+        return
     side = min(INDEX_MM / plan.columns, INDEX_MM / plan.rows)
     for one in plan.sheets:
         face = "#c9d3df" if one.number == sheet.sheet.number else PAPER

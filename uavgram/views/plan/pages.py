@@ -96,7 +96,7 @@ def _sheets(content: PlanContent) -> Iterator[Sheet]:
     title = "one sheet"
     if is_tiled:
         outline_sheets(first, plan)
-        title = f"overview of the {len(plan.sheets)} sheets at 1:{plan.scale}"
+        title = f"overview of {len(plan.sheets)} sheets 1:{plan.scale}"
     yield _finished(content, first, title)
     if is_tiled:
         for one in plan.sheets:
@@ -123,8 +123,8 @@ def _finished(content: PlanContent, sheet: Sheet, title: str) -> Sheet:
     notes = (accuracy_note(result), *content.notes)
     if sheet.left_out:
         notes += (
-            f"There was no room for {sheet.left_out} names or numbers of the grid: a larger scale "
-            "(--plan-scale) has more, and the report has all.",
+            f"Texts for which there was no room: {sheet.left_out}. A larger scale (--plan-scale) has "
+            "more of them, and the report has all.",
         )
     foot = (
         f"uavgram {result.provenance.version}, {result.provenance.created_utc}; "

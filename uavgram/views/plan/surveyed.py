@@ -24,6 +24,12 @@ DASHES = (4.0, 2.5)
 GRID_MM = 50.0
 """Most paper between two lines of the grid."""
 
+CROSS_MM = 2.0
+"""Of the grid's crosses, half the width."""
+
+MANY = 25
+"""More measurements than these are drawn thin, and named only where there is room beside them."""
+
 DIAMOND_MM = 1.4
 ROUNDS = 12
 SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)
@@ -43,25 +49,32 @@ def draw_surveyed(sheet: Sheet, result: Result) -> None:
     _areas(sheet, result, measured)
     for i, strip in known.items():
         _cased(sheet, strip, INK[result.lines.status[i]], DASHES)
+    are_few = len(measured) <= MANY
     for strips in measured.values():
         for strip in strips:
-            _cased(sheet, strip, INK["measured"])
+            _cased(sheet, strip, INK["measured"], share=1.0 if are_few else 0.5)
     _points(sheet, result)
     units, rows = units_of(result), result.measurements
     for k in worst_first(rows):
         if strips := measured.get(int(k), []):
             row = measurement_text(rows, int(k), units)
             doubt = " ?" if row.others or rows.status[k] in ("doubtful", "contradicted") else ""
-            _name_strip(sheet, strips, f"{row.name}: {row.value}{doubt}", "measured", MEASURED_PT)
+            _name_strip(
+                sheet,
+                strips,
+                f"{row.name}: {row.value}{doubt}",
+                "measured",
+                ROUNDS if are_few else 1,
+            )
     for i, strip in known.items():
         length, sigma = float(result.lines.length_m[i]), float(result.lines.sigma_m[i])
         text = f"{result.lines.name[i]}: {value_text(length, sigma, 'm', units)}"
-        _name_strip(sheet, [strip], text, result.lines.status[i], KNOWN_PT)
+        _name_strip(sheet, [strip], text, result.lines.status[i], ROUNDS)
     _names(sheet, result)
 
 
 def draw_grid(sheet: Sheet, result: Result) -> float:
-    """Draw the grid of local metres, or feet; its step [m]."""
+    """Draw the grid of local metres, or feet, as crosses with numbers at the rim; its step [m]."""
     plan, units = sheet.plan, units_of(result)
     step, _ = round_bar(GRID_MM * plan.scale / 1000.0, units)
     one = column(units)
@@ -72,25 +85,35 @@ def draw_grid(sheet: Sheet, result: Result) -> float:
     ):
         for k in range(math.ceil(low / step), math.floor(high / step) + 1):
             at = float(sheet.on_paper(np.full(2, k * step))[axis])
-            strip = (
-                [[at, bottom], [at, bottom + up]]
-                if axis == 0
-                else [[left, at], [left + across, at]]
-            )
-            sheet.line(np.array(strip), PAPER, 3 * THIN_PT)
-            sheet.line(np.array(strip), QUIET, THIN_PT)
             text = (
                 f"{'E' if axis == 0 else 'N'} {number(k * step * one.factor, places)} {one.symbol}"
             )
             anchor = np.array([at, bottom + 2.0] if axis == 0 else [left + 7.0, at])
             sheet.name(text, QUIET, GRID_PT, lambda half, a=anchor: [np.array([[*a, *half, 0.0]])])
+    _crosses(sheet, step)
     return step
 
 
-def _cased(sheet: Sheet, strip: Floats, colour: str, dashes: tuple[float, ...] = ()) -> None:
+def _crosses(sheet: Sheet, step: float) -> None:
+    ground = sheet.sheet
+    east, north = (
+        step * np.arange(math.ceil(low / step), math.floor(high / step) + 1)
+        for low, high in ((ground.west_m, ground.east_m), (ground.south_m, ground.north_m))
+    )
+    arms = CROSS_MM * np.array([[[-1.0, 0.0], [1.0, 0.0]], [[0.0, -1.0], [0.0, 1.0]]])
+    for spot in sheet.on_paper(np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)):
+        for colour, width in ((PAPER, 4 * THIN_PT), (QUIET, THIN_PT)):
+            for arm in arms:
+                sheet.line(spot + arm, colour, width)
+
+
+def _cased(
+    sheet: Sheet, strip: Floats, colour: str, dashes: tuple[float, ...] = (), share: float = 1.0
+) -> None:
+    """Draw a line on a white one that is wider, to be seen on any ground."""
     drawn = sheet.on_paper(strip)
-    sheet.line(drawn, PAPER, CASING_PT)
-    sheet.line(drawn, colour, LINE_PT, dashes)
+    sheet.line(drawn, PAPER, share * CASING_PT)
+    sheet.line(drawn, colour, share * LINE_PT, dashes)
 
 
 def _areas(sheet: Sheet, result: Result, measured: dict[int, list[Floats]]) -> None:
@@ -136,8 +159,9 @@ def _names(sheet: Sheet, result: Result) -> None:
             )  # fmt: skip
 
 
-def _name_strip(sheet: Sheet, strips: list[Floats], text: str, ink: str, size_pt: float) -> None:
-    """Along the longest part that this sheet shows; where that is too short, beside it."""
+def _name_strip(sheet: Sheet, strips: list[Floats], text: str, ink: str, most: int) -> None:
+    """Along the longest part that this sheet shows; where that is too short, around its middle."""
+    size_pt = MEASURED_PT if ink == "measured" else KNOWN_PT
     parts = [
         part
         for strip in strips
@@ -152,7 +176,7 @@ def _name_strip(sheet: Sheet, strips: list[Floats], text: str, ink: str, size_pt
     length, middle = float(np.linalg.norm(way)), (start + end) / 2
 
     def rounds(half: Floats) -> list[Floats]:
-        beside = [around(middle, half, 1.0, ring) for ring in range(ROUNDS)]
+        beside = [around(middle, half, 1.0, ring) for ring in range(most)]
         if length < 2 * half[0]:
             return beside
         turn = math.atan2(way[1], way[0])
