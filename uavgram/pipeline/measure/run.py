@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from uavgram.imaging.photos.preview import Preview, jpeg_preview_scale, read_preview
-from uavgram.imaging.top_view.mosaic import Mosaic
+from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
 from uavgram.io.outputs import replace_bytes, staged_output
 from uavgram.io.own_files import check_folder_of_project
 from uavgram.io.results.results_json import dump_results, write_results
@@ -109,9 +109,9 @@ def _write_outputs(
     plan: PlanWish | None = None,
 ) -> None:
     with journal.step("write recording.rrd"):
-        write_review(result, folder / "recording.rrd", progress, ties)
+        texture = write_review(result, folder / "recording.rrd", progress, ties)
     writers: dict[str, Callable[[Path], None]] = {
-        **exports(result),
+        **exports(result, texture),
         "report.html": lambda path: write_report(result, path),
         "results.json": lambda path: write_results(result, path),
     }
@@ -150,7 +150,7 @@ def write_pdf(result: Result, path: Path, paper: Paper) -> None:
 
 def write_review(
     result: Result, path: Path, progress: Progress = silent, ties: TieCloud | None = None
-) -> None:
+) -> GroundTexture | None:
     """Write the recording of a result, with its photos and the ground that they show.
 
     Photos pass through one by one: what is in memory does not grow with their number.
@@ -165,6 +165,11 @@ def write_review(
         Shows long loops.
     ties
         Tie points, where there are any.
+
+    Returns
+    -------
+    GroundTexture
+        The ground; None where photos show none of it.
 
     Raises
     ------
@@ -183,4 +188,11 @@ def write_review(
             mosaic.add(name, pixels)
             yield name, preview
 
-    write_recording(result, photos(), mosaic.texture, path, ties)
+    shown: list[GroundTexture | None] = []
+
+    def texture() -> GroundTexture | None:
+        shown.append(mosaic.texture())
+        return shown[-1]
+
+    write_recording(result, photos(), texture, path, ties)
+    return shown[-1] if shown else None

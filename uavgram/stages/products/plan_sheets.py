@@ -16,7 +16,7 @@ MARGIN_MM = 10.0
 """Around the sheet: printers leave about half of it white."""
 
 LEGEND_MM = (50.0, 66.0)
-"""Of the legend: its height below the frame of a sheet that stands, its width beside a lying one."""
+"""Of the legend: its height below the frame of an upright sheet, its width beside a lying one."""
 
 OVERLAP_MM = 10.0
 MOST_SHEETS = 100

@@ -123,8 +123,8 @@ def _finished(content: PlanContent, sheet: Sheet, title: str) -> Sheet:
     notes = (accuracy_note(result), *content.notes)
     if sheet.left_out:
         notes += (
-            f"Texts for which there was no room: {sheet.left_out}. A larger scale (--plan-scale) has "
-            "more of them, and the report has all.",
+            f"Texts for which there was no room: {sheet.left_out}. A larger scale (--plan-scale) "
+            "has more of them, and the report has all.",
         )
     foot = (
         f"uavgram {result.provenance.version}, {result.provenance.created_utc}; "

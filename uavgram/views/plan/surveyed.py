@@ -79,7 +79,7 @@ def draw_grid(sheet: Sheet, result: Result) -> float:
     step, _ = round_bar(GRID_MM * plan.scale / 1000.0, units)
     one = column(units)
     places = max(0, -math.floor(math.log10(step * one.factor) + 1e-9))
-    ground, (left, bottom, across, up) = sheet.sheet, plan.frame_mm
+    ground, (left, bottom, _, _) = sheet.sheet, plan.frame_mm
     for axis, (low, high) in enumerate(
         ((ground.west_m, ground.east_m), (ground.south_m, ground.north_m))
     ):
