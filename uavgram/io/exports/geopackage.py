@@ -109,13 +109,13 @@ def _write_styles(features: Features, looks: Mapping[str, Look], path: Path) -> 
         file.executemany(
             "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, "
             "f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner, "
-            "update_time) VALUES ('', '', ?, ?, ?, ?, '', 1, '', '', '1970-01-01T00:00:00Z')",
+            "update_time) VALUES ('', '', ?, ?, ?, ?, '', 1, '', '', '1970-01-01T00:00:00.000Z')",
             styles,
         )
         file.execute(
             "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, "
             "last_change) VALUES ('layer_styles', 'attributes', 'layer_styles', '', "
-            "'1970-01-01T00:00:00Z')"
+            "'1970-01-01T00:00:00.000Z')"
         )
 
 

@@ -16,7 +16,7 @@ from uavgram.model.maps.layers import Features, Layer
 GEOPACKAGE, GROUND = "survey.gpkg", "ground.tif"
 ROOM_SHARE, LEAST_ROOM_M = 0.1, 1.0
 _GEOMETRY = {"point": "Point", "line": "Line", "polygon": "Polygon"}
-_GROUND_ID = "ground"
+_GROUND_NAME = "ground"
 
 
 def write_qgis_project(
@@ -50,10 +50,12 @@ def write_qgis_project(
         _vector(layers, layer, look, source, features.crs)
     if has_ground:
         title = "ground, as the photos show it"
-        _in_tree(tree, _GROUND_ID, title, f"./{GROUND}", "gdal", shown=True)
+        _in_tree(tree, _GROUND_NAME, title, f"./{GROUND}", "gdal", shown=True)
         _raster(layers, title, features.crs)
-    paths = SubElement(SubElement(root, "properties"), "Paths")
-    SubElement(paths, "Absolute", type="bool").text = "false"
+    properties = SubElement(root, "properties")
+    SubElement(SubElement(properties, "Paths"), "Absolute", type="bool").text = "false"
+    system = SubElement(properties, "SpatialRefSys")  # without it, it forgets its own
+    SubElement(system, "ProjectionsEnabled", type="int").text = str(int(features.crs is not None))
     indent(root)
     ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
 
@@ -62,9 +64,14 @@ def _in_tree(
     tree: Element, name: str, title: str, source: str, provider: str, *, shown: bool
 ) -> None:
     SubElement(
-        tree, "layer-tree-layer", id=name, name=title, source=source, providerKey=provider,
+        tree, "layer-tree-layer", id=_id(name), name=title, source=source, providerKey=provider,
         checked="Qt::Checked" if shown else "Qt::Unchecked", expanded="0",
     )  # fmt: skip
+
+
+def _id(name: str) -> str:
+    """QGIS gives others to layers whose own has less than eleven letters."""
+    return f"uavgram_{name}_layer"
 
 
 def _vector(layers: Element, layer: Layer, look: Look, source: str, crs: str | None) -> None:
@@ -76,7 +83,7 @@ def _vector(layers: Element, layer: Layer, look: Look, source: str, crs: str | N
 
 def _raster(layers: Element, title: str, crs: str | None) -> None:
     one = SubElement(layers, "maplayer", type="raster")
-    _common(one, _GROUND_ID, title, f"./{GROUND}", crs)
+    _common(one, _GROUND_NAME, title, f"./{GROUND}", crs)
     SubElement(one, "provider").text = "gdal"
     SubElement(
         SubElement(one, "pipe"), "rasterrenderer", type="multibandcolor", redBand="1",
@@ -85,7 +92,7 @@ def _raster(layers: Element, title: str, crs: str | None) -> None:
 
 
 def _common(one: Element, name: str, title: str, source: str, crs: str | None) -> None:
-    SubElement(one, "id").text = name
+    SubElement(one, "id").text = _id(name)
     SubElement(one, "datasource").text = source
     SubElement(one, "layername").text = title
     _crs(SubElement(one, "srs"), crs)

@@ -128,7 +128,9 @@ def _labels(parent: Element, look: Look, kind: ShapeKind) -> None:
     settings = SubElement(SubElement(parent, "labeling", type="simple"), "settings")
     text = SubElement(
         settings, "text-style", fieldName=look.label, isExpression="0", fontSize=_LABEL_PT,
-        fontSizeUnit="Point", fontFamily="Sans Serif", textColor=_rgba(look.colour),
+        fontSizeUnit="Point", textOpacity="1",
+        namedStyle="Bold", fontWeight="75", fontFamily="Sans Serif",
+        textColor=_rgba(look.colour),
     )  # fmt: skip
     SubElement(
         text, "text-buffer", bufferDraw="1", bufferSize="0.8", bufferSizeUnits="MM",
