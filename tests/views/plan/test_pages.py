@@ -47,10 +47,10 @@ def content(result: Result, paper: Paper = "a4", scale: int | None = None) -> Pl
 
 def strokes_of(page: pikepdf.Page) -> dict[str, list[Floats]]:
     found: dict[str, list[Floats]] = {}
-    path: list[list[float]] = []
+    path: list[tuple[float, float]] = []
     colour, stack, turn = "", [], pikepdf.Matrix()
-    for operands, operator in pikepdf.parse_content_stream(page):
-        name = str(operator)
+    for instruction in pikepdf.parse_content_stream(page):
+        operands, name = instruction.operands, str(instruction.operator)
         if name == "q":
             stack.append((colour, turn))
         elif name == "Q":

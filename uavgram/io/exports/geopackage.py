@@ -88,7 +88,7 @@ def _texts(layer: Layer, words: Quantity | None) -> dict[str, Attribute]:
     unit = of.get("unit", ("m",) * len(layer))
     rows = zip(of["name"], of[value], of[sigma], unit, strict=True)
     told = (
-        f"{name}: {words(float(number), float(spread), str(one))}"
+        f"{name}: {words(float(str(number)), float(str(spread)), str(one))}"
         for name, number, spread, one in rows
     )
     return {"text": tuple(told)}

@@ -152,8 +152,9 @@ def write_turned_picture(
         The file.
     """
     height, width = rgba.shape[:2]
-    (east, north), across, down = corners_m[0], *(corners_m[1:] - corners_m[0])
-    (right, up), (aside, below) = across / width, down / height
+    east, north = corners_m[0]
+    right, up = (corners_m[1] - corners_m[0]) / width
+    aside, below = (corners_m[2] - corners_m[0]) / height
     place = rasterio.Affine(right, aside, east, up, below, north)
     profile = _PROFILE | _COLOUR | {"width": width, "height": height, "crs": crs}
     with _on_all_cores(), rasterio.open(path, "w", **profile, transform=place) as file:

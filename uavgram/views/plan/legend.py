@@ -7,6 +7,7 @@ import textwrap
 import numpy as np
 from matplotlib.patches import Polygon, Rectangle
 
+from uavgram.model.arrays import Floats
 from uavgram.model.maps.plan import Plan, PlanSheet
 from uavgram.model.result.result import Result
 from uavgram.views.plan.sheet import INK as BLACK
@@ -137,7 +138,9 @@ def _north(sheet: Sheet, x: float, y: float) -> None:
 
 def _signs(sheet: Sheet, result: Result, x: float, y: float) -> float:
     """Only those that occur in the survey; where they end."""
-    rows = [(INK["measured"], (), "measured ± standard deviation")]
+    rows: list[tuple[str, tuple[float, ...], str]] = [
+        (INK["measured"], (), "measured ± standard deviation")
+    ]
     words = {
         "used": "known length, used",
         "checked": "known length, withheld",
@@ -208,8 +211,15 @@ def outline_sheets(sheet: Sheet, tiled: Plan) -> None:
         _sheet_number(sheet, one, (drawn[0] + drawn[2]) / 2)
 
 
-def _sheet_number(sheet: Sheet, one: PlanSheet, middle: np.ndarray) -> None:
+def _sheet_number(sheet: Sheet, one: PlanSheet, middle: Floats) -> None:
     text = sheet.axes.text(
-        *middle, str(one.number), fontsize=16, color=BLACK, alpha=0.6, ha="center", va="center"
+        float(middle[0]),
+        float(middle[1]),
+        str(one.number),
+        fontsize=16,
+        color=BLACK,
+        alpha=0.6,
+        ha="center",
+        va="center",
     )
     text.set_clip_path(sheet.frame)

@@ -6,6 +6,7 @@ import io
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -17,13 +18,12 @@ from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.maps.plan import Plan, PlanSheet
 from uavgram.model.maps.raster import GroundRaster
 from uavgram.model.result.result import Result
-from uavgram.stages.products.text_places import around
 from uavgram.views.plan.legend import accuracy_note, draw_legend, outline_sheets
-from uavgram.views.plan.sheet import INK, PAPER, QUIET, THIN_PT, Sheet
+from uavgram.views.plan.sheet import INK, PAPER, QUIET, THIN_PT, Sheet, beside
 from uavgram.views.plan.surveyed import draw_grid, draw_surveyed
 
 PNG_DPI = 200
-_FONTS = {"pdf.fonttype": 42, "path.simplify": False, "font.family": "DejaVu Sans"}
+_FONTS: Any = {"pdf.fonttype": 42, "path.simplify": False, "font.family": "DejaVu Sans"}
 """Whole fonts, so that texts can be searched; no vertex of a line is left out."""
 
 
@@ -173,10 +173,6 @@ def _seams(sheet: Sheet) -> None:
             sheet.line(seam, PAPER, 4 * THIN_PT)
             sheet.line(seam, INK, 2 * THIN_PT, (6.0, 2.0, 1.0, 2.0))
             at = seam.mean(axis=0)
-            at += (at - middle) / np.linalg.norm(at - middle) * overlap / 2
-            sheet.name(
-                f"sheet {other.number}", QUIET, 7.0,
-                lambda half, a=at: [
-                    np.array([[*a, *half, 0.0]]), *(around(a, half, 0.5, k) for k in range(4)),
-                ],
-            )  # fmt: skip
+            outwards = (at - middle) / np.linalg.norm(at - middle)
+            number = at + outwards * overlap / 2
+            sheet.name(f"sheet {other.number}", QUIET, 7.0, beside(number, -2.0, 4))

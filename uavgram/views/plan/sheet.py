@@ -14,7 +14,7 @@ from matplotlib.textpath import TextPath
 
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.plan import Plan, PlanSheet
-from uavgram.stages.products.text_places import TextPlaces
+from uavgram.stages.products.text_places import TextPlaces, around
 
 MM_OF_POINT = 25.4 / 72.0
 INK, QUIET, PAPER = "#1d232b", "#5b6470", "#ffffff"
@@ -22,6 +22,30 @@ THIN_PT = 0.4
 ABOVE_ALL = 20
 _LINE = 1.5
 """Height of a line of text, of the size of its letters."""
+
+
+Rounds = Callable[[Floats], list[Floats]]
+"""Of half a text's width and height, its (c, 5) places round by round; the best first."""
+
+
+def only_at(middle: Floats) -> Rounds:
+    """A text stands at (2,) its place, or nowhere."""
+    return lambda half: [np.array([[*middle, *half, 0.0]])]
+
+
+def beside(spot: Floats, gap_mm: float, most: int) -> Rounds:
+    """A text stands around a place (2,), farther and farther out.
+
+    Parameters
+    ----------
+    spot
+        The place.
+    gap_mm
+        Between place and text, at first.
+    most
+        How many rounds are tried.
+    """
+    return lambda half: [around(spot, half, gap_mm, ring) for ring in range(most)]
 
 
 class Sheet:
@@ -78,7 +102,7 @@ class Sheet:
         text: str,
         colour: str,
         size_pt: float,
-        rounds: Callable[[Floats], list[Floats]],
+        rounds: Rounds,
     ) -> Floats | None:
         """Write a text where there is room, on a white patch.
 
@@ -89,7 +113,7 @@ class Sheet:
         colour, size_pt
             Of its letters.
         rounds
-            Of half the text's width and height, its (c, 5) places; the best first.
+            Where it may stand.
 
         Returns
         -------
@@ -121,7 +145,8 @@ class Sheet:
 
     def _write(self, place: Floats, text: str, colour: str, size_pt: float) -> None:
         self.axes.text(
-            *place[:2],
+            float(place[0]),
+            float(place[1]),
             plain(text),
             fontsize=size_pt,
             color=colour,

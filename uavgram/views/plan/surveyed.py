@@ -10,8 +10,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.stages.products.measured_shapes import ENCLOSED
-from uavgram.stages.products.text_places import around
-from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet
+from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, beside, only_at
 from uavgram.views.survey.top_view import INK
 from uavgram.views.units import column, round_bar, units_of, value_text
 from uavgram.views.wording import measurement_text, number, worst_first
@@ -89,7 +88,7 @@ def draw_grid(sheet: Sheet, result: Result) -> float:
                 f"{'E' if axis == 0 else 'N'} {number(k * step * one.factor, places)} {one.symbol}"
             )
             anchor = np.array([at, bottom + 2.0] if axis == 0 else [left + 7.0, at])
-            sheet.name(text, QUIET, GRID_PT, lambda half, a=anchor: [np.array([[*a, *half, 0.0]])])
+            sheet.name(text, QUIET, GRID_PT, only_at(anchor))
     _crosses(sheet, step)
     return step
 
@@ -155,7 +154,7 @@ def _names(sheet: Sheet, result: Result) -> None:
                 text += f" {sign}{value_text(float(height[k]), float(sigma[k]), 'm', units)}"
             sheet.name(
                 text, INK["point"], NAME_PT,
-                lambda half, s=spot: [around(s, half, 0.7, ring) for ring in range(ROUNDS)],
+                beside(spot, 0.7, ROUNDS),
             )  # fmt: skip
 
 
@@ -175,16 +174,18 @@ def _name_strip(sheet: Sheet, strips: list[Floats], text: str, ink: str, most: i
     way = end - start
     length, middle = float(np.linalg.norm(way)), (start + end) / 2
 
+    near = beside(middle, 1.0, most)
+
     def rounds(half: Floats) -> list[Floats]:
-        beside = [around(middle, half, 1.0, ring) for ring in range(most)]
+        close = near(half)
         if length < 2 * half[0]:
-            return beside
+            return close
         turn = math.atan2(way[1], way[0])
         across = np.array([-way[1], way[0]]) / length
         along = start + np.array(SHARES)[:, None] * way
         box = np.broadcast_to([*half, turn], (len(SHARES), 3))
         offsets = (0.0, 2.2 * half[1], -2.2 * half[1])
-        return [np.column_stack([along + o * across, box]) for o in offsets] + beside
+        return [np.column_stack([along + o * across, box]) for o in offsets] + close
 
     place = sheet.name(text, INK[ink], size_pt, rounds)
     if place is not None and np.linalg.norm(place[:2] - middle) > place[2] + 4.0:
