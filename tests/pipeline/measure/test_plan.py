@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rasterio
 from PIL import Image
 from top_views import SIZE_PX, looking, make_view, write_photo
 
 from uavgram.errors import GeometryError
 from uavgram.model.result.result import Result
-from uavgram.pipeline.measure.plan import PLAN_PDF, PLAN_PNG, PlanWish, write_plan
+from uavgram.pipeline.measure.plan import PLAN_MAP, PLAN_PDF, PLAN_PNG, PlanWish, write_plan
 
 
 @pytest.fixture
@@ -33,6 +34,8 @@ def test_it_shows_the_photos_in_one_light(result: Result, tmp_path: Path) -> Non
     is_green = (shown[..., 1] > 2 * shown[..., 0]) & (shown[..., 1] > 2 * shown[..., 2])
     green = shown[..., 1][is_green]
 
+    with rasterio.open(tmp_path / PLAN_MAP) as file:
+        assert file.count == 4
     assert (tmp_path / PLAN_PDF).read_bytes().startswith(b"%PDF")
     assert is_green.mean() > 0.2
     assert np.ptp(np.quantile(green, [0.05, 0.95])) < 12

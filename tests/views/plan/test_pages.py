@@ -17,7 +17,7 @@ from uavgram.model.maps.raster import GroundRaster
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.stages.products.plan_sheets import lay_plan, surveyed_extent
-from uavgram.views.plan.pages import GroundPicture, PlanContent, plan_pages
+from uavgram.views.plan.pages import GroundPicture, PlanContent, PlanFiles, plan_pages
 from uavgram.views.plan.sheet import MM_OF_POINT
 from uavgram.views.plan.surveyed import clipped
 from uavgram.views.survey.top_view import INK
@@ -90,7 +90,7 @@ def result() -> Result:
 
 
 @pytest.fixture(scope="module")
-def made(result: Result) -> tuple[bytes, bytes]:
+def made(result: Result) -> PlanFiles:
     return plan_pages(content(result))
 
 
@@ -98,10 +98,8 @@ def lengths(drawn: list[Floats]) -> list[float]:
     return sorted(float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) for line in drawn)
 
 
-def test_lines_on_paper_are_as_long_as_the_survey_says(
-    made: tuple[bytes, bytes], result: Result
-) -> None:
-    (page,) = pages_of(made[0])
+def test_lines_on_paper_are_as_long_as_the_survey_says(made: PlanFiles, result: Result) -> None:
+    (page,) = pages_of(made.pdf)
     scale = content(result).plan.scale
     strips = [strip for some in measured_strips(result).values() for strip in some]
     known = [
@@ -121,15 +119,15 @@ def in_frame(line: Floats, result: Result) -> bool:
     return bool((line >= low - 0.01).all() and (line <= high + 0.01).all())
 
 
-def test_a_plan_of_one_sheet_has_one_page_of_its_paper(made: tuple[bytes, bytes]) -> None:
-    (page,) = pages_of(made[0])
+def test_a_plan_of_one_sheet_has_one_page_of_its_paper(made: PlanFiles) -> None:
+    (page,) = pages_of(made.pdf)
 
     assert sorted(page.size_mm) == pytest.approx((210.0, 297.0), abs=0.01)
 
 
 def test_sheets_of_a_larger_scale_follow_an_overview(result: Result) -> None:
     wanted = content(result, "letter", 250)
-    pages = pages_of(plan_pages(wanted)[0])
+    pages = pages_of(plan_pages(wanted).pdf)
     frame = wanted.plan.frame_mm
     seen = 0
 
@@ -147,8 +145,10 @@ def test_sheets_of_a_larger_scale_follow_an_overview(result: Result) -> None:
     assert seen
 
 
-def test_equal_input_gives_equal_bytes(made: tuple[bytes, bytes], result: Result) -> None:
-    assert plan_pages(content(result)) == made
+def test_equal_input_gives_equal_bytes(made: PlanFiles, result: Result) -> None:
+    again = plan_pages(content(result))
+
+    assert (again.pdf, again.png) == (made.pdf, made.png)
 
 
 def test_a_picture_lies_where_its_raster_says(result: Result) -> None:
@@ -160,8 +160,8 @@ def test_a_picture_lies_where_its_raster_says(result: Result) -> None:
         west_m=sheet.west_m + 2.0, north_m=sheet.north_m - 3.0, pixel_m=0.5, width=20, height=10,
         crs=None,
     )  # fmt: skip
-    png = plan_pages(replace(wanted, pictures=lambda *_: GroundPicture(red, raster)))[1]
-    shown = np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(int)
+    drawn = plan_pages(replace(wanted, pictures=lambda *_: GroundPicture(red, raster)))
+    shown = np.asarray(Image.open(io.BytesIO(drawn.png))).astype(int)
     rows, columns = np.nonzero((shown - [255, 0, 0] == 0).all(axis=2))
     mm = 25.4 / 200
     west, north = wanted.plan.on_paper(sheet, np.array([raster.west_m, raster.north_m]))
@@ -169,6 +169,10 @@ def test_a_picture_lies_where_its_raster_says(result: Result) -> None:
     assert columns.min() * mm == pytest.approx(west, abs=2 * mm)
     assert shown.shape[0] * mm - rows.min() * mm == pytest.approx(north, abs=2 * mm)
     assert np.ptp(columns) * mm == pytest.approx(10_000 / wanted.plan.scale, abs=2 * mm)
+    on_map = (drawn.map_rgba[..., :3].astype(int) == [255, 0, 0]).all(axis=2)
+    share = np.flatnonzero(on_map.any(axis=0)).min() / on_map.shape[1]
+    (first, _), (last, _), _ = drawn.map_corners_m
+    assert first + share * (last - first) == pytest.approx(raster.west_m, abs=0.15)
 
 
 def test_a_line_is_cut_at_the_frame() -> None:

@@ -29,7 +29,8 @@ class Printed:
     pdf
         Write the report as report.pdf too, on this paper: for archives (PDF/A-3b) and for printing.
     plan
-        Draw a plan to scale on the ground as the photos show it: plan.pdf on this paper, plan.png.
+        Draw a plan to scale on the ground as the photos show it: plan.pdf on this paper, plan.png
+        and plan.tif.
     plan_scale
         Of that plan, on as many sheets as it takes: 100 is 1:100; by default one sheet.
     """

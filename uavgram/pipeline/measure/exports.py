@@ -23,8 +23,8 @@ from uavgram.io.exports.opendronemap import write_gcp_list
 from uavgram.io.exports.profiles_csv import write_profiles_csv
 from uavgram.io.exports.qgis_project import GROUND, write_qgis_project
 from uavgram.io.exports.qgis_styles import Look
+from uavgram.model.arrays import Floats
 from uavgram.model.flight.geotag import GeoTags, PoseChoice
-from uavgram.model.maps.layers import Features
 from uavgram.model.result.result import Result
 from uavgram.model.units import Units
 from uavgram.stages.products.geotags import geotag
@@ -95,37 +95,50 @@ def exports(result: Result, texture: GroundTexture | None = None) -> Writers:
         writers["opendronemap/gcp_list.txt"] = lambda path: write_gcp_list(result, features, path)
         writers["opendronemap/geo.txt"] = lambda path: write_geo_txt(geotags_of(result), path)
     if texture is not None:
-        writers[GROUND] = lambda path: write_ground(texture, features, path)
+        writers[GROUND] = lambda path: write_ground(texture, result, path)
     writers["survey.qgs"] = lambda path: write_qgis_project(
         features, LOOKS, path, has_ground=texture is not None
     )
     return writers
 
 
-def write_ground(texture: GroundTexture, features: Features, path: Path) -> None:
+def write_ground(texture: GroundTexture, result: Result, path: Path) -> None:
     """Write the ground as the recording shows it, for maps.
 
     Parameters
     ----------
     texture
         In local metres.
-    features
-        Say where these lie on the map.
+    result
+        Says where these lie on the map.
     path
         The file.
     """
     height, width = texture.covered.shape
-    size = np.array([width, -height]) * texture.pixel_size_m
-    corners = np.zeros((3, 3))
-    corners[:, :2] = [texture.west_m, texture.north_m]
-    corners[1, 0] += size[0]
-    corners[2, 1] += size[1]
-    if features.origin is not None and features.crs is not None:
-        corners = projected_from_enu(corners, features.origin, features.crs)
+    right, down = np.array([width, -height]) * texture.pixel_size_m
+    corner = np.array([texture.west_m, texture.north_m])
+    corners, crs = on_map(result, corner + np.array([[0.0, 0.0], [right, 0.0], [0.0, down]]))
     opacity = np.where(texture.covered, 255, 0).astype(np.uint8)
     tags = {"surface": "the adjusted ground plane: what stands above it leans away from the photo"}
     rgba = np.dstack([texture.rgb, opacity])
-    write_turned_picture(rgba, corners[:, :2], features.crs, tags, path)
+    write_turned_picture(rgba, corners, crs, tags, path)
+
+
+def on_map(result: Result, local_m: Floats) -> tuple[Floats, str | None]:
+    """(n, 2) places on the plane of the ground, on the map; and which map that is.
+
+    Parameters
+    ----------
+    result
+        Says where local metres lie; where nothing does, these are given back, and no map.
+    local_m
+        (n, 2) east, north.
+    """
+    origin, crs = result.world.origin, result.world.crs
+    if origin is None or crs is None:
+        return local_m, None
+    up = result.plane.height_at(local_m)
+    return projected_from_enu(np.column_stack([local_m, up]), origin, crs)[:, :2], crs
 
 
 def drawing_words(units: Units) -> Words:

@@ -1,4 +1,4 @@
-"""plan.pdf and plan.png: what was surveyed, to scale, on the ground as the photos show it."""
+"""plan.pdf, plan.png, plan.tif: what was surveyed, to scale, on the ground as photos show it."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ from uavgram.geometry.ground.top_view import View
 from uavgram.imaging.photos.tone import automatic_tone, toned
 from uavgram.imaging.top_view.exposure import exposure_gains
 from uavgram.imaging.top_view.photo_cache import PhotoCache
+from uavgram.io.exports.geotiff import write_turned_picture
 from uavgram.io.outputs import replace_bytes
 from uavgram.io.results.results_json import dump_results
 from uavgram.model.maps.plan import Paper, Plan, PlanSheet
 from uavgram.model.maps.raster import GroundRaster
 from uavgram.model.result.result import Result
 from uavgram.pipeline.ground_picture import photos_for, whole_picture
+from uavgram.pipeline.measure.exports import on_map
 from uavgram.stages.products.plan_sheets import (
     FOOT_STEPS,
     METRIC_STEPS,
@@ -29,7 +31,7 @@ from uavgram.stages.products.top_view import choose_view, photo_pixels_m
 from uavgram.views.plan.pages import GroundPicture, PlanContent, plan_pages
 from uavgram.views.units import units_of
 
-PLAN_PDF, PLAN_PNG = "plan.pdf", "plan.png"
+PLAN_PDF, PLAN_PNG, PLAN_MAP = "plan.pdf", "plan.png", "plan.tif"
 PICTURE_DPI = 200
 
 
@@ -42,7 +44,7 @@ class PlanWish:
 
 
 def write_plan(result: Result, wish: PlanWish, folder: Path) -> None:
-    """Write plan.pdf and plan.png.
+    """Write plan.pdf, plan.png and plan.tif.
 
     Parameters
     ----------
@@ -75,9 +77,12 @@ def write_plan(result: Result, wish: PlanWish, folder: Path) -> None:
         notes=ground.notes(),
         digest=hashlib.sha256(dump_results(result).encode()).hexdigest(),
     )
-    pdf, png = plan_pages(content)
-    replace_bytes(folder / PLAN_PDF, pdf)
-    replace_bytes(folder / PLAN_PNG, png)
+    made = plan_pages(content)
+    replace_bytes(folder / PLAN_PDF, made.pdf)
+    replace_bytes(folder / PLAN_PNG, made.png)
+    corners, crs = on_map(result, made.map_corners_m)
+    tags = {"surface": "the adjusted ground plane: what stands above it leans away from the photo"}
+    write_turned_picture(made.map_rgba, corners, crs, tags, folder / PLAN_MAP)
 
 
 class _Ground:

@@ -13,8 +13,10 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.patches import Rectangle
+from PIL import Image
 
 from uavgram.imaging.photos.preview import Pixels
+from uavgram.model.arrays import Floats
 from uavgram.model.maps.plan import Plan, PlanSheet
 from uavgram.model.maps.raster import GroundRaster
 from uavgram.model.result.result import Result
@@ -66,8 +68,29 @@ class PlanContent:
     digest: str
 
 
-def plan_pages(content: PlanContent) -> tuple[bytes, bytes]:
-    """The content of plan.pdf and of plan.png; equal input gives equal bytes.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanFiles:
+    """What was drawn.
+
+    Attributes
+    ----------
+    pdf, png
+        The content of plan.pdf and of plan.png; equal input gives equal bytes.
+    map_rgba
+        (H, W, 4) what the frame of plan.png shows.
+    map_corners_m
+        (3, 2) where its outer corners lie, in local metres: first row's first and last, last row's
+        first.
+    """
+
+    pdf: bytes
+    png: bytes
+    map_rgba: Pixels
+    map_corners_m: Floats
+
+
+def plan_pages(content: PlanContent) -> PlanFiles:
+    """Draw all sheets.
 
     Parameters
     ----------
@@ -75,17 +98,36 @@ def plan_pages(content: PlanContent) -> tuple[bytes, bytes]:
         What is drawn.
     """
     made = datetime.fromisoformat(content.result.provenance.created_utc)
-    pdf, png = io.BytesIO(), io.BytesIO()
+    pdf = io.BytesIO()
     metadata = {"Title": f"{content.result.name}: plan", "CreationDate": made, "ModDate": made}
     with rc_context(_FONTS), PdfPages(pdf, metadata=metadata) as pages:
-        for number, page in enumerate(_sheets(content)):
+        sheets = _sheets(content)
+        first = next(sheets)
+        first.figure.savefig(pages, format="pdf")
+        png, rgba, corners = _pictures(first)
+        for page in sheets:
             page.figure.savefig(pages, format="pdf")
-            if number == 0:
-                FigureCanvasAgg(page.figure)
-                page.figure.savefig(
-                    png, format="png", dpi=PNG_DPI, metadata={"Software": "uavgram"}
-                )
-    return pdf.getvalue(), png.getvalue()
+    return PlanFiles(pdf=pdf.getvalue(), png=png, map_rgba=rgba, map_corners_m=corners)
+
+
+def _pictures(page: Sheet) -> tuple[bytes, Pixels, Floats]:
+    """A sheet as PNG, and what its frame shows with the corners of that in the world."""
+    page.figure.set_dpi(PNG_DPI)
+    canvas = FigureCanvasAgg(page.figure)
+    canvas.draw()
+    drawn = np.asarray(canvas.buffer_rgba())
+    stored = io.BytesIO()
+    Image.fromarray(drawn).convert("RGB").save(stored, "png", dpi=(PNG_DPI, PNG_DPI))
+    px_of_mm = PNG_DPI / 25.4
+    left, bottom, across, up = page.plan.frame_mm
+    low = np.ceil(np.array([left, bottom]) * px_of_mm).astype(int)
+    high = np.floor(np.array([left + across, bottom + up]) * px_of_mm).astype(int)
+    height = len(drawn)
+    inside = np.ascontiguousarray(drawn[height - high[1] : height - low[1], low[0] : high[0]])
+    corners = np.array([[low[0], high[1]], [high[0], high[1]], [low[0], low[1]]]) / px_of_mm
+    # the canvas has whole pixels, the paper need not have
+    corners[:, 1] += page.plan.paper_mm[1] - height / px_of_mm
+    return stored.getvalue(), inside, page.in_world(corners)
 
 
 def _sheets(content: PlanContent) -> Iterator[Sheet]:

@@ -77,6 +77,12 @@ class Sheet:
         """(..., 2) millimetres of places in the world."""
         return self.plan.on_paper(self.sheet, world_m)
 
+    def in_world(self, drawn_mm: Floats) -> Floats:
+        """(..., 2) places in the world of millimetres on paper."""
+        corner = np.array([self.sheet.west_m, self.sheet.south_m])
+        frame = np.array(self.plan.frame_mm[:2])
+        return np.asarray(corner + (drawn_mm - frame) * self.plan.scale / 1000.0)
+
     def line(
         self, drawn: Floats, colour: str, width_pt: float, dashes: tuple[float, ...] = ()
     ) -> None:
