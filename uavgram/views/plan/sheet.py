@@ -86,7 +86,17 @@ class Sheet:
     def line(
         self, drawn: Floats, colour: str, width_pt: float, dashes: tuple[float, ...] = ()
     ) -> None:
-        """Draw a polyline (n, 2) as it is, no vertex left out; what lies off the frame is cut."""
+        """Draw a polyline as it is, no vertex left out; what lies off the frame is cut.
+
+        Parameters
+        ----------
+        drawn
+            (n, 2) millimetres.
+        colour, width_pt
+            Of the line.
+        dashes
+            Lengths of dashes and gaps in widths of the line; by default it is whole.
+        """
         (line,) = self.axes.plot(*drawn.T, color=colour, linewidth=width_pt, zorder=4)
         line.get_path().should_simplify = False
         line.set_solid_capstyle("butt")
