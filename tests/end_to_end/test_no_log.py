@@ -112,6 +112,7 @@ def test_every_output_is_there_and_reads_back(run: Run) -> None:
     assert names == {
         *("results.json", "recording.rrd", "report.html", "run.jsonl", "measurements.csv"),
         *("points.geojson", "survey.gpkg", "survey.kml", "survey_local.dxf", "colmap"),
+        *("survey.qgs", "ground.tif"),
     }
     loaded = uavgram.load_results(out / "results.json")
     np.testing.assert_array_equal(loaded.measurements.value, result.measurements.value)

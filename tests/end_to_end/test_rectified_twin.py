@@ -30,9 +30,10 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.shared import Estimate
 from uavgram.model.result.tables import PoseTable
+from uavgram.pipeline.ground_picture import warped_windows
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.rectify import rectify, warped_windows
+from uavgram.pipeline.rectify import rectify
 from uavgram.stages.products.top_view import choose_view, lay_raster
 
 

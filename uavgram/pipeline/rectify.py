@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,9 +14,6 @@ from uavgram.geometry.ground.top_view import FrameKnowledge, View, place_sigma
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.tone import Tone, automatic_tone, toned
 from uavgram.imaging.top_view.map_sheet import map_sheet
-from uavgram.imaging.top_view.photo_cache import photo_cache
-from uavgram.imaging.top_view.warp import warp_window
-from uavgram.imaging.top_view.warp_maps import Window
 from uavgram.io.exports.geotiff import (
     WINDOW_PX,
     read_reduced,
@@ -26,16 +22,16 @@ from uavgram.io.exports.geotiff import (
 )
 from uavgram.io.outputs import staged_output
 from uavgram.io.own_files import check_folder_of_project
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Floats
 from uavgram.model.maps.raster import GroundRaster
 from uavgram.model.message import Message
+from uavgram.pipeline.ground_picture import warped_windows
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import in_order
-from uavgram.stages.products.top_view import boxes, choose_view, lay_raster, reductions
+from uavgram.stages.products.top_view import boxes, choose_view, lay_raster
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import round_bar, units_of
 from uavgram.views.wording import BRIGHTENED
@@ -187,37 +183,6 @@ def _caption(view: View, raster: GroundRaster) -> str:
     where = raster.crs or "local metres, north is arbitrary"
     pixel = in_units(f"{raster.pixel_m:.3g} m", units_of(view.result))
     return f"{view.result.name}: {where}, pixel {pixel}, ground plane"
-
-
-def warped_windows(view: View, raster: GroundRaster) -> Iterator[tuple[Window, Pixels]]:
-    """Every window of the raster in the order of the file; a few are under way at a time."""
-    reach = boxes(view, raster)
-    photos = photo_cache(
-        [view.result.frames.path[i] for i in view.rows], reductions(view, raster).tolist()
-    )
-
-    def warp(window: Window) -> Pixels:
-        return warp_window(view, raster, window, _within(reach, window), photos)
-
-    windows = [
-        (column, row, min(WINDOW_PX, raster.width - column), min(WINDOW_PX, raster.height - row))
-        for row in range(0, raster.height, WINDOW_PX)
-        for column in range(0, raster.width, WINDOW_PX)
-    ]
-    yield from prefetch(warp, windows)
-
-
-def _within(reach: Floats, window: Window) -> Ints:
-    """Photos that may show some of a window."""
-    column, row, width, height = window
-    with np.errstate(invalid="ignore"):
-        touches = (
-            (reach[:, 0] <= column + width)
-            & (reach[:, 2] >= column)
-            & (reach[:, 1] <= row + height)
-            & (reach[:, 3] >= row)
-        )
-    return np.flatnonzero(touches)
 
 
 def _knowledge(adjustment: Adjustment, view: View, pick_sigma_px: float) -> FrameKnowledge:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -12,9 +13,31 @@ from uavgram.cli.terminal import log_to_stderr, progress, say, tell_as
 
 TABLE_ROWS = 40
 Rows = Annotated[int, Parameter(validator=validators.Number(gte=0))]
+Scale = Annotated[int, Parameter(validator=validators.Number(gte=1, lte=1_000_000))]
 Samples = Annotated[
     int, Parameter(name="--monte-carlo", validator=validators.Number(gte=100, lte=1_000_000))
 ]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Printed:
+    """What is made for printing.
+
+    Parameters
+    ----------
+    pdf
+        Write the report as report.pdf too, on this paper: for archives (PDF/A-3b) and for printing.
+    plan
+        Draw a plan to scale on the ground as the photos show it: plan.pdf on this paper, plan.png
+        and plan.tif.
+    plan_scale
+        Of that plan, on as many sheets as it takes: 100 is 1:100; by default one sheet.
+    """
+
+    pdf: Literal["a4", "letter"] | None = None
+    plan: Literal["a4", "letter"] | None = None
+    plan_scale: Scale | None = None
 
 
 @app.command
@@ -27,7 +50,7 @@ def run(
     seed: Seed = 0,
     rows: Rows = TABLE_ROWS,
     view: Flag = False,
-    pdf: Literal["a4", "letter"] | None = None,
+    printed: Printed | None = None,
     verbose: Verbose = False,
 ) -> int:
     """Measure: read the project, adjust, and write all outputs.
@@ -46,14 +69,15 @@ def run(
         Most measurements that the table shows, least certain first; 0: all of them.
     view
         Open the review in the Rerun viewer afterwards.
-    pdf
-        Write the report as report.pdf too, on this paper: for archives (PDF/A-3b) and for printing.
+    printed
+        What is made for printing.
     verbose
         Say what is being done.
     """
     from uavgram.cli.commands.view import show
     from uavgram.config.project import load_project
     from uavgram.pipeline.measure.compute import Sampling
+    from uavgram.pipeline.measure.plan import PlanWish
     from uavgram.pipeline.measure.run import FROM_PROJECT
     from uavgram.pipeline.measure.run import run as run_project
     from uavgram.views.survey.verdict import verdict_sentence
@@ -61,9 +85,11 @@ def run(
 
     log_to_stderr(verbose=verbose)
     tell_as(project)
+    paper = Printed() if printed is None else printed
+    plan = None if paper.plan is None else PlanWish(paper.plan, paper.plan_scale)
     sampling = None if monte_carlo is None else Sampling(monte_carlo, seed)
     target = FROM_PROJECT if output is None else output
-    result = run_project(project, target, progress(), sampling, pdf)
+    result = run_project(project, target, progress(), sampling, paper.pdf, plan)
     folder = Path(load_project(project).output) if output is None else output
     say(measurement_table(result, rows), *unshown_rows(result, rows, folder))
     say("", light_line(result), "", *message_lines(result.messages, verbose=verbose))

@@ -54,7 +54,10 @@ PhotoCache = LruCache[int, Photo]
 
 
 def photo_cache(
-    paths: Sequence[str], reductions: Sequence[int], most_bytes: int = CACHE_BYTES
+    paths: Sequence[str],
+    reductions: Sequence[int],
+    most_bytes: int = CACHE_BYTES,
+    gains: Sequence[float] | None = None,
 ) -> PhotoCache:
     """Photos that are decoded when they are asked for.
 
@@ -66,10 +69,31 @@ def photo_cache(
         (N,) powers of two: this many original pixels become one.
     most_bytes
         Of photos kept; one at least stays.
+    gains
+        (N,) factors of their brightness; by default they stay as they are.
     """
-    return LruCache(
-        lambda k: read_photo(paths[k], reductions[k]), lambda photo: photo.rgba.nbytes, most_bytes
-    )
+
+    def read(k: int) -> Photo:
+        photo = read_photo(paths[k], reductions[k])
+        return photo if gains is None else photo._replace(rgba=lit(photo.rgba, gains[k]))
+
+    return LruCache(read, lambda photo: photo.rgba.nbytes, most_bytes)
+
+
+def lit(rgba: Pixels, gain: float) -> Pixels:
+    """(H, W, 4) with red, green and blue times a gain.
+
+    Parameters
+    ----------
+    rgba
+        RGB and opacity.
+    gain
+        Of the colours.
+    """
+    table = np.clip(np.arange(256.0) * gain + 0.5, 0, 255).astype(np.uint8)
+    opacity = np.arange(256, dtype=np.uint8)
+    tables = np.stack([table, table, table, opacity], axis=-1)[None]
+    return np.asarray(cv2.LUT(rgba, tables), np.uint8)
 
 
 def read_photo(path: str, reduction: int = 1) -> Photo:

@@ -228,7 +228,11 @@ def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:
         dxfattribs={"layer": layer},
     )
     drawn.set_location(tuple(place[:2]))
-    drawn.render().dimension.translate(0.0, 0.0, float(placed[:, 2].mean()))
+    dimension = drawn.render().dimension
+    dimension.translate(0.0, 0.0, float(placed[:, 2].mean()))
+    for part in dimension.get_geometry_block() or ():
+        if part.dxf.layer == "0":  # not every program colours that as the dimension
+            part.dxf.layer = layer
 
 
 def _offset(k: int) -> float:

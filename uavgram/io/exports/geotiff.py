@@ -133,6 +133,35 @@ def write_float_geotiff(
         file.build_overviews(_factors(raster), Resampling.average)
 
 
+def write_turned_picture(
+    rgba: NDArray[np.uint8], corners_m: Floats, crs: str | None, tags: dict[str, str], path: Path
+) -> None:
+    """Write a picture that may lie turned on the map, as local metres do.
+
+    Parameters
+    ----------
+    rgba
+        (H, W, 4) RGB and opacity.
+    corners_m
+        (3, 2) where its outer corners lie: first row's first and last, last row's first.
+    crs
+        Of the corners; None: local metres.
+    tags
+        Remarks to store in the file.
+    path
+        The file.
+    """
+    height, width = rgba.shape[:2]
+    east, north = corners_m[0]
+    right, up = (corners_m[1] - corners_m[0]) / width
+    aside, below = (corners_m[2] - corners_m[0]) / height
+    place = rasterio.Affine(right, aside, east, up, below, north)
+    profile = _PROFILE | _COLOUR | {"width": width, "height": height, "crs": crs}
+    with _on_all_cores(), rasterio.open(path, "w", **profile, transform=place) as file:
+        file.update_tags(**tags)
+        _write_pixels(file, rgba, 0, 0)
+
+
 def read_reduced(path: Path, shortest_px: int) -> NDArray[np.uint8]:
     """(h, w, 4) the smallest overview whose longer side is no shorter; else the picture itself."""
     with rasterio.open(path) as file:

@@ -6,38 +6,84 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
+from uavgram.geometry.earth.map_projection import projected_from_enu
+from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.io.exports.colmap import write_colmap_model
 from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
 from uavgram.io.exports.dxf_sheet import Words
 from uavgram.io.exports.geojson import write_geojson
 from uavgram.io.exports.geopackage import write_geopackage
 from uavgram.io.exports.geotags import write_geo_txt
+from uavgram.io.exports.geotiff import write_turned_picture
 from uavgram.io.exports.kml import write_kml
 from uavgram.io.exports.measurements_csv import write_measurements_csv
 from uavgram.io.exports.opendronemap import write_gcp_list
 from uavgram.io.exports.profiles_csv import write_profiles_csv
+from uavgram.io.exports.qgis_project import GROUND, write_qgis_project
+from uavgram.io.exports.qgis_styles import Look
+from uavgram.model.arrays import Floats
 from uavgram.model.flight.geotag import GeoTags, PoseChoice
 from uavgram.model.result.result import Result
 from uavgram.model.units import Units
 from uavgram.stages.products.geotags import geotag
 from uavgram.stages.products.map_layers import features_of, shown_poses
+from uavgram.views.style import REFINED, hex_colour
+from uavgram.views.survey.top_view import INK
 from uavgram.views.units import column, quantity, units_of
 
 Writers = dict[str, Callable[[Path], None]]
 
 
-def exports(result: Result) -> Writers:
+LOOKS = {
+    "points": Look(title="points", colour=INK["point"], width_mm=1.6, label="label"),
+    "verticals": Look(title="heights over the ground", colour=INK["above"], width_mm=0.4),
+    "measured_lines": Look(
+        title="measured", colour=INK["measured"], width_mm=0.5, label="text"
+    ),
+    "measured_areas": Look(
+        title="measured areas", colour=INK["measured"], width_mm=0.5, filled=0.15, label="text"
+    ),
+    "known_lengths": Look(
+        title="known lengths", colour=INK["used"], width_mm=0.5, dashed=True, label="text",
+        by_status={status: INK[status] for status in ("suspect", "removed", "checked", "unseen")},
+    ),
+    "ellipses_95_within_survey": Look(
+        title="95 % ellipses within the survey", colour=INK["ellipse"], width_mm=0.3
+    ),
+    "ellipses_95": Look(
+        title="95 % ellipses on the earth", colour=INK["ellipse"], width_mm=0.2, shown=False
+    ),
+    "camera_poses": Look(
+        title="photos", colour=hex_colour(REFINED), width_mm=2.0, label="frame", shown=False
+    ),
+    "footprints": Look(
+        title="what photos show", colour=hex_colour(REFINED), width_mm=0.2, shown=False
+    ),
+}  # fmt: skip
+"""How maps show each layer, as the report's plan does; what comes first lies on top."""
+
+
+def exports(result: Result, texture: GroundTexture | None = None) -> Writers:
     """Name of each file in the output folder, and what writes it.
 
     What needs a place on earth is left out where nothing gives one; points.geojson and survey.kml
     then say why they are empty.
+
+    Parameters
+    ----------
+    result
+        What a run computed.
+    texture
+        What the photos show of the ground, where it was put together.
     """
     words = drawing_words(units_of(result))
     features = features_of(result, result.world.crs, words.length_m)
     writers: Writers = {
         "points.geojson": lambda path: write_geojson(result, path),
         "measurements.csv": lambda path: write_measurements_csv(result, path),
-        "survey.gpkg": lambda path: write_geopackage(features, path),
+        "survey.gpkg": lambda path: write_geopackage(features, path, LOOKS, words.value),
         "survey.kml": lambda path: write_kml(features, path),
         "survey_local.dxf": lambda path: write_local_dxf(features, path, words),
         "colmap": lambda path: write_colmap_model(result, path),
@@ -48,7 +94,51 @@ def exports(result: Result) -> Writers:
         writers["survey_map.dxf"] = lambda path: write_map_dxf(features, path, words)
         writers["opendronemap/gcp_list.txt"] = lambda path: write_gcp_list(result, features, path)
         writers["opendronemap/geo.txt"] = lambda path: write_geo_txt(geotags_of(result), path)
+    if texture is not None:
+        writers[GROUND] = lambda path: write_ground(texture, result, path)
+    writers["survey.qgs"] = lambda path: write_qgis_project(
+        features, LOOKS, path, has_ground=texture is not None
+    )
     return writers
+
+
+def write_ground(texture: GroundTexture, result: Result, path: Path) -> None:
+    """Write the ground as the recording shows it, for maps.
+
+    Parameters
+    ----------
+    texture
+        In local metres.
+    result
+        Says where these lie on the map.
+    path
+        The file.
+    """
+    height, width = texture.covered.shape
+    right, down = np.array([width, -height]) * texture.pixel_size_m
+    corner = np.array([texture.west_m, texture.north_m])
+    corners, crs = on_map(result, corner + np.array([[0.0, 0.0], [right, 0.0], [0.0, down]]))
+    opacity = np.where(texture.covered, 255, 0).astype(np.uint8)
+    tags = {"surface": "the adjusted ground plane: what stands above it leans away from the photo"}
+    rgba = np.dstack([texture.rgb, opacity])
+    write_turned_picture(rgba, corners, crs, tags, path)
+
+
+def on_map(result: Result, local_m: Floats) -> tuple[Floats, str | None]:
+    """(n, 2) places on the plane of the ground, on the map; and which map that is.
+
+    Parameters
+    ----------
+    result
+        Says where local metres lie; where nothing does, these are given back, and no map.
+    local_m
+        (n, 2) east, north.
+    """
+    origin, crs = result.world.origin, result.world.crs
+    if origin is None or crs is None:
+        return local_m, None
+    up = result.plane.height_at(local_m)
+    return projected_from_enu(np.column_stack([local_m, up]), origin, crs)[:, :2], crs
 
 
 def drawing_words(units: Units) -> Words:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from uavgram.imaging.photos.preview import Preview, jpeg_preview_scale, read_preview
-from uavgram.imaging.top_view.mosaic import Mosaic
+from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
 from uavgram.io.outputs import replace_bytes, staged_output
 from uavgram.io.own_files import check_folder_of_project
 from uavgram.io.results.results_json import dump_results, write_results
@@ -21,6 +21,7 @@ from uavgram.pipeline.measure.exports import exports
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.journal import Journal
 from uavgram.pipeline.measure.pictures import report_pictures
+from uavgram.pipeline.measure.plan import PLAN_PDF, PlanWish, write_plan
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.measure.tie_points import are_missing, with_ties_found
 from uavgram.pipeline.parallel import prefetch
@@ -48,6 +49,7 @@ def run(
     progress: Progress = silent,
     sampling: Sampling | None = None,
     pdf: Paper | None = None,
+    plan: PlanWish | None = None,
 ) -> Result:
     """Run a project from its inputs to its outputs.
 
@@ -63,6 +65,8 @@ def run(
         A Monte Carlo check of the measurements.
     pdf
         Paper of a report.pdf; None: there is none.
+    plan
+        Paper and scale of plan.pdf and plan.png; None: there is none.
 
     Returns
     -------
@@ -93,7 +97,7 @@ def run(
     journal.result(result)
     if folder is not None:
         with staged_output(Path(folder), inputs.files, inputs.photos.path) as staging:
-            _write_outputs(result, ties, staging, journal, progress, pdf)
+            _write_outputs(result, ties, staging, journal, progress, pdf, plan)
     return result
 
 
@@ -104,18 +108,21 @@ def _write_outputs(
     journal: Journal,
     progress: Progress,
     pdf: Paper | None = None,
+    plan: PlanWish | None = None,
 ) -> None:
     with journal.step("write recording.rrd"):
-        write_review(result, folder / "recording.rrd", progress, ties)
+        texture = write_review(result, folder / "recording.rrd", progress, ties)
     with journal.step("cut the report's pictures out of the photos"):
         pictures = report_pictures(result)
     writers: dict[str, Callable[[Path], None]] = {
-        **exports(result),
+        **exports(result, texture),
         "report.html": lambda path: write_report(result, path, pictures),
         "results.json": lambda path: write_results(result, path),
     }
     if pdf is not None:
         writers["report.pdf"] = lambda path: write_pdf(result, path, pdf, pictures)
+    if plan is not None:
+        writers[PLAN_PDF] = lambda path: write_plan(result, plan, path.parent)
     for name, write in progress(writers.items(), "writing", len(writers)):
         with journal.step(f"write {name}"):
             (folder / name).parent.mkdir(exist_ok=True)
@@ -150,7 +157,7 @@ def write_pdf(result: Result, path: Path, paper: Paper, pictures: Pictures = NO_
 
 def write_review(
     result: Result, path: Path, progress: Progress = silent, ties: TieCloud | None = None
-) -> None:
+) -> GroundTexture | None:
     """Write the recording of a result, with its photos and the ground that they show.
 
     Photos pass through one by one: what is in memory does not grow with their number.
@@ -165,6 +172,11 @@ def write_review(
         Shows long loops.
     ties
         Tie points, where there are any.
+
+    Returns
+    -------
+    GroundTexture
+        The ground; None where photos show none of it.
 
     Raises
     ------
@@ -183,4 +195,11 @@ def write_review(
             mosaic.add(name, pixels)
             yield name, preview
 
-    write_recording(result, photos(), mosaic.texture, path, ties)
+    shown: list[GroundTexture | None] = []
+
+    def texture() -> GroundTexture | None:
+        shown.append(mosaic.texture())
+        return shown[-1]
+
+    write_recording(result, photos(), texture, path, ties)
+    return shown[-1] if shown else None

@@ -1,0 +1,96 @@
+"""The ground as photos show it, window by window of a raster."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from uavgram.geometry.ground.top_view import View
+from uavgram.imaging.photos.preview import Pixels
+from uavgram.imaging.top_view.photo_cache import PhotoCache, photo_cache
+from uavgram.imaging.top_view.warp import warp_window
+from uavgram.imaging.top_view.warp_maps import Window
+from uavgram.io.exports.geotiff import WINDOW_PX
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.maps.raster import GroundRaster
+from uavgram.pipeline.parallel import prefetch
+from uavgram.stages.products.top_view import boxes, reductions
+
+
+def photos_for(view: View, raster: GroundRaster, gains: Floats | None = None) -> PhotoCache:
+    """Photos of a view, no finer than a raster can show.
+
+    Parameters
+    ----------
+    view
+        The photos.
+    raster
+        The top view.
+    gains
+        (N,) factors of their brightness; by default they stay as they are.
+    """
+    return photo_cache(
+        [view.result.frames.path[i] for i in view.rows],
+        reductions(view, raster).tolist(),
+        gains=None if gains is None else gains.tolist(),
+    )
+
+
+def warped_windows(
+    view: View, raster: GroundRaster, photos: PhotoCache | None = None
+) -> Iterator[tuple[Window, Pixels]]:
+    """Every window of the raster in the order of the file; a few are under way at a time.
+
+    Parameters
+    ----------
+    view
+        The photos and the ground.
+    raster
+        The top view.
+    photos
+        By index of the view; by default as they are.
+    """
+    reach = boxes(view, raster)
+    cache = photos_for(view, raster) if photos is None else photos
+
+    def warp(window: Window) -> Pixels:
+        return warp_window(view, raster, window, _within(reach, window), cache)
+
+    windows = [
+        (column, row, min(WINDOW_PX, raster.width - column), min(WINDOW_PX, raster.height - row))
+        for row in range(0, raster.height, WINDOW_PX)
+        for column in range(0, raster.width, WINDOW_PX)
+    ]
+    yield from prefetch(warp, windows)
+
+
+def whole_picture(view: View, raster: GroundRaster, photos: PhotoCache) -> Pixels:
+    """(H, W, 4) RGB and opacity of a raster that fits into memory.
+
+    Parameters
+    ----------
+    view
+        The photos and the ground.
+    raster
+        The top view.
+    photos
+        By index of the view.
+    """
+    out = np.zeros((raster.height, raster.width, 4), np.uint8)
+    for (column, row, width, height), pixels in warped_windows(view, raster, photos):
+        out[row : row + height, column : column + width] = pixels
+    return out
+
+
+def _within(reach: Floats, window: Window) -> Ints:
+    """Photos that may show some of a window."""
+    column, row, width, height = window
+    with np.errstate(invalid="ignore"):
+        touches = (
+            (reach[:, 0] <= column + width)
+            & (reach[:, 2] >= column)
+            & (reach[:, 1] <= row + height)
+            & (reach[:, 3] >= row)
+        )
+    return np.flatnonzero(touches)

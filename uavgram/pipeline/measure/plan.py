@@ -1,0 +1,128 @@
+"""plan.pdf, plan.png, plan.tif: what was surveyed, to scale, on the ground as photos show it."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.geometry.ground.top_view import View
+from uavgram.imaging.photos.tone import automatic_tone, toned
+from uavgram.imaging.top_view.exposure import exposure_gains
+from uavgram.imaging.top_view.photo_cache import PhotoCache
+from uavgram.io.exports.geotiff import write_turned_picture
+from uavgram.io.outputs import replace_bytes
+from uavgram.io.results.results_json import dump_results
+from uavgram.model.maps.plan import Paper, Plan, PlanSheet
+from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.result.result import Result
+from uavgram.pipeline.ground_picture import photos_for, whole_picture
+from uavgram.pipeline.measure.exports import on_map
+from uavgram.stages.products.plan_sheets import (
+    FOOT_STEPS,
+    METRIC_STEPS,
+    lay_plan,
+    surveyed_extent,
+)
+from uavgram.stages.products.top_view import choose_view, photo_pixels_m
+from uavgram.views.plan.pages import GroundPicture, PlanContent, plan_pages
+from uavgram.views.units import units_of
+
+PLAN_PDF, PLAN_PNG, PLAN_MAP = "plan.pdf", "plan.png", "plan.tif"
+PICTURE_DPI = 200
+
+
+@dataclass(frozen=True)
+class PlanWish:
+    """A plan that is asked for: its paper, and its scale (None: the largest that one sheet has)."""
+
+    paper: Paper
+    scale: int | None = None
+
+
+def write_plan(result: Result, wish: PlanWish, folder: Path) -> None:
+    """Write plan.pdf, plan.png and plan.tif.
+
+    Parameters
+    ----------
+    result
+        What a run computed.
+    wish
+        Paper and scale.
+    folder
+        Of the files.
+
+    Raises
+    ------
+    GeometryError
+        There is nothing to draw, or it takes too many sheets.
+    InputError
+        A photo cannot be read.
+    OutputError
+        A file cannot be written.
+    """
+    extent = surveyed_extent(result)
+    steps = METRIC_STEPS if units_of(result).length == "m" else FOOT_STEPS
+    plan = lay_plan(extent, wish.paper, wish.scale, steps)
+    overview = plan if len(plan.sheets) == 1 else lay_plan(extent, wish.paper, None, steps)
+    ground = _Ground(choose_view(result), overview)
+    content = PlanContent(
+        result=result,
+        plan=plan,
+        overview=overview,
+        pictures=ground.picture,
+        notes=ground.notes(),
+        digest=hashlib.sha256(dump_results(result).encode()).hexdigest(),
+    )
+    made = plan_pages(content)
+    replace_bytes(folder / PLAN_PDF, made.pdf)
+    replace_bytes(folder / PLAN_PNG, made.png)
+    corners, crs = on_map(result, made.map_corners_m)
+    tags = {"surface": "the adjusted ground plane: what stands above it leans away from the photo"}
+    write_turned_picture(made.map_rgba, corners, crs, tags, folder / PLAN_MAP)
+
+
+class _Ground:
+    """What photos show of sheets, all of them in the same light."""
+
+    def __init__(self, view: View, overview: Plan) -> None:
+        self._view = view
+        raster = _raster(view, overview, overview.sheets[0])
+        coarse = raster.coarser(max(max(raster.width, raster.height) // 512, 1))
+        self._gains = exposure_gains(view, coarse, photos_for(view, coarse))
+        picture = whole_picture(view, coarse, photos_for(view, coarse, self._gains))
+        bright = picture[picture[..., 3] > 0]
+        self._tone = automatic_tone(np.ascontiguousarray(bright[:, None, 2::-1]))
+        self._photos: dict[int, PhotoCache] = {}
+
+    def picture(self, plan: Plan, sheet: PlanSheet) -> GroundPicture:
+        """Of one sheet."""
+        raster = _raster(self._view, plan, sheet)
+        if plan.scale not in self._photos:
+            self._photos = {plan.scale: photos_for(self._view, raster, self._gains)}
+        rgba = whole_picture(self._view, raster, self._photos[plan.scale])
+        rgb = np.ascontiguousarray(rgba[..., :3])
+        return GroundPicture(np.dstack([toned(rgb, self._tone), rgba[..., 3]]), raster)
+
+    def notes(self) -> tuple[str, ...]:
+        """What was done to the photos."""
+        told = "The photos' brightness is evened out, to be seen; their files stay as they are."
+        return (told,)
+
+
+def _raster(view: View, plan: Plan, sheet: PlanSheet) -> GroundRaster:
+    """The ground of a sheet in local metres; no finer than the photos."""
+    finest = float(np.nanmin(photo_pixels_m(view), initial=np.inf))
+    pixel = plan.scale * 0.0254 / PICTURE_DPI
+    pixel = max(pixel, finest) if math.isfinite(finest) else pixel
+    return GroundRaster(
+        west_m=sheet.west_m,
+        north_m=sheet.north_m,
+        pixel_m=pixel,
+        width=math.ceil((sheet.east_m - sheet.west_m) / pixel),
+        height=math.ceil((sheet.north_m - sheet.south_m) / pixel),
+        crs=None,
+    )

@@ -1,0 +1,220 @@
+"""The pages of a plan: plan.pdf with every sheet to scale, plan.png with all on one sheet."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.patches import Rectangle
+from PIL import Image
+
+from uavgram.imaging.photos.preview import Pixels
+from uavgram.model.arrays import Floats
+from uavgram.model.maps.plan import Plan, PlanSheet
+from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.result.result import Result
+from uavgram.views.plan.legend import accuracy_note, draw_legend, outline_sheets
+from uavgram.views.plan.sheet import INK, PAPER, QUIET, THIN_PT, Sheet, beside
+from uavgram.views.plan.surveyed import draw_grid, draw_surveyed
+
+PNG_DPI = 200
+_FONTS: Any = {"pdf.fonttype": 42, "path.simplify": False, "font.family": "DejaVu Sans"}
+"""Whole fonts, so that texts can be searched; no vertex of a line is left out."""
+
+
+@dataclass(frozen=True, eq=False)
+class GroundPicture:
+    """What photos show of the ground of a sheet: (H, W, 4) RGB and opacity, and where it lies."""
+
+    rgba: Pixels
+    raster: GroundRaster
+
+
+Pictures = Callable[[Plan, PlanSheet], GroundPicture | None]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanContent:
+    """What is drawn.
+
+    Attributes
+    ----------
+    result
+        The survey.
+    plan
+        As it is asked for.
+    overview
+        All of it on one sheet; the same as `plan` where that has one sheet.
+    pictures
+        What photos show of a sheet; None: nothing.
+    notes
+        Sentences on the picture.
+    digest
+        SHA-256 of results.json.
+    """
+
+    result: Result
+    plan: Plan
+    overview: Plan
+    pictures: Pictures
+    notes: tuple[str, ...]
+    digest: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanFiles:
+    """What was drawn.
+
+    Attributes
+    ----------
+    pdf, png
+        The content of plan.pdf and of plan.png; equal input gives equal bytes.
+    map_rgba
+        (H, W, 4) what the frame of plan.png shows.
+    map_corners_m
+        (3, 2) where its outer corners lie, in local metres: first row's first and last, last row's
+        first.
+    """
+
+    pdf: bytes
+    png: bytes
+    map_rgba: Pixels
+    map_corners_m: Floats
+
+
+def plan_pages(content: PlanContent) -> PlanFiles:
+    """Draw all sheets.
+
+    Parameters
+    ----------
+    content
+        What is drawn.
+    """
+    made = datetime.fromisoformat(content.result.provenance.created_utc)
+    pdf = io.BytesIO()
+    metadata = {"Title": f"{content.result.name}: plan", "CreationDate": made, "ModDate": made}
+    with rc_context(_FONTS), PdfPages(pdf, metadata=metadata) as pages:
+        sheets = _sheets(content)
+        first = next(sheets)
+        first.figure.savefig(pages, format="pdf")
+        png, rgba, corners = _pictures(first)
+        for page in sheets:
+            page.figure.savefig(pages, format="pdf")
+    return PlanFiles(pdf=pdf.getvalue(), png=png, map_rgba=rgba, map_corners_m=corners)
+
+
+def _pictures(page: Sheet) -> tuple[bytes, Pixels, Floats]:
+    """A sheet as PNG, and what its frame shows with the corners of that in the world."""
+    page.figure.set_dpi(PNG_DPI)
+    canvas = FigureCanvasAgg(page.figure)
+    canvas.draw()
+    drawn = np.asarray(canvas.buffer_rgba())
+    stored = io.BytesIO()
+    Image.fromarray(drawn).convert("RGB").save(stored, "png", dpi=(PNG_DPI, PNG_DPI))
+    px_of_mm = PNG_DPI / 25.4
+    left, bottom, across, up = page.plan.frame_mm
+    low = np.ceil(np.array([left, bottom]) * px_of_mm).astype(int)
+    high = np.floor(np.array([left + across, bottom + up]) * px_of_mm).astype(int)
+    height = len(drawn)
+    inside = np.ascontiguousarray(drawn[height - high[1] : height - low[1], low[0] : high[0]])
+    corners = np.array([[low[0], high[1]], [high[0], high[1]], [low[0], low[1]]]) / px_of_mm
+    # the canvas has whole pixels, the paper need not have
+    corners[:, 1] += page.plan.paper_mm[1] - height / px_of_mm
+    return stored.getvalue(), inside, page.in_world(corners)
+
+
+def _sheets(content: PlanContent) -> Iterator[Sheet]:
+    """The overview, then each sheet of a plan that has several."""
+    plan, overview = content.plan, content.overview
+    is_tiled = len(plan.sheets) > 1
+    first = _drawn(content, overview, overview.sheets[0])
+    title = "one sheet"
+    if is_tiled:
+        outline_sheets(first, plan)
+        title = f"overview of {len(plan.sheets)} sheets 1:{plan.scale}"
+    yield _finished(content, first, title)
+    if is_tiled:
+        for one in plan.sheets:
+            sheet = _drawn(content, plan, one)
+            _seams(sheet)
+            yield _finished(content, sheet, f"sheet {one.number} of {len(plan.sheets)}")
+
+
+def _drawn(content: PlanContent, plan: Plan, one: PlanSheet) -> Sheet:
+    sheet = Sheet(plan, one)
+    picture = content.pictures(plan, one)
+    if picture is not None:
+        _show(sheet, picture)
+    return sheet
+
+
+def _finished(content: PlanContent, sheet: Sheet, title: str) -> Sheet:
+    result = content.result
+    draw_surveyed(sheet, result)
+    draw_grid(sheet, result)
+    left, bottom, across, up = sheet.plan.frame_mm
+    edge = Rectangle((left, bottom), across, up, fill=False, edgecolor=INK, linewidth=0.8, zorder=9)
+    sheet.axes.add_patch(edge)
+    notes = (accuracy_note(result), *content.notes)
+    if sheet.left_out:
+        notes += (
+            f"Texts for which there was no room: {sheet.left_out}. A larger scale (--plan-scale) "
+            "has more of them, and the report has all.",
+        )
+    foot = (
+        f"uavgram {result.provenance.version}, {result.provenance.created_utc}; "
+        f"results.json SHA-256 {content.digest}"
+    )
+    draw_legend(sheet, result, title, notes, foot)
+    return sheet
+
+
+def _show(sheet: Sheet, picture: GroundPicture) -> None:
+    """Lay the picture under the drawing; what no photo shows is white paper."""
+    raster = picture.raster
+    opacity = picture.rgba[..., 3:].astype(np.uint16)
+    rgb = (picture.rgba[..., :3] * opacity + 255 * (255 - opacity)) // 255
+    size = np.array([raster.width, -raster.height]) * raster.pixel_m
+    corners = np.array([raster.west_m, raster.north_m]) + np.array([[0.0, 0.0], size])
+    (left, top), (right, bottom) = sheet.on_paper(corners)
+    image = sheet.axes.imshow(
+        rgb.astype(np.uint8), extent=(left, right, bottom, top), aspect="auto",
+        interpolation="none", zorder=1,
+    )  # fmt: skip
+    image.set_clip_path(sheet.frame)
+
+
+def _seams(sheet: Sheet) -> None:
+    """Where the next sheets begin, and which they are: cut there, and lay one on the other."""
+    plan, one = sheet.plan, sheet.sheet
+    left, bottom, across, up = plan.frame_mm
+    overlap = plan.overlap_mm
+    middle = np.array([left + across / 2, bottom + up / 2])
+    sides = {
+        (1, 0): np.array(
+            [[left + across - overlap, bottom], [left + across - overlap, bottom + up]]
+        ),
+        (-1, 0): np.array([[left + overlap, bottom], [left + overlap, bottom + up]]),
+        (0, 1): np.array([[left, bottom + overlap], [left + across, bottom + overlap]]),
+        (0, -1): np.array([[left, bottom + up - overlap], [left + across, bottom + up - overlap]]),
+    }
+    for (columns, rows), seam in sides.items():
+        next_to = [
+            other
+            for other in plan.sheets
+            if (other.column - one.column, other.row - one.row) == (columns, rows)
+        ]
+        for other in next_to:
+            sheet.line(seam, PAPER, 4 * THIN_PT)
+            sheet.line(seam, INK, 2 * THIN_PT, (6.0, 2.0, 1.0, 2.0))
+            at = seam.mean(axis=0)
+            outwards = (at - middle) / np.linalg.norm(at - middle)
+            number = at + outwards * overlap / 2
+            sheet.name(f"sheet {other.number}", QUIET, 7.0, beside(number, -2.0, 4))

@@ -1,0 +1,219 @@
+"""What was surveyed, drawn on the ground: measurements, known lengths, points, and a grid."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
+from uavgram.stages.products.map_layers import measured_strips, reference_strips
+from uavgram.stages.products.measured_shapes import ENCLOSED
+from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, beside, only_at
+from uavgram.views.survey.top_view import INK
+from uavgram.views.units import column, round_bar, units_of, value_text
+from uavgram.views.wording import measurement_text, number, worst_first
+
+MEASURED_PT, KNOWN_PT, NAME_PT, GRID_PT = 7.0, 6.0, 6.0, 5.0
+"""Heights of letters."""
+
+LINE_PT, CASING_PT = 1.1, 2.4
+DASHES = (4.0, 2.5)
+GRID_MM = 50.0
+"""Most paper between two lines of the grid."""
+
+CROSS_MM = 2.0
+"""Of the grid's crosses, half the width."""
+
+MANY = 25
+"""More measurements than these are drawn thin, and named only where there is room beside them."""
+
+DIAMOND_MM = 1.4
+ROUNDS = 12
+SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)
+
+
+def draw_surveyed(sheet: Sheet, result: Result) -> None:
+    """Draw all that a plan shows of a survey; measured values are placed first.
+
+    Parameters
+    ----------
+    sheet
+        Where to.
+    result
+        The survey.
+    """
+    measured, known = measured_strips(result), reference_strips(result)
+    _areas(sheet, result, measured)
+    for i, strip in known.items():
+        _cased(sheet, strip, INK[result.lines.status[i]], DASHES)
+    are_few = len(measured) <= MANY
+    for strips in measured.values():
+        for strip in strips:
+            _cased(sheet, strip, INK["measured"], share=1.0 if are_few else 0.5)
+    _points(sheet, result)
+    units, rows = units_of(result), result.measurements
+    for k in worst_first(rows):
+        if strips := measured.get(int(k), []):
+            row = measurement_text(rows, int(k), units)
+            doubt = " ?" if row.others or rows.status[k] in ("doubtful", "contradicted") else ""
+            _name_strip(
+                sheet,
+                strips,
+                f"{row.name}: {row.value}{doubt}",
+                "measured",
+                ROUNDS if are_few else 1,
+            )
+    for i, strip in known.items():
+        length, sigma = float(result.lines.length_m[i]), float(result.lines.sigma_m[i])
+        text = f"{result.lines.name[i]}: {value_text(length, sigma, 'm', units)}"
+        _name_strip(sheet, [strip], text, result.lines.status[i], ROUNDS)
+    _names(sheet, result)
+
+
+def draw_grid(sheet: Sheet, result: Result) -> float:
+    """Draw the grid of local metres, or feet, as crosses with numbers at the rim; its step [m]."""
+    plan, units = sheet.plan, units_of(result)
+    step, _ = round_bar(GRID_MM * plan.scale / 1000.0, units)
+    one = column(units)
+    places = max(0, -math.floor(math.log10(step * one.factor) + 1e-9))
+    ground, (left, bottom, _, _) = sheet.sheet, plan.frame_mm
+    for axis, (low, high) in enumerate(
+        ((ground.west_m, ground.east_m), (ground.south_m, ground.north_m))
+    ):
+        for k in range(math.ceil(low / step), math.floor(high / step) + 1):
+            at = float(sheet.on_paper(np.full(2, k * step))[axis])
+            text = (
+                f"{'E' if axis == 0 else 'N'} {number(k * step * one.factor, places)} {one.symbol}"
+            )
+            anchor = np.array([at, bottom + 2.0] if axis == 0 else [left + 7.0, at])
+            sheet.name(text, QUIET, GRID_PT, only_at(anchor))
+    _crosses(sheet, step)
+    return step
+
+
+def _crosses(sheet: Sheet, step: float) -> None:
+    ground = sheet.sheet
+    east, north = (
+        step * np.arange(math.ceil(low / step), math.floor(high / step) + 1)
+        for low, high in ((ground.west_m, ground.east_m), (ground.south_m, ground.north_m))
+    )
+    arms = CROSS_MM * np.array([[[-1.0, 0.0], [1.0, 0.0]], [[0.0, -1.0], [0.0, 1.0]]])
+    for spot in sheet.on_paper(np.stack(np.meshgrid(east, north), axis=-1).reshape(-1, 2)):
+        for colour, width in ((PAPER, 4 * THIN_PT), (QUIET, THIN_PT)):
+            for arm in arms:
+                sheet.line(spot + arm, colour, width)
+
+
+def _cased(
+    sheet: Sheet, strip: Floats, colour: str, dashes: tuple[float, ...] = (), share: float = 1.0
+) -> None:
+    """Draw a line on a white one that is wider, to be seen on any ground."""
+    drawn = sheet.on_paper(strip)
+    sheet.line(drawn, PAPER, share * CASING_PT)
+    sheet.line(drawn, colour, share * LINE_PT, dashes)
+
+
+def _areas(sheet: Sheet, result: Result, measured: dict[int, list[Floats]]) -> None:
+    for i, strips in measured.items():
+        if result.measurements.kind[i] in ENCLOSED:
+            for strip in strips:
+                (face,) = sheet.axes.fill(
+                    *sheet.on_paper(strip).T, color=INK["measured"], alpha=0.15, linewidth=0
+                )
+                face.set_clip_path(sheet.frame)
+
+
+def _points(sheet: Sheet, result: Result) -> None:
+    """Dots; diamonds on what stands off the ground, where the picture shows something else."""
+    points = result.points
+    corners = DIAMOND_MM * np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
+    for spot, is_off in zip(
+        sheet.on_paper(points.position_world_m), points.is_off_ground, strict=True
+    ):
+        if not sheet.inside(spot):
+            continue
+        if is_off:
+            sheet.line(spot + corners, INK["above"], LINE_PT)
+        sheet.axes.plot(
+            *spot, "o", markersize=2.2, color=INK["point"], zorder=5, markeredgecolor=PAPER,
+            markeredgewidth=0.4,
+        )  # fmt: skip
+        sheet.reserve(spot, np.full(2, 0.5))
+
+
+def _names(sheet: Sheet, result: Result) -> None:
+    points, units = result.points, units_of(result)
+    height, sigma = points.height_above_ground_m, points.height_sigma_m
+    for k, spot in enumerate(sheet.on_paper(points.position_world_m)):
+        if sheet.inside(spot):
+            text = points.label[k]
+            if points.is_off_ground[k]:
+                sign = "+" if height[k] > 0 else ""
+                text += f" {sign}{value_text(float(height[k]), float(sigma[k]), 'm', units)}"
+            sheet.name(
+                text, INK["point"], NAME_PT,
+                beside(spot, 0.7, ROUNDS),
+            )  # fmt: skip
+
+
+def _name_strip(sheet: Sheet, strips: list[Floats], text: str, ink: str, most: int) -> None:
+    """Along the longest part that this sheet shows; where that is too short, around its middle."""
+    size_pt = MEASURED_PT if ink == "measured" else KNOWN_PT
+    parts = [
+        part
+        for strip in strips
+        for a, b in zip(sheet.on_paper(strip)[:-1], sheet.on_paper(strip)[1:], strict=True)
+        if (part := clipped(a, b, sheet.plan.frame_mm)) is not None
+    ]
+    if not parts:
+        return
+    start, end = max(parts, key=lambda part: float(np.linalg.norm(part[1] - part[0])))
+    start, end = sorted((start, end), key=tuple)
+    way = end - start
+    length, middle = float(np.linalg.norm(way)), (start + end) / 2
+
+    near = beside(middle, 1.0, most)
+
+    def rounds(half: Floats) -> list[Floats]:
+        close = near(half)
+        if length < 2 * half[0]:
+            return close
+        turn = math.atan2(way[1], way[0])
+        across = np.array([-way[1], way[0]]) / length
+        along = start + np.array(SHARES)[:, None] * way
+        box = np.broadcast_to([*half, turn], (len(SHARES), 3))
+        offsets = (0.0, 2.2 * half[1], -2.2 * half[1])
+        return [np.column_stack([along + o * across, box]) for o in offsets] + close
+
+    place = sheet.name(text, INK[ink], size_pt, rounds)
+    if place is not None and np.linalg.norm(place[:2] - middle) > place[2] + 4.0:
+        sheet.line(np.stack([middle, place[:2]]), INK[ink], THIN_PT)
+
+
+def clipped(
+    start: Floats, end: Floats, frame: tuple[float, float, float, float]
+) -> tuple[Floats, Floats] | None:
+    """The part of a straight line in a rectangle (Liang and Barsky 1984); None where there is none.
+
+    Parameters
+    ----------
+    start, end
+        (2,) of the line.
+    frame
+        Left, bottom, width and height.
+    """
+    low, high = np.array(frame[:2]), np.array(frame[:2]) + np.array(frame[2:])
+    way, enter, leave = end - start, 0.0, 1.0
+    for axis in range(2):
+        for edge, sign in ((low[axis], -1.0), (high[axis], 1.0)):
+            speed, room = sign * way[axis], sign * (edge - start[axis])
+            if speed == 0.0:
+                if room < 0.0:
+                    return None
+            elif speed < 0.0:
+                enter = max(enter, room / speed)
+            else:
+                leave = min(leave, room / speed)
+    return None if enter >= leave else (start + enter * way, start + leave * way)
