@@ -84,7 +84,7 @@ def test_every_digit_comes_back(
     assert told == provenance
 
 
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(max_examples=60)
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_any_number_is_read_back_as_that_number(value: float) -> None:
     text = number_text(value)

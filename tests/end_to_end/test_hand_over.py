@@ -21,6 +21,7 @@ from pyproj import Geod, Proj, Transformer
 
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.model.arrays import Floats
+from uavgram.views.units import quantity
 
 Content = dict[str, Any]
 """Of results.json."""
@@ -104,7 +105,8 @@ def test_measured_distances_are_the_dimensions_of_the_drawing(demo: Demo, conten
         if measured["kind"] == "distance" and measured["value"] is not None:
             ends = [drawn[label] for label in measured["points"]]
             assert math.dist(*ends) == pytest.approx(measured["value"], abs=DISTANCE_M)
-            assert f"{measured['value']:.3f} ±{measured['sigma']:.3f} m" in said
+            told = quantity(measured["value"], measured["sigma"], "m")
+            assert f"{measured['name']}: {told}" in said
             tried += 1
     assert tried > 3
 

@@ -347,7 +347,7 @@ def test_leading_axes_and_blocks_change_nothing(name: str) -> None:
     assert back_project(model, parameters, np.empty((0, 2))).shape == (0, 3)
 
 
-@settings(derandomize=True, deadline=None, max_examples=200)
+@settings(max_examples=200)
 @given(
     st.sampled_from(["brown", "fisheye"]),
     st.lists(st.floats(-0.3, 0.3), min_size=4, max_size=4),

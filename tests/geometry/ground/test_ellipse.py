@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
@@ -63,7 +63,6 @@ def test_what_is_no_covariance_has_no_ellipse(
     assert np.isnan(error_ellipse(np.array(wrong, float))).all()
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.floats(0.01, 100), st.floats(0, 0.99), st.floats(0, 3.14), st.floats(-3, 3))
 def test_turning_the_covariance_turns_the_ellipse(
     major: float, ratio: float, azimuth: float, turn: float

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from derivatives import assert_derivative, central_differences
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from uavgram.geometry.ground.plane import intersect_ground, intersect_ground_with_jacobian
@@ -85,7 +85,6 @@ def test_one_centre_serves_many_rays() -> None:
         np.testing.assert_allclose(together, np.stack(apart), rtol=1e-13, atol=1e-13)
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.floats(0.01, 100), st.tuples(*[st.floats(-100, 100)] * 3))
 def test_length_of_the_ray_and_place_of_the_origin_mean_nothing(
     scale: float, shift: tuple[float, float, float]

@@ -99,7 +99,7 @@ def test_gradients_equal_central_differences(measure: Measure) -> None:
 
 
 @pytest.mark.parametrize("measure", COUNT)
-@settings(derandomize=True, deadline=None, max_examples=30)
+@settings(max_examples=30)
 @given(
     turn=st.tuples(*[st.floats(-3, 3)] * 3),
     shift=st.tuples(*[st.floats(-1e3, 1e3)] * 3),

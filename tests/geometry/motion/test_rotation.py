@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from derivatives import assert_derivative, central_differences
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -150,7 +150,6 @@ def test_looking_down_from_a_vehicle_that_heads_north_image_up_is_north() -> Non
     np.testing.assert_allclose(world_from_camera @ [0, 0, 1], [0, 0, -1], atol=1e-15)
 
 
-@settings(derandomize=True, deadline=None)
 @given(st.lists(st.floats(-3, 3), min_size=3, max_size=3))
 def test_a_rotation_is_orthogonal_and_its_negative_vector_undoes_it(numbers: list[float]) -> None:
     v = np.array(numbers)

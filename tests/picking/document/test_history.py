@@ -77,7 +77,7 @@ def line(
     return apply(session, command)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(CHANGES, max_size=25))
 def test_undo_goes_back_through_every_state_and_redo_forward_again(changes: list[Command]) -> None:
     session = Session(state=State())

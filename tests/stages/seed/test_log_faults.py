@@ -95,7 +95,7 @@ def shifted(track: Track, behind: Bools, by: Floats) -> Track:
     return replace(track, position_world_m=track.position_world_m + np.outer(behind, by))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(draw=st.integers(0, 10**6), wobble=st.floats(0, 6), blind=st.booleans())
 def test_a_clean_flight_never_alarms(draw: int, wobble: float, *, blind: bool) -> None:
     track, evidence = flown(draw, wobble_m_s=wobble)
