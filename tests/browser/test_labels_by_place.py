@@ -122,6 +122,7 @@ def test_a_click_elsewhere_is_a_new_point_though_an_old_one_is_selected(opened: 
     opened.click(*opened.places[ALONE[2]])
     offer = opened.page.locator("#notice [name=offer]")  # is of the last change alone:
     expect(offer).to_have_text(f"No, a new point: P{LABELS + 1}")
+    expect(opened.page.locator(f'.mark.selected[data-label="{ALONE[2]}"]')).to_have_count(1)
     opened.page.keyboard.press("ArrowRight")
     expect(offer).to_have_count(0)
     opened.choose(ALONE[4])

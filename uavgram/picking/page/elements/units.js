@@ -35,7 +35,7 @@ export function shown(unit, value = Infinity) {
 }
 
 /** @param {number | null | undefined} sigma in the shown unit @param {Shown} one */
-export function decimals(sigma, { least, most }) {
+function decimals(sigma, { least, most }) {
   if (!sigma || !(sigma > 0)) return Math.max(least, 2);
   return Math.min(Math.max(1 - Math.floor(Math.log10(sigma)), least), most);
 }

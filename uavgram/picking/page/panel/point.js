@@ -73,10 +73,10 @@ function showHeight(box, label, tools) {
   ]);
 }
 
-export const OFF_GROUND = "point-off-ground"; // code of the message that tells of them
+const OFF_GROUND = "point-off-ground"; // code of the message that tells of them
 
 // Labels that fit off the ground, which nobody said of them.
-export function offGround() {
+function offGround() {
   const all = (store.live?.messages ?? []).flatMap(({ code, labels }) => (code === OFF_GROUND ? labels ?? [] : []));
   return all.filter((label) => picksOf(label).length && !heightOf(label).is_free);
 }

@@ -1,7 +1,7 @@
 // The one verdict of the adjustment, above the numbers: its light, the likeliest reason in one plain sentence,
 // and what would put it right. Statistics and all else fold away behind "why". Level and words are the server's.
 
-import { adjusted, remarks } from "../connection/store.js";
+import { adjusted, remarks, stale } from "../connection/store.js";
 import { light } from "../connection/trust.js";
 import { byId, fillIfNew, node } from "../elements/dom.js";
 import { list } from "../elements/table.js";
@@ -49,5 +49,7 @@ function actionsOf({ mends, show }, isOld, tools) {
 
 /** @param {Mend} mend @param {Tools} tools */
 function putRight({ words, changes }, tools) {
+  // The second click of two would undo the first; and what is changed just now may need something else.
+  if (stale() || tools.link.unconfirmed.length) return;
   tools.offers.show(`Done: ${words}.`, tools.send({ t: "all", changes }), { words: "Undo", act: () => tools.send({ t: "undo" }) });
 }
