@@ -15,8 +15,7 @@ from uavgram.model.options import TIES_FILE, Project
 from uavgram.model.survey.ties import NO_TIES, TiePicks
 from uavgram.pipeline.measure.in_photos import check_ties
 from uavgram.pipeline.measure.inputs import read_inputs, ties_path
-from uavgram.pipeline.measure.pose import pose_frames
-from uavgram.pipeline.measure.tie_points import tied
+from uavgram.pipeline.measure.tie_points import pose_before_ties, tied
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.saved_picks import sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
@@ -74,7 +73,7 @@ def write_ties(
     path = _table(inputs.project, inputs.folder)
     with nullcontext() if dry_run else sole_writer(inputs.project, inputs.project_path):
         earlier = count_made(path)
-        posed = pose_frames(inputs)
+        posed = pose_before_ties(inputs)
         found = tied(inputs, posed, progress)
         content = ties_content(path, found.ties)
         check_ties(str(path), found.ties, inputs.photos)

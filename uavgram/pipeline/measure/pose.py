@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from uavgram.stages.seed.log_faults import find_faults
 from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
 from uavgram.stages.seed.track import build_track, find_home
 from uavgram.stages.synchronise import Synchronised, synchronise
+from uavgram.stages.synchronise.by_ties import poses_of
 
 Place = tuple[float, float, float]
 
@@ -57,7 +59,7 @@ def pose_frames(inputs: Inputs) -> Posed:
         return _by_log(inputs, inputs.log)
     if inputs.poses is not None:
         return _by_photos(inputs, inputs.poses)
-    return _unposed(inputs)
+    return unposed(inputs)
 
 
 def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
@@ -180,8 +182,10 @@ def _require_matched(frames: Frames, source: str) -> None:
 
 
 def _synchronise(inputs: Inputs, log: FlightLog) -> Synchronised:
+    known = partial(poses_of, inputs.ties, inputs.photos.frame_id, inputs.calibration)
+    ties = known if inputs.ties.image else None
     try:
-        return synchronise(inputs.photos, log, inputs.project.time)
+        return synchronise(inputs.photos, log, inputs.project.time, ties)
     except UavgramError as fault:  # the stage knows instants; which file they are of is known here
         raise InputError(log.path, str(fault)) from fault
 
@@ -217,7 +221,7 @@ def _photo_frames(inputs: Inputs, poses: PhotoPoses, placed: tuple[str, ...]) ->
     )
 
 
-def _unposed(inputs: Inputs) -> Posed:
+def unposed(inputs: Inputs) -> Posed:
     """Names and file times of the frames, and a world that only control points can place."""
     project = inputs.project
     frames = _file_time_frames(inputs, "no flight log")

@@ -22,8 +22,7 @@ from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.journal import Journal
 from uavgram.pipeline.measure.pictures import report_pictures
 from uavgram.pipeline.measure.plan import PLAN_PDF, PlanWish, write_plan
-from uavgram.pipeline.measure.pose import pose_frames
-from uavgram.pipeline.measure.tie_points import are_missing, with_ties_found
+from uavgram.pipeline.measure.tie_points import are_missing, pose_before_ties, with_ties_found
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
@@ -89,8 +88,9 @@ def run(
     posed = None
     if are_missing(inputs):
         with journal.step("find tie points"):
-            posed = pose_frames(inputs)
+            posed = pose_before_ties(inputs)
             inputs = with_ties_found(inputs, posed, write=folder is not None, progress=progress)
+            posed = None if posed.telemetry is None else posed
     with journal.step("adjust and measure"):
         result, refined = compute(inputs, sampling, posed=posed)
         ties = tie_cloud(refined.adjustment, result.frames.frame_id)

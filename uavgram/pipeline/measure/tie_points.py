@@ -12,9 +12,10 @@ from uavgram.model.message import Message
 from uavgram.model.options import TIES_FOUND
 from uavgram.model.survey.ties import TiePicks
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, ties_path
-from uavgram.pipeline.measure.pose import Posed
+from uavgram.pipeline.measure.pose import Posed, pose_frames, unposed
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.ties.search import Found, Scene, find_ties
+from uavgram.stages.synchronise.boots import has_events
 from uavgram.stages.tie.remarks import remarks
 
 
@@ -33,6 +34,15 @@ class Tied:
     def messages(self, file: str) -> tuple[Message, ...]:
         """Remarks; `file` is the table that they are kept in."""
         return tuple(remarks(self.ties, self.photos, file))
+
+
+def pose_before_ties(inputs: Inputs) -> Posed:
+    """First poses of the photos; none where it is the ties that will tell the camera's clock."""
+    time, log = inputs.project.time, inputs.log
+    by_clock = time.source != "events" and inputs.photos.time_source != "none"
+    if log is not None and by_clock and time.offset_s == "auto" and not has_events(log):
+        return unposed(inputs)
+    return pose_frames(inputs)
 
 
 def tied(inputs: Inputs, posed: Posed, progress: Progress = silent) -> Tied:

@@ -78,6 +78,11 @@ def usable_boots(log: FlightLog) -> list[ClockedBoot]:
     return found
 
 
+def has_events(log: FlightLog) -> bool:
+    """Whether the log says when the camera was released."""
+    return any(boot.events is not None and len(boot.events.time_boot_s) for boot in log.boots)
+
+
 def is_inside(time_utc_s: Floats, clocked: ClockedBoot) -> Bools:
     """(F,) whether position and attitude are both known at these instants."""
     first, last = clocked.span_utc_s()

@@ -7,16 +7,21 @@ with events by their order alone, unless both are equally many and the project a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
+from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
 from uavgram.model.flight.frames import Frames, Photos
 from uavgram.model.flight.log import Boot, BootClock, FlightLog
 from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
-from uavgram.stages.synchronise.boots import usable_boots
+from uavgram.stages.synchronise.boots import has_events, usable_boots
+from uavgram.stages.synchronise.by_ties import by_ties
 from uavgram.stages.synchronise.placement import placed_frames, unmatched_messages
 from uavgram.stages.synchronise.timing import by_alignment, by_offset, by_order
+
+Ties = Callable[[], TiedPoses | None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,7 +47,9 @@ class Synchronised:
     pairing: Pairing | None = None
 
 
-def synchronise(photos: Photos, log: FlightLog, options: TimeOptions) -> Synchronised:
+def synchronise(
+    photos: Photos, log: FlightLog, options: TimeOptions, ties: Ties | None = None
+) -> Synchronised:
     """Give every photo its instant in the flight.
 
     Parameters
@@ -53,6 +60,9 @@ def synchronise(photos: Photos, log: FlightLog, options: TimeOptions) -> Synchro
         The flight; of several boots the one that contains the photos is taken.
     options
         Source of the times; offset of the camera's clock, or ``auto``.
+    ties
+        Gives the poses of the photos from their tie points alone; asked where no camera event says
+        the offset.
 
     Raises
     ------
@@ -63,6 +73,8 @@ def synchronise(photos: Photos, log: FlightLog, options: TimeOptions) -> Synchro
     usable = usable_boots(log)
     if options.source == "events" or photos.time_source == "none":
         chosen, timing = by_order(photos, usable, options)
+    elif options.offset_s == "auto" and ties is not None and not has_events(log):
+        chosen, timing = by_ties(photos, usable, options, ties())
     elif options.offset_s == "auto":
         chosen, timing = by_alignment(photos, usable, options)
     else:

@@ -1,0 +1,138 @@
+"""Instants of photos from tie points: for a camera clock that no camera event of the log tells."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.errors import UavgramError
+from uavgram.estimation.clocks.boot_clock import to_boot
+from uavgram.estimation.clocks.tied_clock import TiedClock, tied_clock
+from uavgram.estimation.first_poses.tied.placing import levelled
+from uavgram.estimation.first_poses.tied.survey_rays import rays_of
+from uavgram.estimation.first_poses.tied.tied_poses import tied_poses
+from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
+from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.motion.interpolation import interpolate_rotation
+from uavgram.geometry.motion.rotation import ENU_FROM_NED
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.flight.frames import Photos
+from uavgram.model.message import Message
+from uavgram.model.options import TimeOptions
+from uavgram.model.survey.ties import TiePicks
+from uavgram.stages.synchronise.boots import ClockedBoot
+from uavgram.stages.synchronise.event_times import Timing, file_sigma_s
+from uavgram.stages.tied import ties_of
+
+FEWEST = 6
+"""Photos with a time that ties must join: four already have more observations than unknowns, but
+hardly any to spare."""
+
+MOST_MISFIT = 4.0
+"""Sigmas of a log by which photos may miss it at the best offset: beyond, it is another's."""
+
+HOW = (
+    "Set time.offset_s (camera clock minus UTC, in seconds; compare a photo's time with the "
+    "flight), and time.offset_sigma_s to how well it is known"
+)
+
+
+def by_ties(
+    photos: Photos, usable: list[ClockedBoot], options: TimeOptions, tied: TiedPoses | None
+) -> tuple[ClockedBoot, Timing]:
+    """Offset of the camera's clock from where ties say that photos stand to each other.
+
+    Parameters
+    ----------
+    photos
+        Of the project, with their file times.
+    usable
+        Boots of the log with positions and a clock.
+    options
+        What was asked for.
+    tied
+        Poses of the photos, in their order, from ties alone; None where these join none.
+
+    Raises
+    ------
+    UavgramError
+        Too few photos are joined, none or several offsets fit: the message lists them.
+    """
+    level = None if tied is None else levelled(tied)
+    placed = np.zeros(len(photos.frame_id), np.bool_) if level is None else level.placed
+    rows = np.flatnonzero(np.isfinite(photos.file_time_s) & placed)
+    if level is None or len(rows) < FEWEST:
+        raise UavgramError(
+            f"time.offset_s is auto, the log has no camera events, and tie points join only "
+            f"{len(rows)} photos with a time ({FEWEST} tell how the flight went): {HOW}"
+        )
+    found = [(clocked, _clock(photos, clocked, level, rows)) for clocked in usable]
+    fitting = [(c, clock) for c, clock in found if clock and clock.misfit <= MOST_MISFIT]
+    if not fitting:
+        raise UavgramError(
+            "time.offset_s is auto, the log has no camera events, and under no offset of the "
+            "camera's clock does its track go with where the tie points say that photos were "
+            f"taken: is this the log of another flight? {HOW}"
+        )
+    fitting.sort(key=lambda one: one[1].misfit)
+    chosen, clock = fitting[0]
+    rivals = [*clock.rival_s, *(other.offset_s for _, other in fitting[1:])]
+    if rivals:
+        listed = ", ".join(f"{offset:+.1f} s" for offset in [clock.offset_s, *rivals][:4])
+        raise UavgramError(
+            "time.offset_s is auto, the log has no camera events, and its track goes with the tie "
+            f"points of the photos under several offsets of the camera's clock: {listed}. {HOW}"
+        )
+    sigma = float(np.hypot(clock.sigma_s, np.nanmax(photos.file_time_resolution_s) / np.sqrt(8.0)))
+    text = (
+        f"The camera's clock is {clock.offset_s:+.2f} +- {sigma:.2f} s ahead of UTC: so the log's "
+        f"track goes with the tie points of {len(rows)} photos. The log has no camera events that "
+        "would say it better."
+    )
+    return chosen, Timing(
+        photos.file_time_s - clock.offset_s,
+        file_sigma_s(photos),
+        clock.offset_s,
+        sigma,
+        (Message("info", "time-by-ties", text),),
+        drift_sigma=options.drift_sigma_ppm * 1e-6,
+    )
+
+
+def poses_of(ties: TiePicks, frame_id: tuple[str, ...], camera: Calibration) -> TiedPoses | None:
+    """Poses of photos, in their order, from their tie points alone; None where these join none.
+
+    Parameters
+    ----------
+    ties
+        By name.
+    frame_id
+        Of the photos.
+    camera
+        Of all of them.
+    """
+    seen = ties_of(ties, {name: k for k, name in enumerate(frame_id)})
+    at, sizes = (seen.frame, seen.point), (len(frame_id), seen.points)
+    return tied_poses(rays_of(camera, at, seen.pixel_px, seen.sigma_px, sizes)[0])
+
+
+def _clock(photos: Photos, clocked: ClockedBoot, tied: TiedPoses, rows: Ints) -> TiedClock | None:
+    """What the ties of some photos say of one boot; None where it has no track."""
+    boot, clock = clocked.boot, clocked.clock
+    positions, attitudes = boot.positions, boot.attitudes
+    if positions is None or attitudes is None:
+        return None
+    low = float(positions.height_m.min())
+    origin = (float(positions.latitude_deg[0]), float(positions.longitude_deg[0]), low)
+    world = enu_from_geodetic(
+        positions.latitude_deg, positions.longitude_deg, positions.height_m, origin
+    )
+
+    def flown(time_utc_s: Floats) -> tuple[Floats, Floats]:
+        time = to_boot(clock, time_utc_s)
+        at = np.stack([np.interp(time, positions.time_boot_s, axis) for axis in world.T], axis=1)
+        body, _ = interpolate_rotation(attitudes.time_boot_s, attitudes.ned_from_body_xyzw, time)
+        return at, ENU_FROM_NED @ body
+
+    poses = tied.center[rows], tied.rotation[rows]
+    return tied_clock(poses, photos.file_time_s[rows], flown, clocked.span_utc_s())
