@@ -16,8 +16,13 @@ from uavgram.views.wording import computed_first
 MOST_ROWS = 8
 """Measurements on the first page; the least certain ones, where there are more."""
 
-LEAST_PLAN, ROW = 290.0, 24.0
-"""Height of the plan beside as many, and what each measurement less leaves for it."""
+LEAST_ROWS = 3
+
+PLAN, LEAST_PLAN = 290.0, 260.0
+"""Height of the plan beside as many measurements, one reason and no case; and at the least."""
+
+ROW, REASON = 24.0, 45.0
+"""What a row of measurements or of the case, and a reason, take of the page, in the same units."""
 
 MOST_REASONS = 3
 """Of the verdict, beside the first; warnings tell them all."""
@@ -54,13 +59,17 @@ class Brief(NamedTuple):
 def brief(result: Result) -> Brief:
     """Choose what stands on the first page."""
     order = [int(i) for i in computed_first(result.measurements)]
+    case = case_from_options(result.provenance.options)
     others = [reason.text for reason in result.verdict.reasons[1:]]
+    reasons = others[:MOST_REASONS]
+    count = min(len(order), max(LEAST_ROWS, MOST_ROWS - len(reasons) - len(case) // 2))
+    taken = ROW * (count - MOST_ROWS + len(case)) + REASON * (len(reasons) - 1)
     return Brief(
-        case=case_from_options(result.provenance.options),
-        rows=tuple(order[:MOST_ROWS]),
-        more=len(order[MOST_ROWS:]),
-        plan_height=LEAST_PLAN + ROW * (MOST_ROWS - min(len(order), MOST_ROWS)),
-        reasons=tuple(others[:MOST_REASONS]),
+        case=case,
+        rows=tuple(order[:count]),
+        more=len(order[count:]),
+        plan_height=max(PLAN - taken, LEAST_PLAN),
+        reasons=tuple(reasons),
         reasons_more=len(others[MOST_REASONS:]),
         limits=tuple(_limits(result)),
     )
