@@ -161,7 +161,7 @@ def test_a_picture_lies_where_its_raster_says(result: Result) -> None:
         crs=None,
     )  # fmt: skip
     drawn = plan_pages(replace(wanted, pictures=lambda *_: GroundPicture(red, raster)))
-    shown = np.asarray(Image.open(io.BytesIO(drawn.png))).astype(int)
+    shown = np.asarray(Image.open(io.BytesIO(drawn.png)).convert("RGB")).astype(int)
     rows, columns = np.nonzero((shown - [255, 0, 0] == 0).all(axis=2))
     mm = 25.4 / 200
     west, north = wanted.plan.on_paper(sheet, np.array([raster.west_m, raster.north_m]))

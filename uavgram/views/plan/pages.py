@@ -112,12 +112,10 @@ def plan_pages(content: PlanContent) -> PlanFiles:
 
 def _pictures(page: Sheet) -> tuple[bytes, Pixels, Floats]:
     """A sheet as PNG, and what its frame shows with the corners of that in the world."""
-    page.figure.set_dpi(PNG_DPI)
-    canvas = FigureCanvasAgg(page.figure)
-    canvas.draw()
-    drawn = np.asarray(canvas.buffer_rgba())
+    FigureCanvasAgg(page.figure)
     stored = io.BytesIO()
-    Image.fromarray(drawn).convert("RGB").save(stored, "png", dpi=(PNG_DPI, PNG_DPI))
+    page.figure.savefig(stored, format="png", dpi=PNG_DPI, metadata={"Software": "uavgram"})
+    drawn = np.asarray(Image.open(stored).convert("RGBA"))
     px_of_mm = PNG_DPI / 25.4
     left, bottom, across, up = page.plan.frame_mm
     low = np.ceil(np.array([left, bottom]) * px_of_mm).astype(int)
