@@ -3,7 +3,8 @@
 
 import { pickAt, predictedIn } from "../connection/store.js";
 
-/** @import { Target } from "../connection/protocol.js" */
+/** @import { Answers, Target } from "../connection/protocol.js" */
+/** @import { Pane } from "../photos/pane.js" */
 /** @import { PageState } from "./page_state.js" */
 /** @import { Tools } from "./tools.js" */
 
@@ -24,23 +25,24 @@ export async function snap(tools, target) {
       notice.show("Nothing was placed, as the photo was changed meanwhile. Press the key again.");
       return;
     }
-    if (found.why !== undefined) {
-      showAlike(tools, { image: pane.image, places: found.places_px });
-      notice.show(`${wanted} is placed nowhere: ${found.why}${found.places_px.length ? " (hollow), and press the key again" : ""}.`);
-    }
-    else {
-      const label = pick?.label ?? expected.expected;
-      if (!label) {
-        tools.clicked(pane, found.u_px, found.v_px, found.sigma_px);
-        return;
-      }
-      tools.placeAt(pane, label, found.u_px, found.v_px, found.sigma_px);
-      const which = found.is_sure ? "" : " that looks like it (no match with another photo says so: see whether it is)";
-      notice.show(`${label} is on a ${found.what}${which}: u ${found.u_px.toFixed(2)}, v ${found.v_px.toFixed(2)}, sigma ${found.sigma_px.toFixed(2)} px`, true);
-    }
+    take(tools, pane, pick?.label ?? expected.expected, wanted, found);
   } catch (fault) {
     notice.fault(fault);
   }
+}
+
+// What a snap found becomes a pick; what it could not tell apart is drawn.
+/** @param {Tools} tools @param {Pane} pane @param {string | undefined} label that is placed; none: whose point is there @param {string} wanted @param {Answers["snap"]} found */
+function take(tools, pane, label, wanted, found) {
+  const { notice } = tools;
+  if (found.why !== undefined) {
+    showAlike(tools, { image: pane.image, places: found.places_px });
+    notice.show(`${wanted} is placed nowhere: ${found.why}${found.places_px.length ? " (hollow), and press the key again" : ""}.`);
+  } else if (label) {
+    tools.placeAt(pane, label, found.u_px, found.v_px, found.sigma_px);
+    const which = found.is_sure ? "" : " that looks like it (no match with another photo says so: see whether it is)";
+    notice.show(`${label} is on a ${found.what}${which}: u ${found.u_px.toFixed(2)}, v ${found.v_px.toFixed(2)}, sigma ${found.sigma_px.toFixed(2)} px`, true);
+  } else tools.clicked(pane, found.u_px, found.v_px, found.sigma_px);
 }
 
 /** @param {Tools} tools @param {PageState["alike"]} alike */
