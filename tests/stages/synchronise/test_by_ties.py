@@ -111,7 +111,7 @@ def test_poses_of_another_flight_are_refused(whole: FlightLog, log: FlightLog) -
     rng = np.random.default_rng(4)
     other = replace(tied, center=tied.center + rng.normal(0.0, 20.0, tied.center.shape) * [1, 1, 0])
 
-    with pytest.raises(UavgramError, match="another flight|several offsets"):
+    with pytest.raises(UavgramError, match=r"another flight|several offsets"):
         synchronise(photos, log, AUTO, lambda: other)
 
 
