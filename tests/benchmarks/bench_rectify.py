@@ -36,9 +36,9 @@ from uavgram.geometry.earth.map_projection import projected_from_enu
 from uavgram.geometry.ground.top_view import View
 from uavgram.io.exports.geotiff import write_colour_geotiff
 from uavgram.model.maps.raster import GroundRaster
+from uavgram.pipeline.ground_picture import warped_windows
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.rectify import warped_windows
 from uavgram.stages.products.top_view import choose_view, lay_raster
 
 HERE = Path(__file__).parent

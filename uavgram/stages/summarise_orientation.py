@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.model.arrays import Floats
 from uavgram.model.result.orientation import OrientationCorrelation
 
 PLANE_NAMES = ("plane height", "slope east", "slope north")
@@ -19,7 +18,7 @@ def summarise_orientation(adjustment: Adjustment) -> OrientationCorrelation:
     sigma = np.sqrt(np.diagonal(joint, axis1=1, axis2=2))
     with np.errstate(divide="ignore", invalid="ignore"):
         known = joint / (sigma[:, :, None] * sigma[:, None, :])
-    correlation: Floats = np.round(np.where(np.isfinite(known), known, np.nan), DECIMALS) + 0.0
+    correlation = np.where(np.isfinite(known), known, np.nan).round(DECIMALS) + 0.0
     readout = ("readout time",) * adjustment.problem.layout.readout
     return OrientationCorrelation(
         parameters=(*survey.calibration.parameter_names, *PLANE_NAMES, *readout),

@@ -32,7 +32,7 @@ def straight(time_s: Floats) -> tuple[Floats, Floats]:
 def clock(flown: Flown, first_s: float = 120.0, photos: int = 10) -> TiedClock | None:
     """By ties of photos every four seconds, in axes and a scale of their own, mounted aslant."""
     rng = np.random.default_rng(5)
-    exposed = first_s + 4.0 * np.arange(photos, dtype=np.float64)
+    exposed: Floats = first_s + 4.0 * np.arange(photos, dtype=np.float64)
     place, body = flown(exposed)
     mount, turn = exp_so3(np.array([[2.0, 0.4, 0.3], [0.0, 0.0, 1.1]]))
     center = (place - [place[0, 0], place[0, 1], 0.0]) @ turn.T / 40.0
@@ -69,13 +69,13 @@ def test_no_photo_was_taken_where_the_vehicle_stood() -> None:
         place, body = straight(time_s)
         return place * [0.0, 0.0, 1.0], body
 
-    exposed = 100.0 + 2.0 * np.arange(8, dtype=np.float64)
+    exposed: Floats = 100.0 + 2.0 * np.arange(8, dtype=np.float64)
     center, own = straight(exposed)
 
     assert tied_clock((center, own), exposed, stood, SPAN_S) is None
 
 
 def test_photos_over_a_longer_time_than_the_log_have_no_offset() -> None:
-    exposed = 100.0 * np.arange(8, dtype=np.float64)
+    exposed: Floats = 100.0 * np.arange(8, dtype=np.float64)
 
     assert tied_clock(straight(exposed), exposed, straight, SPAN_S) is None
