@@ -69,8 +69,10 @@ def test_a_first_session_needs_no_mouse(server: Served, page: Page) -> None:
     expect(page.get_by_role("dialog", name="Help")).to_be_visible()
     assert keeps_out(page) == []
     press(page, "Escape")
+    expect(page.get_by_role("dialog", name="Help")).to_be_hidden()
 
     name(page, "A")
+    expect(page.locator(".mark[data-label]")).to_have_count(1)
     press(page, *["Control+ArrowRight"] * 3)
     name(page, "B")
     expect(page.locator(".mark[data-label]")).to_have_count(2)

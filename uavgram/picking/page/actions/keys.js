@@ -1,6 +1,6 @@
 // Everything by key. Keys are letters where they name a thing, and nothing while text is typed.
 
-import { as } from "../elements/dom.js";
+import { as, byId } from "../elements/dom.js";
 import { toggleStretch } from "../photos/tone.js";
 import { stepTone } from "../photos/tone_control.js";
 import { snap } from "./snap.js";
@@ -58,7 +58,8 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], Arrow
 export function listenToKeys(acted) {
   window.addEventListener("keydown", (event) => {
     if (ARROWS[event.key] || MOVING.includes(event.key)) document.body.classList.add("keyed");
-    if (!isTyped(event) && (acted.tools.question.answers(event) || handle(acted, event))) event.preventDefault();
+    if (closesHelp(event)) event.preventDefault();
+    else if (!isTyped(event) && (acted.tools.question.answers(event) || handle(acted, event))) event.preventDefault();
   });
   window.addEventListener("keyup", ({ key }) => { if (key === " ") acted.state.spaceHeld = false; });
   window.addEventListener("blur", () => { acted.state.spaceHeld = false; });
@@ -97,11 +98,20 @@ export function throughRows(panel) {
   });
 }
 
+// The browser closes a dialog in its own time: what is typed next would still be lost in it.
+/** @param {KeyboardEvent} event */
+function closesHelp({ key }) {
+  const help = as(HTMLDialogElement, byId("help"));
+  const closes = help.open && key === "Escape";
+  if (closes) help.close();
+  return closes;
+}
+
 // Whether a key belongs to what is focused: to a text, a button, a table.
 /** @param {KeyboardEvent} event */
 function isTyped({ key, target }) {
   if (!(target instanceof HTMLElement || target instanceof SVGElement)) return false;
-  if (target.closest("dialog") || (key === "Escape" && document.querySelector(":popover-open"))) return true; // which that closes
+  if (document.querySelector(key === "Escape" ? "dialog[open], :popover-open" : "dialog[open]")) return true; // Escape closes a popover
   if (key === "F6") return false;
   if ((ARROWS[key] || PAGES.includes(key)) && target.closest("#panel, [role=radiogroup], #strip")) return true;
   const isField = target.matches("input, select, textarea");
