@@ -55,10 +55,13 @@ def in_length_unit(context: Context, length_m: Any) -> Any:  # noqa: ANN401 (a n
     return length_m * column(context.get("units", METRIC)).factor
 
 
+_PICTURE = "data:image/"
+
+
 @pass_context
 def _told(context: Context, value: object) -> object:
     """What a template writes: of sentences the lengths in the units of the survey."""
-    if not isinstance(value, str):
+    if not isinstance(value, str) or _PICTURE in value:  # long; what is said in it is told already
         return value
     text = in_units(value, context.get("units", METRIC), context.get("kept_names", ()))
     return value if text is value else type(value)(text)

@@ -52,10 +52,12 @@ class TextPlaces:
         -------
         (5,) the place; after `ROUNDS` without a free one, the first of all.
         """
-        for k in range(ROUNDS):
-            places = candidates(k)
+        first, count = 0, 1
+        while first < ROUNDS:  # more and more at a time: most texts have room at once
+            places = np.concatenate([candidates(k) for k in range(first, first + count)])
             if (which := self.take(places)) is not None:
                 return np.asarray(places[which])
+            first, count = first + count, 4 * count
         return np.asarray(candidates(0)[0])
 
     def reserve(self, place: Floats) -> None:
@@ -89,11 +91,11 @@ def overlaps(one: Floats, other: Floats) -> Bools:
     Two convex shapes have none if and only if a line parts them; of rectangles, one that is
     parallel to a side (Ericson 2005, Real-Time Collision Detection, 4.4.1).
     """
-    apart = other[None, :, :2] - one[:, None, :2]
-    reach = np.linalg.norm(one[:, None, 2:4], axis=2) + np.linalg.norm(other[None, :, 2:4], axis=2)
-    near: Bools = np.linalg.norm(apart, axis=2) < reach
+    reach = np.hypot(one[:, 2], one[:, 3])[:, None] + np.hypot(other[:, 2], other[:, 3])
+    x, y = (other[:, k] - one[:, None, k] for k in range(2))
+    near: Bools = x**2 + y**2 < reach**2
     a, b = np.nonzero(near)
-    first, second, between = one[a], other[b], apart[a, b]
+    first, second, between = one[a], other[b], np.stack([x[a, b], y[a, b]], axis=1)
     meet = np.ones(len(a), dtype=np.bool_)
     for axes in (_sides(first), _sides(second)):
         for k in range(2):
