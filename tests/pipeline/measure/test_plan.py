@@ -12,8 +12,9 @@ from PIL import Image
 from top_views import SIZE_PX, looking, make_view, write_photo
 
 from uavgram.errors import GeometryError
+from uavgram.model.maps.plan import PLAN_PDF, PlanWish
 from uavgram.model.result.result import Result
-from uavgram.pipeline.measure.plan import PLAN_MAP, PLAN_PDF, PLAN_PNG, PlanWish, write_plan
+from uavgram.pipeline.measure.plan import PLAN_MAP, PLAN_PNG, write_plan
 
 
 @pytest.fixture

@@ -76,8 +76,8 @@ def run(
     """
     from uavgram.cli.commands.view import show
     from uavgram.config.project import load_project
+    from uavgram.model.maps.plan import PlanWish
     from uavgram.pipeline.measure.compute import Sampling
-    from uavgram.pipeline.measure.plan import PlanWish
     from uavgram.pipeline.measure.run import FROM_PROJECT
     from uavgram.pipeline.measure.run import run as run_project
     from uavgram.views.survey.verdict import verdict_sentence

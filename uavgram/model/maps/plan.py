@@ -73,3 +73,14 @@ class Plan:
         return np.asarray(
             np.array(self.frame_mm[:2]) + (world_m[..., :2] - corner) * 1000.0 / self.scale
         )
+
+
+@dataclass(frozen=True)
+class PlanWish:
+    """A plan that is asked for: its paper, and its scale (None: the largest that one sheet has)."""
+
+    paper: Paper
+    scale: int | None = None
+
+
+PLAN_PDF = "plan.pdf"

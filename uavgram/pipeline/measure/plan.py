@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from uavgram.imaging.top_view.photo_cache import PhotoCache
 from uavgram.io.exports.geotiff import write_turned_picture
 from uavgram.io.outputs import replace_bytes
 from uavgram.io.results.results_json import dump_results
-from uavgram.model.maps.plan import Paper, Plan, PlanSheet
+from uavgram.model.maps.plan import PLAN_PDF, Plan, PlanSheet, PlanWish
 from uavgram.model.maps.raster import GroundRaster
 from uavgram.model.result.result import Result
 from uavgram.pipeline.ground_picture import photos_for, whole_picture
@@ -31,16 +30,8 @@ from uavgram.stages.products.top_view import choose_view, photo_pixels_m
 from uavgram.views.plan.pages import GroundPicture, PlanContent, plan_pages
 from uavgram.views.units import units_of
 
-PLAN_PDF, PLAN_PNG, PLAN_MAP = "plan.pdf", "plan.png", "plan.tif"
+PLAN_PNG, PLAN_MAP = "plan.png", "plan.tif"
 PICTURE_DPI = 200
-
-
-@dataclass(frozen=True)
-class PlanWish:
-    """A plan that is asked for: its paper, and its scale (None: the largest that one sheet has)."""
-
-    paper: Paper
-    scale: int | None = None
 
 
 def write_plan(result: Result, wish: PlanWish, folder: Path) -> None:

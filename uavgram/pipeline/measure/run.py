@@ -13,6 +13,7 @@ from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
 from uavgram.io.outputs import replace_bytes, staged_output
 from uavgram.io.own_files import check_folder_of_project
 from uavgram.io.results.results_json import dump_results, write_results
+from uavgram.model.maps.plan import PLAN_PDF, PlanWish
 from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.model.result.ties import TieCloud
@@ -21,7 +22,6 @@ from uavgram.pipeline.measure.exports import exports
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.journal import Journal
 from uavgram.pipeline.measure.pictures import report_pictures
-from uavgram.pipeline.measure.plan import PLAN_PDF, PlanWish, write_plan
 from uavgram.pipeline.measure.tie_points import are_missing, pose_before_ties, with_ties_found
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
@@ -122,6 +122,8 @@ def _write_outputs(
     if pdf is not None:
         writers["report.pdf"] = lambda path: write_pdf(result, path, pdf, pictures)
     if plan is not None:
+        from uavgram.pipeline.measure.plan import write_plan  # noqa: PLC0415 - loads matplotlib
+
         writers[PLAN_PDF] = lambda path: write_plan(result, plan, path.parent)
     for name, write in progress(writers.items(), "writing", len(writers)):
         with journal.step(f"write {name}"):

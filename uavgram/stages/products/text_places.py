@@ -57,7 +57,7 @@ class TextPlaces:
             places = np.concatenate([candidates(k) for k in range(first, first + count)])
             if (which := self.take(places)) is not None:
                 return np.asarray(places[which])
-            first, count = first + count, 4 * count
+            first, count = first + count, 2 * count
         return np.asarray(candidates(0)[0])
 
     def reserve(self, place: Floats) -> None:
@@ -95,24 +95,24 @@ def overlaps(one: Floats, other: Floats) -> Bools:
     x, y = (other[:, k] - one[:, None, k] for k in range(2))
     near: Bools = x**2 + y**2 < reach**2
     a, b = np.nonzero(near)
-    first, second, between = one[a], other[b], np.stack([x[a, b], y[a, b]], axis=1)
-    meet = np.ones(len(a), dtype=np.bool_)
-    for axes in (_sides(first), _sides(second)):
-        for k in range(2):
-            axis = axes[:, k]
-            extent = _extent(first, axis) + _extent(second, axis)
-            meet &= np.abs(np.einsum("ni,ni->n", between, axis)) < extent
-    near[a, b] = meet
+    between, first, second = (x[a, b], y[a, b]), one[a], other[b]
+    near[a, b] = _meet(between, first, second) & _meet(between, second, first)
     return near
 
 
-def _sides(places: Floats) -> Floats:
-    """(n, 2, 2) unit vectors along width and height."""
-    cos, sin = np.cos(places[:, 4]), np.sin(places[:, 4])
-    return np.stack([np.stack([cos, sin], axis=1), np.stack([-sin, cos], axis=1)], axis=1)
+def _meet(between: tuple[Floats, Floats], own: Floats, other: Floats) -> Bools:
+    """(n,) whether rectangles (n, 5) overlap along both sides of the first ones.
 
-
-def _extent(places: Floats, axis: Floats) -> Floats:
-    """(n,) half the size of each rectangle along an axis of its own."""
-    along = np.abs(np.einsum("nki,ni->nk", _sides(places), axis))
-    return np.asarray(np.einsum("nk,nk->n", along, places[:, 2:4]))
+    Parameters
+    ----------
+    between
+        (n,) and (n,): from the middle of one to that of the other.
+    own, other
+        The rectangles.
+    """
+    (x, y), (cos, sin) = between, (np.cos(own[:, 4]), np.sin(own[:, 4]))
+    turn = other[:, 4] - own[:, 4]
+    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    along = np.abs(x * cos + y * sin) < own[:, 2] + other[:, 2] * c + other[:, 3] * s
+    across = np.abs(y * cos - x * sin) < own[:, 3] + other[:, 2] * s + other[:, 3] * c
+    return np.asarray(along & across, dtype=np.bool_)
