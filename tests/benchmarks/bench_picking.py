@@ -1,6 +1,6 @@
 """The picking page in a real browser without a GPU: how soon, how smooth, how large.
 
-python tests/benchmarks/bench_picking.py [MEGAPIXELS]
+python tests/benchmarks/bench_picking.py [MEGAPIXELS [PHOTOS]]
 
 Prints each figure beside its bar; exit status 1 where one is missed. Wants a quiet machine.
 """
@@ -286,10 +286,12 @@ def work(driver: Playwright, project: Path, report: Report) -> None:
 def main() -> int:
     megapixels = float(sys.argv[1]) if len(sys.argv) > 1 else 48.0
     width = round((megapixels * 1e6 * 4 / 3) ** 0.5)
-    print(f"{megapixels:g} megapixels, load before {os.getloadavg()[0]:.1f} on {os.cpu_count()}")
+    photos = int(sys.argv[2]) if len(sys.argv) > 2 else 2
+    load = f"load before {os.getloadavg()[0]:.1f} on {os.cpu_count()}"
+    print(f"{photos} photos of {megapixels:g} megapixels, {load}")
     report = Report()
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
-        project = write_large_project(Path(folder), width, round(width * 3 / 4))
+        project = write_large_project(Path(folder), width, round(width * 3 / 4), photos=photos)
         openings(driver, project, report)
         work(driver, project, report)
     print("all hold" if not report.missed else f"missed: {'; '.join(report.missed)}")

@@ -1,4 +1,4 @@
-"""A project of two large photos with many picks: what the picking page must carry with ease."""
+"""A project of large photos with many picks: what the picking page must carry with ease."""
 
 from __future__ import annotations
 
@@ -11,23 +11,25 @@ FOCAL_PX, HEIGHT_M = 6000.0, 30.0
 
 
 def write_large_project(
-    folder: Path, width_px: int = 8000, height_px: int = 6000, labels: int = 100
+    folder: Path, width_px: int = 8000, height_px: int = 6000, labels: int = 100, photos: int = 2
 ) -> Path:
-    """Two nadir photos of level ground with texture; every label is picked in both."""
+    """Nadir photos of level ground with texture; every label is picked in the first two."""
     rng = np.random.default_rng(7)
     half_m = np.array([width_px, height_px]) * HEIGHT_M / FOCAL_PX / 2
     point = rng.uniform(-0.8, 0.8, (labels, 2)) * half_m
-    photos, rows = [], ["image,label,u_px,v_px,sigma_px"]
+    rows = ["image,label,u_px,v_px,sigma_px"]
     for k, shift in enumerate((-0.05, 0.05)):
         name = f"photo{k}.jpg"
         coarse = rng.integers(60, 190, (height_px // 16, width_px // 16, 3), np.uint8)
         fine = cv2.resize(coarse, (width_px, height_px), interpolation=cv2.INTER_CUBIC)
         cv2.imwrite(str(folder / name), fine, [cv2.IMWRITE_JPEG_QUALITY, 90])
-        photos.append(name)
         from_camera = point - np.array([shift * half_m[0], 0.0])
         pixel = np.array([1.0, -1.0]) * from_camera * FOCAL_PX / HEIGHT_M
         pixel += (np.array([width_px, height_px]) - 1) / 2 + rng.normal(0, 0.5, pixel.shape)
         rows += [f"{name},P{i + 1},{u:.3f},{v:.3f},0.5" for i, (u, v) in enumerate(pixel)]
+    again = (folder / "photo1.jpg").read_bytes()
+    for k in range(2, photos):  # the same picture, in another file
+        (folder / f"photo{k}.jpg").write_bytes(again + bytes(k))
     (folder / "picks.csv").write_text("\n".join(rows) + "\n")
     lines = ["name,from,to,length_m,sigma_m"]
     for i in range(0, 16, 2):
