@@ -8,17 +8,17 @@ import pytest
 
 from uavgram.config.scenario import load_scenario
 from uavgram.errors import InputError
-from uavgram.model.demo.scenario import DemoScenario
+from uavgram.model.scenario.scenario import Scenario
 
 
 def test_the_file_that_people_copy_is_the_built_in_survey(repository: Path) -> None:
-    assert load_scenario(repository / "configs" / "demo.yaml") == DemoScenario()
+    assert load_scenario(repository / "configs" / "demo.yaml") == Scenario()
 
 
 def test_every_number_of_the_built_in_survey_is_written_in_the_file(repository: Path) -> None:
     text = (repository / "configs" / "demo.yaml").read_text(encoding="utf-8")
     for group in ("site", "camera", "flight", "errors", "road"):
-        for name in vars(getattr(DemoScenario(), group)):
+        for name in vars(getattr(Scenario(), group)):
             assert f"  {name}:" in text, name
 
 

@@ -1,4 +1,4 @@
-"""A scenario file -> `DemoScenario`."""
+"""A scenario file -> `Scenario`."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from pathlib import Path
 
 from uavgram.config.strict_yaml import read_yaml
 from uavgram.config.validation import validate
-from uavgram.model.demo.scenario import DemoScenario
+from uavgram.model.scenario.scenario import Scenario
 
 
-def load_scenario(path: str | Path) -> DemoScenario:
+def load_scenario(path: str | Path) -> Scenario:
     """Read the scenario of a simulated survey; what it leaves out is the demo's.
 
     Raises
@@ -17,4 +17,4 @@ def load_scenario(path: str | Path) -> DemoScenario:
     InputError
         Names file, line and key of every mistake.
     """
-    return validate(DemoScenario, read_yaml(Path(path).absolute()))
+    return validate(Scenario, read_yaml(Path(path).absolute()))

@@ -1,7 +1,7 @@
 """What lies on the ground of the built-in scene: an accident at a side road, in its own axes.
 
 Scene axes: x along the main road, y to its left, metres, origin at the middle of the scene. `Site`
-(model/demo/scenario.py) says where that origin lies in the world and where the road leads.
+(model/scenario/scenario.py) says where that origin lies in the world and where the road leads.
 """
 
 from __future__ import annotations

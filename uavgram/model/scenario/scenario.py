@@ -1,7 +1,7 @@
 """The scenario of a simulated survey: every number that defines it, with the demo's as defaults.
 
 These classes are the schema of configs/demo.yaml, and keep its units (degrees). Sigmas are of
-normal distributions; what is drawn from them is in `SurveyTruth` (model/demo/simulated.py).
+normal distributions; what is drawn from them is in `SurveyTruth` (model/scenario/simulated.py).
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 
-from uavgram.model.demo.road import (
+from uavgram.model.scenario.road import (
     DEMO_LINES,
     DEMO_POINTS,
     DEMO_ROAD,
@@ -203,7 +203,7 @@ DEMO_MEASUREMENTS: tuple[MeasurementRequest, ...] = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class DemoScenario:
+class Scenario:
     """A simulated survey, completely: the same scenario gives the same survey, bit for bit."""
 
     name: str = "demo"
@@ -230,6 +230,6 @@ class DemoScenario:
         lost = self.errors.lost_exposure
         _require(0 <= lost < count, f"lost_exposure must lie between 0 and {count - 1}")
 
-    def with_seed(self, seed: int) -> DemoScenario:
+    def with_seed(self, seed: int) -> Scenario:
         """Give the same scenario with another draw of every error."""
         return dataclasses.replace(self, seed=seed)
