@@ -16,8 +16,10 @@ import yaml
 
 from uavgram.io.demo_files import write_demo
 from uavgram.model.arrays import Floats
+from uavgram.model.scenario.errors import ErrorSpec
+from uavgram.model.scenario.flight import FlightPlan
 from uavgram.model.scenario.road import SceneLine, ScenePoint
-from uavgram.model.scenario.scenario import ErrorSpec, FlightPlan, Scenario
+from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.target_families import corner_label, plate_of
 from uavgram.stages.simulate.survey import simulate, true_pixels

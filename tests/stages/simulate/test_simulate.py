@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from uavgram.model.arrays import Floats
+from uavgram.model.scenario.errors import ErrorSpec
 from uavgram.model.scenario.road import ScenePoint
-from uavgram.model.scenario.scenario import ErrorSpec, Scenario
+from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.scenario.simulated import SimulatedSurvey
 from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
 from uavgram.stages.simulate.motion import gauss_markov

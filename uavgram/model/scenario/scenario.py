@@ -9,6 +9,11 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 
+from uavgram.model.scenario.checks import require
+from uavgram.model.scenario.errors import ErrorSpec, StatedSpec, TelemetryClass
+from uavgram.model.scenario.flight import FlightPlan
+from uavgram.model.scenario.ground import GroundSpec
+from uavgram.model.scenario.habits import HabitSpec
 from uavgram.model.scenario.road import (
     DEMO_LINES,
     DEMO_POINTS,
@@ -18,11 +23,6 @@ from uavgram.model.scenario.road import (
     ScenePoint,
 )
 from uavgram.model.survey.observations import MeasurementRequest
-
-
-def _require(condition: bool, message: str) -> None:  # noqa: FBT001
-    if not condition:
-        raise ValueError(message)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,12 +60,17 @@ class CameraSpec:
 
     Attributes
     ----------
+    file, drone
+        A camera file, or the name of a drone's camera in the program's table, that says all the
+        rest; at most one of the two.
     parameters, sigma
         fx fy cx cy [px] k1 k2 p1 p2 k3.
     focal_correlation
         Between the errors of fx and fy.
     """
 
+    file: str | None = None
+    drone: str | None = None
     name: str = "uavgram demo camera"
     width_px: int = 2000
     height_px: int = 1500
@@ -74,113 +79,12 @@ class CameraSpec:
     focal_correlation: float = 0.97
 
     def __post_init__(self) -> None:
+        require(self.file is None or self.drone is None, "file and drone: give one of the two")
         for name in ("parameters", "sigma"):
-            _require(len(getattr(self, name)) == 9, f"{name} must hold fx fy cx cy k1 k2 p1 p2 k3")
-        _require(min(self.sigma) > 0, "sigma must be greater than 0")
-        _require(abs(self.focal_correlation) < 1, "focal_correlation must lie between -1 and 1")
-        _require(min(self.width_px, self.height_px) > 0, "width_px and height_px must be positive")
-
-
-@dataclass(frozen=True, kw_only=True)
-class FlightPlan:
-    """Two strips along the road, there and back, nose first.
-
-    Attributes
-    ----------
-    start_utc
-        ISO 8601 with its zone: when the recording starts, 8 s before take-off.
-    boot_s
-        Autopilot's time since boot at that moment.
-    height_m
-        Above home.
-    strip_offset_m, strip_half_length_m
-        The strips lie that far beside the scene's axis; photos are spread over twice that length.
-    photos_per_strip
-        Exposures on each strip.
-    trigger_jitter_m
-        Half range of each exposure's place along the strip (uniform).
-    wobble_m, tilt_wobble_deg, gimbal_wobble_deg
-        Sigmas of the true motion about the plan: position, body roll and pitch, gimbal.
-    gimbal_pitch_deg
-        Of the optical axis, -90 straight down.
-    """
-
-    start_utc: str = "2026-05-09T13:05:00Z"
-    boot_s: float = 84.5
-    height_m: float = 31.6
-    speed_m_s: float = 4.5
-    strip_offset_m: float = 4.0
-    strip_half_length_m: float = 20.0
-    photos_per_strip: int = 7
-    trigger_jitter_m: float = 0.5
-    wobble_m: float = 0.15
-    tilt_wobble_deg: float = 0.6
-    gimbal_pitch_deg: float = -80.0
-    gimbal_wobble_deg: float = 0.4
-
-    def __post_init__(self) -> None:
-        for name in ("height_m", "speed_m_s", "strip_half_length_m"):
-            _require(getattr(self, name) > 0, f"{name} must be greater than 0")
-        _require(self.photos_per_strip >= 2, "photos_per_strip must be at least 2")
-        _require(-90 <= self.gimbal_pitch_deg < -30, "gimbal_pitch_deg must lie in [-90, -30)")
-
-
-@dataclass(frozen=True, kw_only=True)
-class ErrorSpec:
-    """How wrong everything is that the survey records: one sigma of each source.
-
-    Attributes
-    ----------
-    position_bias_m
-        Common to the flight: [horizontal, vertical], each axis.
-    position_drift_m, position_drift_tau_s
-        Slow wander of the estimator [horizontal, vertical], first-order Gauss-Markov.
-    attitude_deg, heading_deg, attitude_tau_s
-        Of logged roll and pitch, and of logged yaw, Gauss-Markov.
-    heading_bias_deg
-        Of yaw, common to the flight.
-    gimbal_deg
-        Of logged gimbal angles, Gauss-Markov.
-    boresight_deg
-        Of the camera in its mount, about each axis.
-    lever_arm_m, lever_arm_sigma_m
-        Autopilot to camera as the project states it (body FRD), and the error of that statement.
-    camera_clock_offset_s
-        Camera clock minus UTC (exact, not a sigma); the project does not know it.
-    camera_zone_h
-        The zone the camera is set to, hours east of Greenwich.
-    exif_jitter_s, event_jitter_s
-        Of each photo's file time and of each logged exposure.
-    lost_exposure
-        Index of the exposure of which no photo was stored.
-    pick_px, tape_m, check_m
-        Of each picked coordinate, each taped length, each axis of a check point.
-    """
-
-    position_bias_m: tuple[float, float] = (1.2, 1.5)
-    position_drift_m: tuple[float, float] = (0.35, 0.4)
-    position_drift_tau_s: float = 40.0
-    attitude_deg: float = 0.6
-    heading_deg: float = 1.5
-    attitude_tau_s: float = 3.0
-    heading_bias_deg: float = 1.5
-    gimbal_deg: float = 0.6
-    boresight_deg: float = 1.0
-    lever_arm_m: tuple[float, float, float] = (0.12, 0.0, 0.08)
-    lever_arm_sigma_m: float = 0.02
-    camera_clock_offset_s: float = 2.6
-    camera_zone_h: float = -6.0
-    exif_jitter_s: float = 0.01
-    event_jitter_s: float = 0.005
-    lost_exposure: int = 9
-    pick_px: float = 0.7
-    tape_m: float = 0.01
-    check_m: float = 0.02
-
-    def __post_init__(self) -> None:
-        positive = ("attitude_tau_s", "position_drift_tau_s", "pick_px", "tape_m", "check_m")
-        for name in positive:
-            _require(getattr(self, name) > 0, f"{name} must be greater than 0")
+            require(len(getattr(self, name)) == 9, f"{name} must hold fx fy cx cy k1 k2 p1 p2 k3")
+        require(min(self.sigma) > 0, "sigma must be greater than 0")
+        require(abs(self.focal_correlation) < 1, "focal_correlation must lie between -1 and 1")
+        require(min(self.width_px, self.height_px) > 0, "width_px and height_px must be positive")
 
 
 DEMO_MEASUREMENTS: tuple[MeasurementRequest, ...] = (
@@ -204,32 +108,70 @@ DEMO_MEASUREMENTS: tuple[MeasurementRequest, ...] = (
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """A simulated survey, completely: the same scenario gives the same survey, bit for bit."""
+    """A simulated survey, completely: the same scenario gives the same survey, bit for bit.
+
+    Attributes
+    ----------
+    name, seed
+        Of the survey, and of its draws.
+    site, ground
+        Where it is, and how the ground differs from a plane.
+    camera, flight
+        Of the photos.
+    telemetry
+        What the log's positions come from; ``none``: there is no log. `config/scenario.py` fills
+        in what is usual of it.
+    errors, stated
+        How wrong everything is, and what the project states of that.
+    habits
+        What the program does not take for granted.
+    road, points, lines, measurements
+        What lies on the ground, and what is taped and measured of it.
+    control
+        Labels of points whose coordinates are known and used.
+    """
 
     name: str = "demo"
     seed: int = 20140321
     site: Site = field(default_factory=Site)
+    ground: GroundSpec = field(default_factory=GroundSpec)
     camera: CameraSpec = field(default_factory=CameraSpec)
     flight: FlightPlan = field(default_factory=FlightPlan)
+    telemetry: TelemetryClass = "consumer"
     errors: ErrorSpec = field(default_factory=ErrorSpec)
+    stated: StatedSpec = field(default_factory=StatedSpec)
+    habits: HabitSpec = field(default_factory=HabitSpec)
     road: RoadLayout = DEMO_ROAD
     points: tuple[ScenePoint, ...] = DEMO_POINTS
     lines: tuple[SceneLine, ...] = DEMO_LINES
+    control: tuple[str, ...] = ()
     measurements: tuple[MeasurementRequest, ...] = DEMO_MEASUREMENTS
 
     def __post_init__(self) -> None:
-        _require(self.seed >= 0, "seed must not be negative")
+        require(self.seed >= 0, "seed must not be negative")
         labels = [point.label for point in self.points]
         twice = sorted({label for label in labels if labels.count(label) > 1})
-        _require(not twice, f"points: labels given twice: {', '.join(twice)}")
+        require(not twice, f"points: labels given twice: {', '.join(twice)}")
         used = {end for line in self.lines for end in (line.start, line.end)}
         used |= {label for request in self.measurements for label in request.points}
+        used |= {*self.control, *self.habits.labels}
         unknown = sorted(used - set(labels))
-        _require(not unknown, f"lines and measurements name unknown points: {', '.join(unknown)}")
-        count = 2 * self.flight.photos_per_strip
-        lost = self.errors.lost_exposure
-        _require(0 <= lost < count, f"lost_exposure must lie between 0 and {count - 1}")
+        require(
+            not unknown,
+            f"lines, measurements, control and habits name unknown points: {', '.join(unknown)}",
+        )
+        wrong = {one.name for one in self.habits.wrong_lengths}
+        strange = sorted(wrong - {line.name for line in self.lines})
+        require(not strange, f"habits: wrong_lengths names unknown lines: {', '.join(strange)}")
+        count, lost = self.flight.photo_count, self.errors.lost_exposure
+        if self.flight.pattern == "strips":
+            require(0 <= lost < count, f"lost_exposure must lie between 0 and {count - 1}")
 
     def with_seed(self, seed: int) -> Scenario:
         """Give the same scenario with another draw of every error."""
         return dataclasses.replace(self, seed=seed)
+
+    @property
+    def lost_exposure(self) -> int | None:
+        """Index of the exposure of which no photo was stored, if there is one."""
+        return self.errors.lost_exposure if self.flight.pattern == "strips" else None

@@ -10,7 +10,8 @@ import numpy as np
 
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats, FrozenArrays
-from uavgram.model.scenario.scenario import ErrorSpec, Scenario, Site
+from uavgram.model.scenario.errors import ErrorSpec
+from uavgram.model.scenario.scenario import Scenario, Site
 from uavgram.model.scenario.simulated import SimulatedLog
 from uavgram.stages.simulate.motion import STEP_S, Motion, at, gauss_markov
 
