@@ -55,11 +55,6 @@ def scene_axes(site: Site) -> Floats:
     return np.array([[np.sin(azimuth), -np.cos(azimuth)], [np.cos(azimuth), np.sin(azimuth)]])
 
 
-def is_hovering(plan: FlightPlan) -> bool:
-    """Whether photos are taken at rest."""
-    return plan.pattern in ("orbit", "single", "poses")
-
-
 def route(plan: FlightPlan, site: Site) -> Route:
     """Lay the legs of a plan one after the other.
 
@@ -68,7 +63,7 @@ def route(plan: FlightPlan, site: Site) -> Route:
     plan, site
         Of the scenario.
     """
-    legs = _hovers(plan, site) if is_hovering(plan) else _strips(plan, site)
+    legs = _hovers(plan, site) if plan.is_hovering else _strips(plan, site)
     ends = np.array([end for leg in legs for end in (leg.start, leg.end)])
     plane = ends[:, :2] @ scene_axes(site).T + [site.scene_east_m, site.scene_north_m]
     above = [[0.0, 0.0, plan.height_m]]
@@ -77,7 +72,7 @@ def route(plan: FlightPlan, site: Site) -> Route:
     speed = np.full(len(waypoints) - 1, plan.speed_m_s)
     speed[[0, -1]] = CLIMB_M_S
     leg_s = np.linalg.norm(np.diff(waypoints, axis=0), axis=1) / speed
-    if is_hovering(plan):
+    if plan.is_hovering:
         leg_s[2:-2:2] = HOVER_S
         leg_s[3:-2:2] = np.maximum(leg_s[3:-2:2], 1.0)  # two photos of one place: turn meanwhile
     start = ON_GROUND_S + np.concatenate([[0.0], np.cumsum(leg_s)])
@@ -85,7 +80,7 @@ def route(plan: FlightPlan, site: Site) -> Route:
     return Route(
         waypoint_world_m=waypoints,
         start_s=start,
-        yaw_rad=np.unwrap(yaw) if is_hovering(plan) else yaw,
+        yaw_rad=np.unwrap(yaw) if plan.is_hovering else yaw,
         pitch_rad=np.array([leg.pitch for leg in legs]),
         turn_s=0.5 * (start[3:-3:2] + start[4:-2:2]),
     )
@@ -102,7 +97,7 @@ def exposures(plan: FlightPlan, flown: Route, rng: np.random.Generator) -> Float
         Draws each exposure's place along its strip.
     """
     begin = flown.start_s[2:-2:2]
-    if is_hovering(plan):
+    if plan.is_hovering:
         return begin + 0.5 * HOVER_S
     count = plan.photos_per_strip
     along = LEAD_M + np.linspace(0.0, 2.0 * plan.strip_half_length_m, count)

@@ -51,13 +51,15 @@ def simulate(
     repetition
         Number of one of many draws of the same scenario; None: the scenario's own draw.
     exact
-        Whether nothing is drawn: everything observed is what it is expected to be.
+        Whether nothing but the flight is drawn: what is observed is what it is expected to be.
 
     Returns
     -------
     What the survey's files will say, and the truth behind them.
     """
-    draw = _still() if exact else _streams(scenario.seed, repetition)
+    draw = _streams(scenario.seed, repetition)
+    if exact:
+        draw = _Streams(draw.motion, *(Still() for _ in _Streams._fields[1:]))
     motion = fly(scenario.flight, scenario.site, draw.motion)
     biases = draw_biases(scenario, draw.biases)
     log = record(scenario, motion, biases, draw.log)
@@ -73,6 +75,8 @@ def simulate(
     errors = scenario.errors
     jitter = errors.exif_jitter_s * draw.people.standard_normal(len(truth.frame_id))
     file_time = truth.time_utc_s + errors.camera_clock_offset_s + jitter
+    if scenario.flight.is_hovering:
+        file_time += scenario.stated.clock_sigma_s * draw.habits.standard_normal()
     lines = tape(scenario, truth, (draw.people, draw.habits))
     checked = [i for i, point in enumerate(scenario.points) if point.mark == "disc"]
     check_noise = errors.check_m * draw.people.standard_normal((len(checked), 3))
@@ -100,10 +104,6 @@ def _streams(seed: int, repetition: int | None) -> _Streams:
     entropy = seed if repetition is None else [seed, repetition]
     spawned = np.random.SeedSequence(entropy).spawn(len(_Streams._fields))
     return _Streams(*map(np.random.default_rng, spawned))
-
-
-def _still() -> _Streams:
-    return _Streams(*(Still() for _ in _Streams._fields))
 
 
 def calibration_of(camera: CameraSpec) -> Calibration:
