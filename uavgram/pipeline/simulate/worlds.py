@@ -37,6 +37,9 @@ class World(Protocol):
     def exact(self) -> Drawn:
         """The survey without any error, its sigmas being as stated."""
 
+    def named(self) -> tuple[str, int]:
+        """Name and seed."""
+
 
 @dataclass(frozen=True)
 class ScenarioWorld:
@@ -68,3 +71,7 @@ class ScenarioWorld:
             truth.measurement_unit,
             truth.measurement_value,
         )
+
+    def named(self) -> tuple[str, int]:
+        """Name and seed."""
+        return self.scenario.name, self.scenario.seed
