@@ -7,8 +7,8 @@ from pathlib import Path
 
 from uavgram.imaging.demo_scene.render import render_photos
 from uavgram.io.demo_files import write_demo
-from uavgram.model.demo.scenario import DemoScenario
 from uavgram.model.result.result import Result
+from uavgram.model.scenario.scenario import Scenario
 from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
@@ -17,7 +17,7 @@ from uavgram.stages.simulate.survey import simulate
 
 @with_one_blas_thread
 def demo(
-    folder: Path, scenario: DemoScenario, progress: Progress = silent
+    folder: Path, scenario: Scenario, progress: Progress = silent
 ) -> tuple[Result, Mapping[str, float], Path]:
     """Make a survey with known truth, and run it.
 

@@ -30,12 +30,12 @@ def demo(
         Say what is being done.
     """
     from uavgram.config.scenario import load_scenario
-    from uavgram.model.demo.scenario import DemoScenario
+    from uavgram.model.scenario.scenario import Scenario
     from uavgram.pipeline.demo import demo as run_demo
     from uavgram.views.terminal import light_line, message_lines, truth_table
 
     log_to_stderr(verbose=verbose)
-    survey = DemoScenario() if scenario is None else load_scenario(scenario)
+    survey = Scenario() if scenario is None else load_scenario(scenario)
     survey = survey if seed is None else survey.with_seed(seed)
     result, truth, project = run_demo(output, survey, progress())
     recording = project.parent / "out" / "recording.rrd"

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from uavgram.model.arrays import Floats, FrozenArrays
-from uavgram.model.demo.scenario import FlightPlan, Site
+from uavgram.model.scenario.flight import FlightPlan
+from uavgram.model.scenario.scenario import Site
 
 STEP_S = 0.01
 GRAVITY_M_S2 = 9.80665

@@ -10,8 +10,9 @@ import numpy as np
 
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats, FrozenArrays
-from uavgram.model.demo.scenario import DemoScenario, ErrorSpec, Site
-from uavgram.model.demo.simulated import SimulatedLog
+from uavgram.model.scenario.errors import ErrorSpec
+from uavgram.model.scenario.scenario import Scenario, Site
+from uavgram.model.scenario.simulated import SimulatedLog
 from uavgram.stages.simulate.motion import STEP_S, Motion, at, gauss_markov
 
 POSITION_EVERY = 10  # of the motion's steps: 10 Hz
@@ -43,13 +44,13 @@ def draw_biases(errors: ErrorSpec, rng: np.random.Generator) -> FlightBiases:
     )
 
 
-def start_utc_s(scenario: DemoScenario) -> float:
+def start_utc_s(scenario: Scenario) -> float:
     """Instant of the recording's start, seconds since the Unix epoch."""
     return datetime.fromisoformat(scenario.flight.start_utc).timestamp()
 
 
 def record(
-    scenario: DemoScenario, motion: Motion, biases: FlightBiases, rng: np.random.Generator
+    scenario: Scenario, motion: Motion, biases: FlightBiases, rng: np.random.Generator
 ) -> SimulatedLog:
     """Write down a flight as an autopilot does, with the scenario's errors.
 

@@ -13,8 +13,8 @@ from uavgram.geometry.motion.rotation import (
 )
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.demo.scenario import CameraSpec, DemoScenario
-from uavgram.model.demo.simulated import SimulatedLog, SimulatedSurvey, SurveyTruth
+from uavgram.model.scenario.scenario import CameraSpec, Scenario
+from uavgram.model.scenario.simulated import SimulatedLog, SimulatedSurvey, SurveyTruth
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 from uavgram.stages.simulate.motion import Motion, at, fly, scene_axes
 from uavgram.stages.simulate.quantities import measured_values, with_true_friction
@@ -29,7 +29,7 @@ PICK_MARGIN_PX = 12.0  # nobody picks a mark that is cut off by the image's edge
 FILE_STEP_S = 0.001  # three sub-second digits
 
 
-def simulate(scenario: DemoScenario) -> SimulatedSurvey:
+def simulate(scenario: Scenario) -> SimulatedSurvey:
     """Simulate a survey: the same scenario gives the same survey.
 
     Parameters
@@ -70,7 +70,7 @@ def calibration_of(camera: CameraSpec) -> Calibration:
     )
 
 
-def point_positions(scenario: DemoScenario) -> Floats:
+def point_positions(scenario: Scenario) -> Floats:
     """World positions (K, 3) of the scenario's points, on the ground plane."""
     site = scenario.site
     xy = np.array([[point.x_m, point.y_m] for point in scenario.points])
@@ -81,7 +81,7 @@ def point_positions(scenario: DemoScenario) -> Floats:
 
 
 def _truth(
-    scenario: DemoScenario,
+    scenario: Scenario,
     requests: tuple[MeasurementRequest, ...],
     motion: Motion,
     biases: FlightBiases,
@@ -129,7 +129,7 @@ def _true_poses(motion: Motion, biases: FlightBiases, instants_s: Floats) -> tup
 
 
 def _observe(
-    scenario: DemoScenario,
+    scenario: Scenario,
     log: SimulatedLog,
     calibration: Calibration,
     truth: SurveyTruth,
@@ -176,7 +176,7 @@ def true_pixels(truth: SurveyTruth) -> Floats:
     return project("brown", truth.intrinsics, in_camera)
 
 
-def _pick(scenario: DemoScenario, truth: SurveyTruth, rng: np.random.Generator) -> Picks:
+def _pick(scenario: Scenario, truth: SurveyTruth, rng: np.random.Generator) -> Picks:
     """Pick every mark that is wholly in a photo, with the scenario's noise."""
     camera, sigma = scenario.camera, scenario.errors.pick_px
     pixel = true_pixels(truth)

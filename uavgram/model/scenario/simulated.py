@@ -7,7 +7,7 @@ from typing import Annotated
 
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.demo.scenario import DemoScenario
+from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 
 
@@ -118,7 +118,7 @@ class SimulatedSurvey(FrozenArrays):
         What really was.
     """
 
-    scenario: DemoScenario
+    scenario: Scenario
     calibration: Calibration
     frame_id: Annotated[tuple[str, ...], "n"]
     file_time_utc_s: Annotated[Floats, "n"]
