@@ -127,9 +127,7 @@ class Functions:
     variance: Floats
 
 
-def of_points(
-    points: Eliminated, layout: Layout, columns: Ints, jacobian: Floats
-) -> Functions:
+def of_points(points: Eliminated, layout: Layout, columns: Ints, jacobian: Floats) -> Functions:
     """Functions of points by their gradients (n, k) and unknowns (n, k), the points eliminated.
 
     Points of one function err independently where the core is known.
@@ -167,3 +165,14 @@ def of_points(
         gradient[some] += np.einsum("np,npc->nc", own, points.by_core[which])
         variance[some] += np.einsum("np,npq,nq->n", own, points.covariance[which], own)
     return Functions(gradient, variance)
+
+
+def of_all_points(points: Eliminated, layout: Layout, gradient: Floats) -> Functions:
+    """Functions of any number of points by their gradients (size, N), the points eliminated."""
+    size, first = layout.point_size, layout.first_frame
+    own = gradient[:first].reshape(layout.points, size, -1)
+    used = np.flatnonzero(own.any(axis=(1, 2)))
+    own, by_core = own[used], points.by_core[used]
+    core = gradient[first:].T + np.einsum("kpn,kpc->nc", own, by_core, optimize=True)
+    variance = np.einsum("kpn,kpq,kqn->n", own, points.covariance[used], own, optimize=True)
+    return Functions(np.asarray(core), np.asarray(variance))

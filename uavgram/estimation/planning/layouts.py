@@ -110,9 +110,7 @@ def covariance_of(information: Floats) -> Floats:
     return np.asarray(cho_solve(factor, np.eye(len(scale))) * np.outer(scale, scale))
 
 
-def with_one_more(
-    aim: Aim, candidates: Candidates, covariance: Floats, among: Ints
-) -> Floats:
+def with_one_more(aim: Aim, candidates: Candidates, covariance: Floats, among: Ints) -> Floats:
     """The criterion with each of some candidates (n,) added; upper bounds of the poor ones.
 
     One more observation of gradient g and variance s^2 takes (g S w)^2 / (g S g + s^2) from the
