@@ -18,7 +18,7 @@ from uavgram.estimation.planning.layouts import (
 )
 from uavgram.model.arrays import Floats, Ints
 
-WORST = 0.3
+WORST = 0.1
 """Weight of the criterion after the worst loss beside that without any."""
 
 

@@ -21,7 +21,7 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.pipeline.plan.survey import Lines, Marks, hardly_known, planned_survey
 from uavgram.stages.plan.cameras import Cameras, seen
 from uavgram.stages.plan.scene import PlanScene
-from uavgram.stages.plan.spots import joined, spots
+from uavgram.stages.plan.spots import MOST_SPOTS, joined, spots
 from uavgram.stages.plan.wanted import Wanted
 
 LINES_AT_FIRST = 3
@@ -57,6 +57,7 @@ def possible(
     wanted: Wanted,
     lengths_m: tuple[float, float],
     good_enough: Floats | None = None,
+    most_spots: int = MOST_SPOTS,
 ) -> Possible:
     """Reckon what each line between any two places would tell.
 
@@ -70,13 +71,15 @@ def possible(
         Shortest and longest line.
     good_enough
         (requests,) sigmas that are good enough; NaN where nobody said.
+    most_spots
+        Places for ends of lines.
 
     Raises
     ------
     GeometryError
         A point that is wanted is in no photo for certain, or no line is.
     """
-    spot = spots(scene.area_m, scene.no_go_m)
+    spot = spots(scene.area_m, scene.no_go_m, most_spots)
     world = scene.on_ground(np.concatenate([wanted.point_m, spot]))
     found = seen(scene.calibration, cameras, world, scene.deviation)
     require_seen(wanted, found.certain)

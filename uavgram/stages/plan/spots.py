@@ -24,11 +24,11 @@ def grid_in(area_m: Floats, step_m: float, from_edge_m: float = 0.0) -> Floats:
     return point[contains(area_m, point)]
 
 
-def spots(area_m: Floats, no_go_m: tuple[Floats, ...]) -> Floats:
-    """(N, 2) places for ends of lines: a grid, coarser in a large area."""
+def spots(area_m: Floats, no_go_m: tuple[Floats, ...], most: int = MOST_SPOTS) -> Floats:
+    """(N, 2) places for ends of lines: a grid of at most `most`, coarser in a large area."""
     size = long_axis(area_m)[2]
     edge = min(FROM_EDGE_M, 0.1 * float(size.min()))
-    step = max(min(STEP_M, 0.2 * float(size.min())), float(np.sqrt(size.prod() / MOST_SPOTS)))
+    step = max(min(STEP_M, 0.2 * float(size.min())), float(np.sqrt(size.prod() / most)))
     point = grid_in(area_m, step, edge)
     for polygon in no_go_m:
         point = point[~contains(polygon, point)]
