@@ -22,7 +22,8 @@ from uavgram.model.scenario.road import SceneLine, ScenePoint
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.target_families import corner_label, plate_of
-from uavgram.stages.simulate.survey import simulate, true_pixels
+from uavgram.stages.simulate.survey import simulate
+from uavgram.stages.simulate.truth import true_pixels
 
 PLATES, WITHHELD = 4, 6
 SIDE_M, SIGMA_M = 0.3, 0.0005

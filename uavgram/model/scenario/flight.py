@@ -102,6 +102,11 @@ class FlightPlan:
         )
 
     @property
+    def is_hovering(self) -> bool:
+        """Whether photos are taken at rest, one every few seconds."""
+        return self.pattern in {"orbit", "single", "poses"}
+
+    @property
     def photo_count(self) -> int:
         """Exposures of the flight."""
         return {

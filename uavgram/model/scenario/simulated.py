@@ -62,7 +62,7 @@ class SurveyTruth(FrozenArrays):
     frame_id, time_utc_s, center_world_m, world_from_camera
         (F,), (F,), (F, 3), (F, 3, 3) of the stored photos.
     intrinsics
-        (9,) of the true camera.
+        (P,) of the true camera.
     boresight_rad
         (3,) rotation vector in the camera frame, true = nominal @ exp(boresight).
     lever_arm_m, position_bias_m, heading_bias_rad, clock_offset_s
@@ -81,7 +81,7 @@ class SurveyTruth(FrozenArrays):
     time_utc_s: Annotated[Floats, "f"]
     center_world_m: Annotated[Floats, "f", 3]
     world_from_camera: Annotated[Floats, "f", 3, 3]
-    intrinsics: Annotated[Floats, 9]
+    intrinsics: Annotated[Floats, "p"]
     boresight_rad: Annotated[Floats, 3]
     lever_arm_m: Annotated[Floats, 3]
     position_bias_m: Annotated[Floats, 3]
@@ -112,7 +112,7 @@ class SimulatedSurvey(FrozenArrays):
         (F,) of the stored photos: names, and the camera clock's reading without its zone.
     event_has_photo
         (E,) whether the log's exposure became a photo.
-    log, picks, lines, checks, measurements
+    log, picks, lines, checks, measurements, control
         Content of the files of those names.
     truth
         What really was.
@@ -127,5 +127,6 @@ class SimulatedSurvey(FrozenArrays):
     picks: Picks
     lines: KnownLines
     checks: KnownPoints
+    control: KnownPoints
     measurements: tuple[MeasurementRequest, ...]
     truth: SurveyTruth
