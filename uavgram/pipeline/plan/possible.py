@@ -40,8 +40,8 @@ class Possible:
         Each line.
     spot_m
         (K, 2) where ends may lie: `Candidates.ends` counts them.
-    value, unit
-        (M,) of what is wanted.
+    value, unit, enough
+        (M,) of what is wanted, and the sigma that is good enough; NaN where nobody said.
     """
 
     aim: Aim
@@ -49,6 +49,7 @@ class Possible:
     spot_m: Floats
     value: Floats
     unit: tuple[str, ...]
+    enough: Floats
 
 
 def possible(
@@ -79,7 +80,7 @@ def possible(
     GeometryError
         A point that is wanted is in no photo for certain, or no line is.
     """
-    spot = spots(scene.area_m, scene.no_go_m, most_spots)
+    spot = spots(scene.area_m, scene.no_go_m, lengths_m[1], most_spots)
     world = scene.on_ground(np.concatenate([wanted.point_m, spot]))
     found = seen(scene.calibration, cameras, world, scene.deviation)
     require_seen(wanted, found.certain)
@@ -88,8 +89,9 @@ def possible(
     pairs = joined(spot, scene.no_go_m, shown.T @ shown > 0, lengths_m)
     if not len(pairs):
         raise GeometryError(
-            f"no line of {lengths_m[0]:g} to {lengths_m[1]:g} m lies in any photo for certain: fly "
-            "higher, take more photos, or allow shorter lines (shortest_line_m)"
+            f"no line of {lengths_m[0]:g} to {lengths_m[1]:g} m fits into the area, clear of what "
+            "is out of bounds, and lies in a photo for certain: fly higher, take more photos, or "
+            "allow shorter lines (shortest_line_m)"
         )
     marks = Marks((*wanted.label, *(f"spot{i}" for i in range(len(spot)))), world, found)
     names = tuple(f"line{i}" for i in range(len(pairs)))
@@ -120,7 +122,7 @@ def possible(
     aim = Aim(information, asked, np.full(len(values.rows), 1.0 / len(values.rows)))
     enough = _by_value(values.rows, wanted, good_enough)
     aim = replace(aim, weight=_weights(aim, candidates, values.unit, enough))
-    return Possible(aim, candidates, spot[used], values.value, values.unit)
+    return Possible(aim, candidates, spot[used], values.value, values.unit, enough)
 
 
 def require_seen(wanted: Wanted, certain: Bools) -> None:

@@ -9,6 +9,12 @@ from uavgram.model.arrays import Bools, Floats, Ints
 
 MOST_SPOTS = 340
 STEP_M = 2.0
+CELLS_IN_LINE = 3.0
+"""Steps of the grid that the longest line must span, or hardly any line would be that long."""
+
+RING, RIM = 8, 0.97
+"""Places on a ring, and its diameter as a share of the longest line."""
+
 FROM_EDGE_M = 1.2
 """Nobody lays a tape on the very edge of a scene."""
 
@@ -24,12 +30,31 @@ def grid_in(area_m: Floats, step_m: float, from_edge_m: float = 0.0) -> Floats:
     return point[contains(area_m, point)]
 
 
-def spots(area_m: Floats, no_go_m: tuple[Floats, ...], most: int = MOST_SPOTS) -> Floats:
-    """(N, 2) places for ends of lines: a grid of at most `most`, coarser in a large area."""
+def spots(
+    area_m: Floats, no_go_m: tuple[Floats, ...], longest_m: float, most: int = MOST_SPOTS
+) -> Floats:
+    """(N, 2) places for ends of lines: a grid; in a large area, rings about the nodes of one.
+
+    Parameters
+    ----------
+    area_m, no_go_m
+        (V, 2), (v, 2) polygons: the area, and where nobody may go.
+    longest_m
+        Line.
+    most
+        About how many places.
+    """
     size = long_axis(area_m)[2]
     edge = min(FROM_EDGE_M, 0.1 * float(size.min()))
     step = max(min(STEP_M, 0.2 * float(size.min())), float(np.sqrt(size.prod() / most)))
-    point = grid_in(area_m, step, edge)
+    if step * CELLS_IN_LINE <= longest_m:
+        point = grid_in(area_m, step, edge)
+    else:
+        turn = 2.0 * np.pi * np.arange(RING) / RING
+        ring = 0.5 * RIM * longest_m * np.column_stack([np.cos(turn), np.sin(turn)])
+        middle = grid_in(area_m, step * float(np.sqrt(RING)), 0.5 * longest_m)
+        point = (middle[:, None] + ring).reshape(-1, 2)
+        point = point[contains(area_m, point)]
     for polygon in no_go_m:
         point = point[~contains(polygon, point)]
     return point
