@@ -11,6 +11,7 @@ from uavgram.estimation.planning.layouts import (
     Chosen,
     best_layout,
     covariance_of,
+    exchanged,
     greedy,
 )
 from uavgram.estimation.planning.losses import surviving
@@ -105,7 +106,11 @@ def choose(
     layout = best_layout(options.aim, options.candidates, best.lines)
     if request.lines is None and best.worst <= 1.0:  # exchange may do with one line less
         layout = _fewer(options, layout, least_lines(scene, best.flight))
-    sturdy = surviving(options.aim, options.candidates, layout) if best.lines > 1 else layout
+    sturdy = layout
+    if len(layout.lines) > 1:
+        sturdy = surviving(options.aim, options.candidates, layout)
+    if sturdy.criterion < layout.criterion:  # another start for the exchanges, a better one
+        layout = exchanged(options.aim, options.candidates, sturdy)
     return Choice(best.flight, options, layout, sturdy)
 
 

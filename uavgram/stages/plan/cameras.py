@@ -89,11 +89,26 @@ def seen(
     pixel, by_point, _ = project_with_jacobian(calibration.model, calibration.parameters, in_camera)
     spread = np.zeros(pixel.shape)
     if deviation is not None:
-        place = deviation.position_m * np.linalg.norm(by_point, axis=-1)
-        turn = np.linalg.norm(by_point @ hat(in_camera), axis=-1)
-        spread = SURE * np.hypot(place, np.deg2rad(deviation.attitude_deg) * turn)
+        spread = spread_px(by_point, in_camera, deviation)
     low = EDGE_PX + spread
     high = np.array([calibration.width_px, calibration.height_px]) - 1.0 - EDGE_PX - spread
     with np.errstate(invalid="ignore"):
         certain = np.all((pixel > low) & (pixel < high), axis=-1)
     return Seen(pixel, certain)
+
+
+def spread_px(by_point: Floats, in_camera: Floats, deviation: Deviation) -> Floats:
+    """(..., 2) by how much pixels move, to `SURE` sigmas, as the drone departs from the plan.
+
+    Parameters
+    ----------
+    by_point
+        (..., 2, 3) derivatives of the pixels by the points.
+    in_camera
+        (..., 3) the points, in camera axes.
+    deviation
+        Of the drone.
+    """
+    place = deviation.position_m * np.linalg.norm(by_point, axis=-1)
+    turn = np.linalg.norm(by_point @ hat(in_camera), axis=-1)
+    return np.asarray(SURE * np.hypot(place, np.deg2rad(deviation.attitude_deg) * turn))

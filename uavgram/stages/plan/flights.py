@@ -34,6 +34,9 @@ FRAMES: dict[FlightPattern, tuple[int, ...]] = {
 OVERLAP = (0.7, 0.5)
 """Of a grid's photos: along a strip, and from strip to strip."""
 
+LEAST_BASE = 0.5
+"""Of the height: from the first photo of a strip to the last."""
+
 MOST_IN_GRID = 200
 
 
@@ -110,8 +113,9 @@ def flight(
     if pattern == "single":
         place, look = np.zeros((1, 2)), np.array([[0.0, 1.0]])
     elif pattern == "strip":
-        place = np.column_stack([_stops(size[0], shown[0], height, photos), np.zeros(photos)])
-        look = np.tile([1.0, 0.0], (photos, 1))
+        # Nose square to the way: the photo's long side lies along the area's.
+        place = np.column_stack([_stops(size[0], shown[1], height, photos), np.zeros(photos)])
+        look = np.tile([0.0, 1.0], (photos, 1))
     elif pattern == "grid":
         grid = _grid(size, shown)
         if grid is None:
@@ -142,9 +146,9 @@ def flight(
 def _stops(length: float, shown: float, height: float, count: int) -> Floats:
     """Places along a strip: as far apart as the area is long, less what a photo shows of it.
 
-    At least half the height, or the photos would say the same.
+    At least `LEAST_BASE` of the height, or the photos would say the same.
     """
-    span = max(length - 0.6 * shown, 0.5 * height)
+    span = max(length - 0.6 * shown, LEAST_BASE * height)
     return np.linspace(-0.5 * span, 0.5 * span, count) if count > 1 else np.zeros(1)
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.ground.polygons import long_axis
+from uavgram.geometry.ground.polygons import contains, long_axis
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.stages.plan.scene import PlanScene
@@ -57,8 +57,21 @@ def lengths_over(area_m: Floats, cells: int) -> Map:
         for a, b in ((w, e), (s, n))
     )
     label = tuple(name for four in names for name in four)
-    point = (middle[:, None] + reach).reshape(-1, 2)
+    point = _moved_in(area_m, middle[:, None, None] + reach.reshape(2, 2, 2)).reshape(-1, 2)
     return Map(middle, cell, length, Wanted(requests, label, point))
+
+
+def _moved_in(area_m: Floats, ends: Floats) -> Floats:
+    """Lengths (N, 2, 2, 2) moved along themselves into the area, where they fit into it."""
+    along = ends[:, :, 1] - ends[:, :, 0]
+    inside = np.zeros(ends.shape[:2], dtype=np.bool_)
+    moved = ends.copy()
+    for share in (0.0, 0.25, -0.25, 0.5, -0.5):
+        tried = ends + share * along[:, :, None]
+        fits = contains(area_m, tried.reshape(-1, 2)).reshape(*ends.shape[:2], 2).all(axis=2)
+        moved = np.where((fits & ~inside)[..., None, None], tried, moved)
+        inside |= fits
+    return moved
 
 
 def wanted_of(scene: PlanScene) -> Wanted:
