@@ -8,12 +8,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from planned_sample import HEIGHT_M, sample_plan, world_from_camera
 from pymavlink import mavutil, mavwp
+from pyproj import Transformer
 from qgc_plan_format import PlacedItem, QgcPlan
 
+from uavgram.errors import GeometryError
 from uavgram.io.exports.mission_items import FRAMES, Command, Frame, mission_items
-from uavgram.io.exports.mission_qgc import write_qgc_plan
-from uavgram.io.exports.mission_waypoints import write_waypoints
+from uavgram.io.exports.mission_qgc import qgc_plan_text, write_qgc_plan
+from uavgram.io.exports.mission_waypoints import waypoints_text, write_waypoints
 from uavgram.model.maps.mission import Autopilot, HeightFrame, Mission
 
 MAV = mavutil.mavlink
@@ -45,10 +48,14 @@ def mission(request: pytest.FixtureRequest) -> Mission:
 
 def _loaded(mission: Mission, folder: Path) -> list[Any]:
     path = folder / "flight.waypoints"
-    write_waypoints(path, mission)
+    path.write_text(waypoints_text(mission), encoding="utf-8")
     loader = mavwp.MAVWPLoader()
     assert loader.load(str(path)) == len(mission_items(mission)) + 1
     return [loader.wp(row) for row in range(loader.count())]
+
+
+def _plan(mission: Mission) -> QgcPlan:
+    return QgcPlan.model_validate_json(qgc_plan_text(mission))
 
 
 def _stops(items: list[Any]) -> list[Any]:
@@ -112,17 +119,11 @@ def test_nothing_arms_takes_off_lands_or_flies_home(mission: Mission, tmp_path: 
     if mission.autopilot == "ardupilot":
         allowed.add(MAV.MAV_CMD_CONDITION_YAW)
     assert {item.command for item in _loaded(mission, tmp_path)} == allowed
-    assert {item.command for item in _written_plan(mission, tmp_path).mission.items} == allowed
-
-
-def _written_plan(mission: Mission, folder: Path) -> QgcPlan:
-    path = folder / "flight.plan"
-    write_qgc_plan(path, mission)
-    return QgcPlan.model_validate_json(path.read_text(encoding="utf-8"))
+    assert {item.command for item in _plan(mission).mission.items} == allowed
 
 
 def test_the_plan_of_qgroundcontrol_says_the_same(mission: Mission, tmp_path: Path) -> None:
-    items, plan = _loaded(mission, tmp_path)[1:], _written_plan(mission, tmp_path)
+    items, plan = _loaded(mission, tmp_path)[1:], _plan(mission)
     assert plan.mission.plannedHomePosition == mission.home
     assert [item.doJumpId for item in plan.mission.items] == [item.seq for item in items]
     for text, json_item in zip(items, plan.mission.items, strict=True):
@@ -135,8 +136,8 @@ def test_the_plan_of_qgroundcontrol_says_the_same(mission: Mission, tmp_path: Pa
             assert json_item.AltitudeMode == plan.mission.globalPlanAltitudeMode == 1
 
 
-def test_no_go_areas_are_fences_to_keep_out_of(mission: Mission, tmp_path: Path) -> None:
-    fences = _written_plan(mission, tmp_path).geoFence.polygons
+def test_no_go_areas_are_fences_to_keep_out_of(mission: Mission) -> None:
+    fences = _plan(mission).geoFence.polygons
     assert [fence.inclusion for fence in fences] == [False, False]
     for fence, ring in zip(fences, mission.no_go, strict=True):
         assert {tuple(corner) for corner in ring.tolist()} == set(fence.polygon)
@@ -153,5 +154,39 @@ def test_what_heights_are_above_is_said(
     other = replace(mission, height_frame=height_frame)
     modes = {"relative": 1, "terrain": 4}  # QGroundControlQmlGlobal.h
     assert {item.frame for item in _stops(_loaded(other, tmp_path))} == {FRAMES[height_frame]}
-    plan = _written_plan(other, tmp_path)
+    plan = _plan(other)
     assert plan.mission.globalPlanAltitudeMode == modes[height_frame]
+
+
+def test_a_plan_is_written_where_its_photos_are(tmp_path: Path) -> None:
+    planned = sample_plan()
+    write_waypoints(tmp_path / "flight.waypoints", planned, "px4")
+    write_qgc_plan(tmp_path / "flight.plan", planned, "px4")
+    loader = mavwp.MAVWPLoader()
+    loader.load(str(tmp_path / "flight.waypoints"))
+    items = [loader.wp(row) for row in range(loader.count())]
+    stops = _stops(items)
+    # by another way than the program's: azimuthal equidistant about the origin
+    site = planned.site
+    flat = Transformer.from_crs(
+        "EPSG:4326",
+        f"+proj=aeqd +lat_0={site.latitude_deg} +lon_0={site.longitude_deg} +datum=WGS84",
+        always_xy=True,
+    )
+    place = np.column_stack(flat.transform([s.y for s in stops], [s.x for s in stops]))
+    np.testing.assert_allclose(place, planned.frames.center_world_m[:, :2], atol=0.002, rtol=0)
+    assert [stop.z for stop in stops] == pytest.approx([HEIGHT_M] * 6, abs=1e-3)
+    assert items[0].z == pytest.approx(site.height_msl_m + site.ground_height_m, abs=1e-3)
+    headed = [world_from_camera(s.param4, planned.flight.gimbal_pitch_deg) for s in stops]
+    np.testing.assert_allclose(headed, planned.frames.world_from_camera, atol=1e-6)
+    QgcPlan.model_validate_json((tmp_path / "flight.plan").read_text(encoding="utf-8"))
+
+
+def test_a_flight_higher_than_allowed_is_not_written(tmp_path: Path) -> None:
+    planned = sample_plan()
+    low = replace(planned, flight=replace(planned.flight, max_height_m=HEIGHT_M - 0.5))
+    with pytest.raises(GeometryError, match=r"P1 would be taken 40.0 m above the ground.*39.5 m"):
+        write_waypoints(tmp_path / "flight.waypoints", low)
+    with pytest.raises(GeometryError, match="max_height_m"):
+        write_qgc_plan(tmp_path / "flight.plan", low)
+    assert not list(tmp_path.iterdir())

@@ -22,6 +22,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 
+import numpy as np
+
 from uavgram.model.maps.mission import HeightFrame, Mission
 
 ACCEPTED_M = 1.0
@@ -78,11 +80,13 @@ def _items(mission: Mission) -> Iterator[MissionItem]:
     is_ardupilot = mission.autopilot == "ardupilot"
     yield _do(Command.DO_CHANGE_SPEED, _GROUND_SPEED, mission.speed_m_s, _THROTTLE_AS_IT_IS)
     frame, pitch_before = FRAMES[mission.height_frame], None
-    stops = zip(
-        *(column.tolist() for column in _columns(mission)),
-        strict=True,
+    stops = np.column_stack(
+        [
+            *(mission.latitude_deg, mission.longitude_deg, mission.height_m),
+            *(mission.heading_deg, mission.gimbal_pitch_deg),
+        ]
     )
-    for number, (latitude, longitude, height, heading, pitch) in enumerate(stops, start=1):
+    for number, (latitude, longitude, height, heading, pitch) in enumerate(stops.tolist(), start=1):
         if pitch != pitch_before:
             yield _do(Command.DO_MOUNT_CONTROL, pitch, 0, 0, 0, 0, 0, _MOUNT_BY_ANGLES)
             pitch_before = pitch
@@ -97,16 +101,6 @@ def _items(mission: Mission) -> Iterator[MissionItem]:
             yield _do(Command.DO_DIGICAM_CONTROL, 0, 0, 0, 0, 1)
         else:
             yield _do(Command.IMAGE_START_CAPTURE, 0, 0, 1, number)
-
-
-def _columns(mission: Mission) -> tuple:
-    return (
-        mission.latitude_deg,
-        mission.longitude_deg,
-        mission.height_m,
-        mission.heading_deg,
-        mission.gimbal_pitch_deg,
-    )
 
 
 def _do(command: Command, *params: float) -> MissionItem:

@@ -16,6 +16,8 @@ from uavgram.io.outputs import replace_text
 from uavgram.io.results.codec import Record
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.mission import Autopilot, HeightFrame, Mission
+from uavgram.model.planned.plan import FlightPlanned
+from uavgram.stages.products.mission import flight_mission
 
 _FIRMWARE: dict[Autopilot, int] = {"ardupilot": 3, "px4": 12}  # MAV_AUTOPILOT
 _QUADROTOR = 2  # MAV_TYPE
@@ -23,14 +25,26 @@ _QUADROTOR = 2  # MAV_TYPE
 _ALTITUDE_MODES: dict[HeightFrame, int] = {"relative": 1, "terrain": 4}
 
 
-def write_qgc_plan(path: Path, mission: Mission) -> None:
-    """Write the mission.
+def write_qgc_plan(
+    path: Path,
+    planned: FlightPlanned,
+    autopilot: Autopilot = "ardupilot",
+    height_frame: HeightFrame = "relative",
+) -> None:
+    """Write the mission of a plan; see `flight_mission` for the choices.
 
     Raises
     ------
+    GeometryError
+        A photo is higher above the ground than the plan allows.
     OutputError
         The file cannot be written.
     """
+    replace_text(path, qgc_plan_text(flight_mission(planned, autopilot, height_frame)))
+
+
+def qgc_plan_text(mission: Mission) -> str:
+    """JSON of the mission and its no-go areas."""
     items = enumerate(mission_items(mission), start=1)
     plan: Record = {
         "fileType": "Plan",
@@ -56,7 +70,7 @@ def write_qgc_plan(path: Path, mission: Mission) -> None:
         },
         "rallyPoints": {"version": 2, "points": []},
     }
-    replace_text(path, json.dumps(plan, indent=1, allow_nan=False) + "\n")
+    return json.dumps(plan, indent=1, allow_nan=False) + "\n"
 
 
 def _item(number: int, item: MissionItem, height_frame: HeightFrame) -> Record:

@@ -10,25 +10,37 @@ from pathlib import Path
 
 from uavgram.io.exports.mission_items import Command, Frame, MissionItem, mission_items
 from uavgram.io.outputs import replace_text
-from uavgram.model.maps.mission import Mission
+from uavgram.model.maps.mission import Autopilot, HeightFrame, Mission
+from uavgram.model.planned.plan import FlightPlanned
+from uavgram.stages.products.mission import flight_mission
 
 _HEAD = "QGC WPL 110"
 
 
-def write_waypoints(path: Path, mission: Mission) -> None:
-    """Write the mission.
-
-    The first line is the place of take-off, as ArduPilot keeps it there; it is no stop.
+def write_waypoints(
+    path: Path,
+    planned: FlightPlanned,
+    autopilot: Autopilot = "ardupilot",
+    height_frame: HeightFrame = "relative",
+) -> None:
+    """Write the mission of a plan; see `flight_mission` for the choices.
 
     Raises
     ------
+    GeometryError
+        A photo is higher above the ground than the plan allows.
     OutputError
         The file cannot be written.
     """
+    replace_text(path, waypoints_text(flight_mission(planned, autopilot, height_frame)))
+
+
+def waypoints_text(mission: Mission) -> str:
+    """All lines; the first item is the place of take-off, as ArduPilot has it, and no stop."""
     home = MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0, 0.0, 0.0, 0.0, *mission.home))
     items = (home, *mission_items(mission))
     lines = [_HEAD, *(_line(row, item) for row, item in enumerate(items))]
-    replace_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def _line(row: int, item: MissionItem) -> str:
