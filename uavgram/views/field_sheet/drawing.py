@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
-from uavgram.stages.products.measured_shapes import shape
+from uavgram.stages.products.planned_layers import wanted_shapes
 from uavgram.views.field_sheet.names import Name, placed_names
 from uavgram.views.field_sheet.paper import WIDTH, Paper, svg_points
 from uavgram.views.field_sheet.shades import Shading, shading
@@ -82,7 +82,7 @@ def field_drawing(planned: FlightPlanned, units: Units) -> FieldDrawing:
     return FieldDrawing(
         width=WIDTH,
         height=paper.height,
-        shading=shading(planned.grid, paper),
+        shading=shading(planned, paper),
         area=svg_points(paper(planned.area_world_m)),
         no_go=tuple(svg_points(paper(ring)) for ring in planned.no_go_world_m),
         footprints=tuple(svg_points(paper(ring)) for ring in frames.footprint_world_m[::every]),
@@ -91,7 +91,7 @@ def field_drawing(planned: FlightPlanned, units: Units) -> FieldDrawing:
         photos=_triangles(paper(frames.center_world_m), frames.heading_deg),
         lines=tuple(svg_points(np.stack(pair)) for pair in zip(starts, ends, strict=True)),
         ticks=_ticks(starts, ends),
-        wanted=tuple(svg_points(paper(strip)) for strip in _wanted(planned)),
+        wanted=tuple(svg_points(paper(strip)) for some in wanted_shapes(planned) for strip in some),
         points=tuple((x, y) for x, y in paper(points.world_m).tolist()),
         names=placed_names(planned, paper, units),
         bar=bar_m * paper.scale,
@@ -115,13 +115,3 @@ def _ticks(starts: Floats, ends: Floats) -> tuple[str, ...]:
     places, out = np.concatenate([starts, ends]), np.concatenate([across, across])
     bars = np.stack([places - out, places + out], axis=1)
     return tuple(svg_points(bar) for bar in bars)
-
-
-def _wanted(planned: FlightPlanned) -> list[Floats]:
-    place = dict(zip(planned.points.label, planned.points.world_m, strict=True))
-    measured = planned.measurements
-    return [
-        strip
-        for kind, labels in zip(measured.kind, measured.points, strict=True)
-        for strip in shape(kind, np.array([place[label] for label in labels]))
-    ]

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.planned.parts import AccuracyGrid
+from uavgram.model.planned.plan import FlightPlanned
+from uavgram.stages.products.planned_layers import grid_cells
 from uavgram.views.field_sheet.numbers import centimetres
 from uavgram.views.field_sheet.paper import Paper, svg_points
 
@@ -35,9 +36,10 @@ class Shading:
     legend: tuple[Shade, ...]
 
 
-def shading(grid: AccuracyGrid, paper: Paper) -> Shading:
+def shading(planned: FlightPlanned, paper: Paper) -> Shading:
     """Shade the cells: the lighter, the better."""
-    corners = [svg_points(paper(ring)) for ring in _cells(grid)]
+    grid = planned.grid
+    corners = [svg_points(paper(ring)) for ring in grid_cells(planned)]
     known = np.isfinite(grid.sigma_m)
     unseen = tuple(ring for ring, is_known in zip(corners, known, strict=True) if not is_known)
     if not known.any():
@@ -70,15 +72,3 @@ def class_edges(sigma_m: Floats) -> Floats:
 def _grey(share: float) -> str:
     level = round(255 * (LIGHTEST + (DARKEST - LIGHTEST) * share))
     return f"#{level:02x}{level:02x}{level:02x}"
-
-
-def _cells(grid: AccuracyGrid) -> Floats:
-    """(K, 4, 2) corners on the ground; cells lie as their middles do, turned or not."""
-    middles = grid.center_world_m[:, :2]
-    half = grid.cell_m / 2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    away = middles - middles[:1]
-    near = np.flatnonzero(np.abs(np.hypot(*away.T) - grid.cell_m) < 1e-3 * grid.cell_m)
-    if len(near):
-        east, north = away[near[0]] / grid.cell_m
-        half = half @ np.array([[east, north], [-north, east]])
-    return np.asarray(middles[:, None] + half)
