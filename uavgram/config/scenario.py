@@ -19,12 +19,19 @@ def load_scenario(path: str | Path) -> Scenario:
     InputError
         Names file, line and key of every mistake.
     """
+    return scenario_document(path)[0]
+
+
+def scenario_document(path: str | Path) -> tuple[Scenario, Document]:
+    """Read a scenario as `load_scenario` does, and where in its file everything stands."""
     path = Path(path).absolute()
-    scenario = validate(Scenario, _with_usual(read_yaml(path)))
+    document = _with_usual(read_yaml(path))
+    scenario = validate(Scenario, document)
     camera = scenario.camera
-    if camera.file is None:
-        return scenario
-    return replace(scenario, camera=replace(camera, file=str(path.parent / camera.file)))
+    if camera.file is not None:
+        file = str(path.parent / camera.file)
+        scenario = replace(scenario, camera=replace(camera, file=file))
+    return scenario, document
 
 
 def _with_usual(document: Document) -> Document:

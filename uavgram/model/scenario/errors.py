@@ -100,7 +100,7 @@ class StatedSpec:
         Of the ground, level and at the height of home.
     boresight_sigma_deg, lever_arm_sigma_m, clock_sigma_s
         Of mount and clock. The clock's offset itself is found from the log's camera events; where
-        photos are taken hovering, as evenly as no offset can be told, it is stated, off by that.
+        these are too few or too even to tell it, it is stated, off by that.
     position_sigma_m, attitude_sigma_deg
         Of each frame: [horizontal, vertical], [tilt, yaw]; empty: as the log says.
     position_bias_sigma_m, heading_bias_sigma_deg

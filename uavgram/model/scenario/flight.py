@@ -7,6 +7,9 @@ from typing import Literal
 
 from uavgram.model.scenario.checks import require, require_sizes
 
+MANY = 10
+"""Exposures of strips, whose gaps then fit camera events in one way only."""
+
 Pattern = Literal["strips", "strip", "grid", "orbit", "single", "poses"]
 
 
@@ -105,6 +108,11 @@ class FlightPlan:
     def is_hovering(self) -> bool:
         """Whether photos are taken at rest, one every few seconds."""
         return self.pattern in {"orbit", "single", "poses"}
+
+    @property
+    def tells_clock(self) -> bool:
+        """Whether its exposures are so many and uneven that the log tells the camera's clock."""
+        return self.photo_count >= MANY and not self.is_hovering
 
     @property
     def photo_count(self) -> int:

@@ -64,6 +64,8 @@ class CameraSpec:
     file, drone
         A camera file, or the name of a drone's camera in the program's table, that says all the
         rest; at most one of the two.
+    focal_mm
+        Of that drone's lens, where the table does not say.
     parameters, sigma
         fx fy cx cy [px] k1 k2 p1 p2 k3.
     focal_correlation
@@ -72,6 +74,7 @@ class CameraSpec:
 
     file: str | None = None
     drone: str | None = None
+    focal_mm: float | None = None
     name: str = "uavgram demo camera"
     width_px: int = 2000
     height_px: int = 1500

@@ -94,7 +94,7 @@ def project_of(scenario: Scenario, noise: str | None = None) -> Project:
             lever_arm_sigma_m=stated.lever_arm_sigma_m,
         ),
         time=TimeOptions(
-            offset_s=errors.camera_clock_offset_s if scenario.flight.is_hovering else "auto",
+            offset_s="auto" if scenario.flight.tells_clock else errors.camera_clock_offset_s,
             offset_sigma_s=stated.clock_sigma_s,
         ),
         telemetry=TelemetryOptions(

@@ -75,7 +75,7 @@ def simulate(
     errors = scenario.errors
     jitter = errors.exif_jitter_s * draw.people.standard_normal(len(truth.frame_id))
     file_time = truth.time_utc_s + errors.camera_clock_offset_s + jitter
-    if scenario.flight.is_hovering:
+    if not scenario.flight.tells_clock:
         file_time += scenario.stated.clock_sigma_s * draw.habits.standard_normal()
     lines = tape(scenario, truth, (draw.people, draw.habits))
     checked = [i for i, point in enumerate(scenario.points) if point.mark == "disc"]
