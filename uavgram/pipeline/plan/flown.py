@@ -53,9 +53,7 @@ def flown(scenario: Scenario, asked: Asked, planned: FlightPlanned) -> Scenario:
         ),
         lines=tuple(
             SceneLine(name=name, start=start, end=end)
-            for name, start, end in zip(
-                lines.name, lines.start_label, lines.end_label, strict=True
-            )
+            for name, start, end in zip(lines.name, lines.start_label, lines.end_label, strict=True)
         ),
         control=(),
         measurements=wanted.requests,
