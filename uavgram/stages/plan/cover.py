@@ -9,7 +9,14 @@ from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.request import PlanRequest
 from uavgram.stages.plan.cameras import Cameras, seen
-from uavgram.stages.plan.flights import USABLE, Flight, flights, heights_to_try, keeps_out
+from uavgram.stages.plan.flights import (
+    MOST_IN_GRID,
+    USABLE,
+    Flight,
+    flights,
+    heights_to_try,
+    keeps_out,
+)
 from uavgram.stages.plan.scene import PlanScene
 from uavgram.stages.plan.spots import grid_in
 from uavgram.stages.plan.wanted import Wanted
@@ -35,7 +42,9 @@ def covering(scene: PlanScene, request: PlanRequest, wanted: Wanted) -> list[Fli
         heights = 0
         for height in heights_to_try(request):
             good = 0
-            for one in flights(scene, request, pattern, height):
+            choices = flights(scene, request, pattern, height)
+            obstacles["battery"] += int(not choices)  # a grid of far too many photos
+            for one in choices:
                 obstacle = _obstacle(scene, request, one, must)
                 if obstacle:
                     obstacles[obstacle] += 1
@@ -94,7 +103,8 @@ def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) 
     if obstacles["battery"]:
         return (
             f"{area}: no flight ({tried}) that shows all of it ends within "
-            f"{USABLE:.0%} of the battery's {request.battery_min:g} minutes. Make the area "
+            f"{USABLE:.0%} of the battery's {request.battery_min:g} minutes, with at most "
+            f"{MOST_IN_GRID} photos. Make the area "
             "smaller, fly higher (heights_m), allow more time (battery_min), or plan it in parts"
         )
     if obstacles["no-go"] and not obstacles["cover"]:
