@@ -6,6 +6,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.ground.polygons import long_axis
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.request import PlanRequest
 from uavgram.stages.plan.cameras import Cameras, seen
@@ -91,7 +92,7 @@ def shows_horizon(scene: PlanScene, cameras: Cameras) -> bool:
 
 
 def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) -> str:
-    size = np.sort(np.ptp(scene.area_m, axis=0))[::-1]
+    size = long_axis(scene.area_m)[2]
     area = f"The area is {size[0]:.0f} m by {size[1]:.0f} m"
     tried = ", ".join(request.patterns)
     if not heights_to_try(request):
