@@ -18,7 +18,8 @@ import pytest
 import synthetic_survey
 
 from uavgram.errors import UavgramError
-from uavgram.views.report import Paper, check_pdf, render_report, report_pdf
+from uavgram.model.maps.plan import Paper
+from uavgram.views.report import check_pdf, render_report, report_pdf
 
 pikepdf = pytest.importorskip("pikepdf", reason="pikepdf is not installed")
 NUMBERS = '{"schema": 1, "value": 12.5}\n'

@@ -23,6 +23,16 @@ _LAYERS = {
     "measured_areas": ("Measured areas", "ff6b7900"),
     "measured_lines": ("Measured lines", "ff6b7900"),
     "points": ("Points", "ff00ffff"),
+    "planned_footprints": ("What photos will show", "99ffffff"),
+    "planned_area": ("Area", "ffffffff"),
+    "planned_no_go": ("Keep out", "ff0000ff"),
+    "planned_corners": ("Corners of the area", "ffffffff"),
+    "planned_flight": ("Flight", "ffffaa55"),
+    "planned_photos": ("Photos to take", "ffffaa55"),
+    "planned_measurements": ("What will be measured", "ff6b7900"),
+    "planned_points": ("Points to measure", "ff6b7900"),
+    "planned_lines": ("Lines to lay and tape", "ff7a12b0"),
+    "planned_line_ends": ("Ends of lines", "ff7a12b0"),
 }
 _NO_PLACE = "Nothing ties this survey to the earth, so nothing of it can be drawn on a globe."
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass, field
 
+from uavgram.model.planned.request import PlanRequest
 from uavgram.model.scenario.checks import require
 from uavgram.model.scenario.errors import ErrorSpec, StatedSpec, TelemetryClass
 from uavgram.model.scenario.flight import FlightPlan
@@ -132,6 +133,8 @@ class Scenario:
         What lies on the ground, and what is taped and measured of it.
     control
         Labels of points whose coordinates are known and used.
+    plan
+        What `uavgram plan` is asked for; nothing else reads it.
     """
 
     name: str = "demo"
@@ -149,6 +152,7 @@ class Scenario:
     lines: tuple[SceneLine, ...] = DEMO_LINES
     control: tuple[str, ...] = ()
     measurements: tuple[MeasurementRequest, ...] = DEMO_MEASUREMENTS
+    plan: PlanRequest | None = None
 
     def __post_init__(self) -> None:
         require(self.seed >= 0, "seed must not be negative")

@@ -13,7 +13,7 @@ from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
 from uavgram.io.outputs import replace_bytes, staged_output
 from uavgram.io.own_files import check_folder_of_project
 from uavgram.io.results.results_json import dump_results, write_results
-from uavgram.model.maps.plan import PLAN_PDF, PlanWish
+from uavgram.model.maps.plan import PLAN_PDF, Paper, PlanWish
 from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.model.result.ties import TieCloud
@@ -28,7 +28,7 @@ from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.summarise_ties import tie_cloud
 from uavgram.views.recording.write import write_recording
-from uavgram.views.report import Paper, check_pdf, render_report, report_pdf, write_report
+from uavgram.views.report import check_pdf, render_report, report_pdf, write_report
 
 
 class _Output(Enum):

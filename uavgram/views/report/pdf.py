@@ -1,22 +1,14 @@
-"""The report on paper: report.pdf from the same page, for archives (PDF/A-3b) and for printing.
-
-WeasyPrint lays it out. It is an extra (``uavgram[pdf]``), as it needs libraries of the system.
-"""
+"""The report on paper: report.pdf from the same page, for archives (PDF/A-3b) and for printing."""
 
 from __future__ import annotations
 
 import hashlib
-import importlib
-import warnings
 from datetime import datetime
-from typing import Any, Literal
 
-from uavgram.errors import UavgramError
+from uavgram.model.maps.plan import Paper
+from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf, weasyprint_for
 
-Paper = Literal["a4", "letter"]
-"""What it is to be printed on."""
-
-_SIZES: dict[Paper, str] = {"a4": "A4", "letter": "letter"}
+_NAME = "report"
 
 _SHEET = """
 @page {{
@@ -42,7 +34,7 @@ def check_pdf() -> None:
     UavgramError
         WeasyPrint, or a library of the system that it needs, is missing.
     """
-    _weasyprint()
+    weasyprint_for(_NAME)
 
 
 def report_pdf(html: str, results: str, paper: Paper, name: str, made_utc: str) -> bytes:
@@ -68,10 +60,9 @@ def report_pdf(html: str, results: str, paper: Paper, name: str, made_utc: str) 
     UavgramError
         WeasyPrint, or a library of the system that it needs, is missing.
     """
-    weasyprint = _weasyprint()
     digest = hashlib.sha256(results.encode()).hexdigest()
     made = datetime.fromisoformat(made_utc)
-    attached = weasyprint.Attachment(
+    attached = weasyprint_for(_NAME).Attachment(
         string=results,
         name="results.json",
         description="Everything that the report tells, as numbers",
@@ -80,31 +71,12 @@ def report_pdf(html: str, results: str, paper: Paper, name: str, made_utc: str) 
         relationship="Data",
     )
     shown = name.translate({ord(c): " " for c in '"\\\n'})
-    sheet = _SHEET.format(size=_SIZES[paper], digest=digest, name=shown)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ResourceWarning)  # it leaves its colour profile open
-        # nothing is loaded that is not in the page itself
-        inside = weasyprint.urls.URLFetcher(allowed_protocols=("data",))
-        page: bytes = weasyprint.HTML(string=html, url_fetcher=inside).write_pdf(
-            stylesheets=[weasyprint.CSS(string=sheet)],
-            attachments=[attached],
-            pdf_variant="pdf/a-3b",
-            pdf_identifier=bytes.fromhex(digest)[:16],
-        )
-    return page
-
-
-def _weasyprint() -> Any:  # noqa: ANN401
-    try:
-        return importlib.import_module("weasyprint")
-    except ImportError as fault:
-        raise UavgramError(
-            "report.pdf needs WeasyPrint, which is not installed: pip install 'uavgram[pdf]'. "
-            "Or print report.html from a browser."
-        ) from fault
-    except OSError as fault:  # it loads them when it is imported
-        raise UavgramError(
-            "report.pdf needs the library Pango of this system, which is missing: install it "
-            "(Debian and Ubuntu: apt install libpango-1.0-0 libpangoft2-1.0-0; macOS: brew install "
-            f"pango). Or print report.html from a browser. ({fault})"
-        ) from fault
+    sheet = _SHEET.format(size=PAPER_SIZES[paper], digest=digest, name=shown)
+    return page_pdf(
+        html,
+        sheet,
+        _NAME,
+        attachments=[attached],
+        pdf_variant="pdf/a-3b",
+        pdf_identifier=bytes.fromhex(digest)[:16],
+    )

@@ -1,0 +1,113 @@
+"""The drawing of a plan is to scale, north up, and no name covers another."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from planned_sample import sample_plan
+
+from uavgram.model.arrays import Floats
+from uavgram.model.units import METRIC
+from uavgram.stages.products.text_places import overlaps
+from uavgram.views.field_sheet.drawing import field_drawing
+from uavgram.views.field_sheet.paper import WIDTH
+from uavgram.views.field_sheet.shades import class_edges
+
+PLAN = sample_plan()
+DRAWING = field_drawing(PLAN, METRIC)
+ROUNDING = 0.1
+
+
+def points(svg: str) -> Floats:
+    return np.array([[float(x) for x in pair.split(",")] for pair in svg.split()])
+
+
+def test_it_is_to_scale_with_north_up() -> None:
+    scale = DRAWING.bar / float(DRAWING.bar_text.removesuffix(" m"))
+    drawn, ground = points(DRAWING.area), PLAN.area_world_m[:, :2]
+    flipped = (drawn - drawn[0]) * [1.0, -1.0] / scale
+    np.testing.assert_allclose(flipped, ground - ground[0], atol=2 * ROUNDING / scale)
+    for svg, length_m in zip(DRAWING.lines, PLAN.lines.length_m, strict=True):
+        start, end = points(svg)
+        assert np.linalg.norm(end - start) / scale == pytest.approx(length_m, abs=0.02)
+
+
+def test_all_that_must_be_seen_is_on_the_sheet() -> None:
+    shown = [DRAWING.area, DRAWING.path, *DRAWING.no_go, *DRAWING.lines, *DRAWING.wanted]
+    for svg in shown:
+        places = points(svg)
+        assert (places >= 0).all()
+        assert (places <= [WIDTH, DRAWING.height]).all()
+
+
+def test_a_photo_points_where_the_nose_does() -> None:
+    for svg, heading in zip(DRAWING.photos, np.deg2rad(PLAN.frames.heading_deg), strict=True):
+        corners = points(svg)
+        ahead = (corners[0] - corners[2]) / np.linalg.norm(corners[0] - corners[2])
+        np.testing.assert_allclose(ahead, [np.sin(heading), -np.cos(heading)], atol=0.02)
+
+
+def test_no_name_covers_another_or_a_line_to_lay() -> None:
+    names = np.array([[n.x, n.y, n.half_width, n.half_height, 0.0] for n in DRAWING.names])
+    other = ~np.eye(len(names), dtype=bool)
+    assert not (overlaps(names, names) & other).any()
+    assert (names[:, 0] - names[:, 2] >= 0).all()
+    assert (names[:, 0] + names[:, 2] <= WIDTH).all()
+    for svg in DRAWING.lines:
+        on_line = np.linspace(*points(svg), 100)
+        beside = np.abs(on_line[:, None] - names[None, :, :2]) < names[None, :, 2:4]
+        assert not beside.all(axis=2).any()
+    told = {name.text for name in DRAWING.names}
+    assert {"L1 14.2 m", "L5b", "corner 4", "P6", "skid left", "A"} <= told
+
+
+@pytest.mark.parametrize(
+    ("low", "high"), [(0.012, 0.0227), (0.01, 0.01), (0.0031, 2.2), (0.4, 0.41)]
+)
+def test_steps_of_grey_are_round_and_cover_the_map(low: float, high: float) -> None:
+    edges = class_edges(np.array([low, (low + high) / 2, high]))
+    steps = np.diff(edges)
+    assert edges[0] <= low + 1e-9
+    assert high <= edges[-1] + 1e-9
+    assert 1 <= len(steps) <= 6
+    np.testing.assert_allclose(steps, steps[0])
+    assert re.fullmatch(r"[125]e[+-]\d\d", f"{steps[0]:.0e}")
+
+
+def test_the_darker_the_worse_and_white_is_best() -> None:
+    known = PLAN.grid.sigma_m[np.isfinite(PLAN.grid.sigma_m)]
+    greys = np.array([int(grey[1:3], 16) for _, grey in DRAWING.shading.cells])
+    order = np.argsort(known, kind="stable")
+    assert (np.diff(greys[order]) <= 0).all()
+    assert greys.max() == 255
+    assert len(DRAWING.shading.unseen) == np.isnan(PLAN.grid.sigma_m).sum()
+
+
+def test_cells_of_a_turned_map_lie_side_by_side() -> None:
+    scale = DRAWING.bar / float(DRAWING.bar_text.removesuffix(" m"))
+    first, second = (points(svg) for svg, _ in DRAWING.shading.cells[:2])
+    shared = np.linalg.norm(first[:, None] - second[None], axis=2) < 2 * ROUNDING
+    assert shared.sum() == 2
+    sides = np.linalg.norm(np.roll(first, -1, axis=0) - first, axis=1)
+    np.testing.assert_allclose(sides, PLAN.grid.cell_m * scale, atol=3 * ROUNDING)
+
+
+def test_of_many_photos_some_are_outlined() -> None:
+    frames = PLAN.frames
+    many = dataclasses.replace(
+        frames,
+        **{
+            field.name: np.tile(
+                getattr(frames, field.name), (5, *[1] * (getattr(frames, field.name).ndim - 1))
+            )
+            for field in dataclasses.fields(frames)
+            if field.name != "name"
+        },
+        name=tuple(f"P{k}" for k in range(1, 31)),
+    )
+    drawing = field_drawing(dataclasses.replace(PLAN, frames=many), METRIC)
+    assert drawing.outlined == ("P1", "P5", "P9", "P13", "P17", "P21", "P25", "P29")
+    assert len(drawing.footprints) == 8

@@ -1,0 +1,109 @@
+"""A planned flight as MAVLink mission commands, which the files of ground stations list.
+
+Nothing here arms a drone, lets it take off, land or fly home: a person does that. The mission
+begins in the air and ends hovering over the last stop.
+
+At each stop an autopilot hovers, takes one photo, then turns drone and gimbal on the way to the
+next. Both ArduPilot and PX4 carry out commands that follow a waypoint once its time to hover is
+over (https://ardupilot.org/copter/docs/mission-command-list.html). They differ in two of them:
+
+=========  ==========================================  =====================================
+..         ArduPilot                                   PX4
+=========  ==========================================  =====================================
+heading    MAV_CMD_CONDITION_YAW, as param 4 of a      param 4 of the waypoint; it refuses
+           waypoint is ignored                         missions with MAV_CMD_CONDITION_YAW
+photo      MAV_CMD_DO_DIGICAM_CONTROL                  MAV_CMD_IMAGE_START_CAPTURE
+=========  ==========================================  =====================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from uavgram.model.maps.mission import HeightFrame, Mission
+
+ACCEPTED_M = 1.0
+"""How near a stop counts as reached, where the autopilot does not stop by itself."""
+
+_SHORTEST_TURN = 0
+_GROUND_SPEED = 1
+_THROTTLE_AS_IT_IS = -1
+
+
+class Command(IntEnum):
+    """Commands that are used (MAV_CMD, https://mavlink.io/en/messages/common.html#mav_commands)."""
+
+    NAV_WAYPOINT = 16
+    CONDITION_YAW = 115
+    DO_CHANGE_SPEED = 178
+    DO_DIGICAM_CONTROL = 203
+    DO_MOUNT_CONTROL = 205
+    IMAGE_START_CAPTURE = 2000
+
+
+class Frame(IntEnum):
+    """What the height of an item is above (MAV_FRAME)."""
+
+    GLOBAL = 0
+    MISSION = 2
+    GLOBAL_RELATIVE_ALT = 3
+    GLOBAL_TERRAIN_ALT = 10
+
+
+FRAMES: dict[HeightFrame, Frame] = {
+    "relative": Frame.GLOBAL_RELATIVE_ALT,
+    "terrain": Frame.GLOBAL_TERRAIN_ALT,
+}
+
+_MOUNT_BY_ANGLES = 2  # MAV_MOUNT_MODE_MAVLINK_TARGETING
+
+
+@dataclass(frozen=True)
+class MissionItem:
+    """One MISSION_ITEM: command, frame, and params 1 to 7 (5 to 7: latitude, longitude, height)."""
+
+    command: Command
+    frame: Frame
+    params: tuple[float, float, float, float, float, float, float]
+
+
+def mission_items(mission: Mission) -> tuple[MissionItem, ...]:
+    """All commands in their order, without the place of take-off."""
+    return tuple(_items(mission))
+
+
+def _items(mission: Mission) -> Iterator[MissionItem]:
+    is_ardupilot = mission.autopilot == "ardupilot"
+    yield _do(Command.DO_CHANGE_SPEED, _GROUND_SPEED, mission.speed_m_s, _THROTTLE_AS_IT_IS)
+    frame, pitch_before = FRAMES[mission.height_frame], None
+    stops = np.column_stack(
+        [
+            *(mission.latitude_deg, mission.longitude_deg, mission.height_m),
+            *(mission.heading_deg, mission.gimbal_pitch_deg),
+        ]
+    )
+    for number, (latitude, longitude, height, heading, pitch) in enumerate(stops.tolist(), start=1):
+        if pitch != pitch_before:
+            yield _do(Command.DO_MOUNT_CONTROL, pitch, 0, 0, 0, 0, 0, _MOUNT_BY_ANGLES)
+            pitch_before = pitch
+        if is_ardupilot:  # anew on each way: its waypoints turn the nose back to where it flies
+            yield _do(Command.CONDITION_YAW, heading, 0, _SHORTEST_TURN)
+        yield MissionItem(
+            Command.NAV_WAYPOINT,
+            frame,
+            (mission.hold_s, ACCEPTED_M, 0.0, heading, latitude, longitude, height),
+        )
+        if is_ardupilot:
+            yield _do(Command.DO_DIGICAM_CONTROL, 0, 0, 0, 0, 1)
+        else:
+            yield _do(Command.IMAGE_START_CAPTURE, 0, 0, 1, number)
+
+
+def _do(command: Command, *params: float) -> MissionItem:
+    """Make an item that has no place; params that are left out are 0."""
+    one, two, three, four, five, six, seven = (*map(float, params), *[0.0] * (7 - len(params)))
+    return MissionItem(command, Frame.MISSION, (one, two, three, four, five, six, seven))

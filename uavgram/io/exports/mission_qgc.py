@@ -1,0 +1,99 @@
+"""flight.plan: the mission with its no-go areas, for QGroundControl.
+
+Its format: https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html. A fence
+polygon with ``inclusion: false`` is one that must not be flown into (QGCFencePolygon.cc).
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.io.exports.mission_items import Command, MissionItem, mission_items
+from uavgram.io.outputs import replace_text
+from uavgram.io.results.codec import Record
+from uavgram.model.arrays import Floats
+from uavgram.model.maps.mission import Autopilot, HeightFrame, Mission
+from uavgram.model.planned.plan import FlightPlanned
+from uavgram.stages.products.mission import flight_mission
+
+_FIRMWARE: dict[Autopilot, int] = {"ardupilot": 3, "px4": 12}  # MAV_AUTOPILOT
+_QUADROTOR = 2  # MAV_TYPE
+# QGroundControlQmlGlobal.h: AltitudeModeRelative, AltitudeModeTerrainFrame
+_ALTITUDE_MODES: dict[HeightFrame, int] = {"relative": 1, "terrain": 4}
+
+
+def write_qgc_plan(
+    path: Path,
+    planned: FlightPlanned,
+    autopilot: Autopilot = "ardupilot",
+    height_frame: HeightFrame = "relative",
+) -> None:
+    """Write the mission of a plan; see `flight_mission` for the choices.
+
+    Raises
+    ------
+    GeometryError
+        A photo is higher above the ground than the plan allows.
+    OutputError
+        The file cannot be written.
+    """
+    replace_text(path, qgc_plan_text(flight_mission(planned, autopilot, height_frame)))
+
+
+def qgc_plan_text(mission: Mission) -> str:
+    """JSON of the mission and its no-go areas."""
+    items = enumerate(mission_items(mission), start=1)
+    plan: Record = {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "QGroundControl",
+        "mission": {
+            "version": 2,
+            "firmwareType": _FIRMWARE[mission.autopilot],
+            "vehicleType": _QUADROTOR,
+            "globalPlanAltitudeMode": _ALTITUDE_MODES[mission.height_frame],
+            "cruiseSpeed": mission.speed_m_s,
+            "hoverSpeed": mission.speed_m_s,
+            "plannedHomePosition": list(mission.home),
+            "items": [_item(number, item, mission.height_frame) for number, item in items],
+        },
+        "geoFence": {
+            "version": 2,
+            "circles": [],
+            "polygons": [
+                {"version": 1, "inclusion": False, "polygon": _clockwise(ring)}
+                for ring in mission.no_go
+            ],
+        },
+        "rallyPoints": {"version": 2, "points": []},
+    }
+    return json.dumps(plan, indent=1, allow_nan=False) + "\n"
+
+
+def _item(number: int, item: MissionItem, height_frame: HeightFrame) -> Record:
+    made: Record = {
+        "type": "SimpleItem",
+        "doJumpId": number,
+        "autoContinue": True,
+        "command": int(item.command),
+        "frame": int(item.frame),
+        "params": list(item.params),
+    }
+    if item.command == Command.NAV_WAYPOINT:
+        made |= {
+            "Altitude": item.params[6],
+            "AltitudeMode": _ALTITUDE_MODES[height_frame],
+            "AMSLAltAboveTerrain": None,
+        }
+    return made
+
+
+def _clockwise(ring: Floats) -> list[list[float]]:
+    """Latitudes and longitudes [deg] in the order that the format asks for."""
+    latitude, longitude = (ring - ring[0]).T  # small numbers: the area keeps its digits
+    doubled = longitude @ np.roll(latitude, -1) - np.roll(longitude, -1) @ latitude
+    ordered: list[list[float]] = (ring if doubled < 0 else ring[::-1]).tolist()
+    return ordered

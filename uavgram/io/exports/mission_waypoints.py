@@ -1,0 +1,53 @@
+"""flight.waypoints: the mission as text, for Mission Planner, MAVProxy and QGroundControl.
+
+Lines of twelve numbers between tabs: index, current, frame, command, params 1 to 4, latitude,
+longitude, height, autocontinue (https://mavlink.io/en/file_formats/#mission_plain_text_file).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from uavgram.io.exports.mission_items import Command, Frame, MissionItem, mission_items
+from uavgram.io.outputs import replace_text
+from uavgram.model.maps.mission import Autopilot, HeightFrame, Mission
+from uavgram.model.planned.plan import FlightPlanned
+from uavgram.stages.products.mission import flight_mission
+
+_HEAD = "QGC WPL 110"
+
+
+def write_waypoints(
+    path: Path,
+    planned: FlightPlanned,
+    autopilot: Autopilot = "ardupilot",
+    height_frame: HeightFrame = "relative",
+) -> None:
+    """Write the mission of a plan; see `flight_mission` for the choices.
+
+    Raises
+    ------
+    GeometryError
+        A photo is higher above the ground than the plan allows.
+    OutputError
+        The file cannot be written.
+    """
+    replace_text(path, waypoints_text(flight_mission(planned, autopilot, height_frame)))
+
+
+def waypoints_text(mission: Mission) -> str:
+    """All lines; the first item is the place of take-off, as ArduPilot has it, and no stop."""
+    home = MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0, 0.0, 0.0, 0.0, *mission.home))
+    items = (home, *mission_items(mission))
+    lines = [_HEAD, *(_line(row, item) for row, item in enumerate(items))]
+    return "\n".join(lines) + "\n"
+
+
+def _line(row: int, item: MissionItem) -> str:
+    one, two, three, four, latitude, longitude, height = item.params
+    fields = (
+        *(str(row), str(int(row == 0)), str(int(item.frame)), str(int(item.command))),
+        *(f"{param:.6f}" for param in (one, two, three, four)),
+        *(f"{latitude:.9f}", f"{longitude:.9f}", f"{height:.3f}", "1"),
+    )
+    return "\t".join(fields)

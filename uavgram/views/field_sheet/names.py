@@ -1,0 +1,107 @@
+"""Names in the drawing, none of which covers another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.units import Units
+from uavgram.stages.products.text_places import TextPlaces, around
+from uavgram.views.field_sheet.numbers import metres
+from uavgram.views.field_sheet.paper import WIDTH, Paper
+from uavgram.views.unit_words import in_units
+
+NameKind = Literal["line", "corner", "end", "wanted", "photo", "point"]
+
+SIZES: dict[NameKind, float] = {
+    "line": 15.0,
+    "corner": 13.0,
+    "end": 11.0,
+    "wanted": 12.0,
+    "photo": 11.0,
+    "point": 10.0,
+}
+"""Height of the letters."""
+
+BOLD: frozenset[NameKind] = frozenset({"line", "corner"})
+
+_HALF_LETTER, _HALF_LINE, _BESIDE = 0.31, 0.62, 8.0
+_HALF_TICK, _HALF_PHOTO, _HALF_POINT = 8.0, 9.0, 3.0
+
+
+@dataclass(frozen=True)
+class Name:
+    """A text with its middle at (x, y), and the white plate under it."""
+
+    x: float
+    y: float
+    text: str
+    size: float
+    is_bold: bool
+    half_width: float
+    half_height: float
+
+
+def placed_names(planned: FlightPlanned, paper: Paper, units: Units) -> tuple[Name, ...]:
+    """All names, those that are needed most first: each at the nearest place that is free."""
+    places, found = _taken(planned, paper), []
+    for kind, text, at in _names(planned, units):
+        size = SIZES[kind]
+        half = np.array([_HALF_LETTER * size * len(text) + 2.0, _HALF_LINE * size])
+        anchor = paper(at)
+
+        def candidates(ring: int, anchor: Floats = anchor, half: Floats = half) -> Floats:
+            return _inside(around(anchor, half, _BESIDE, ring), paper.height)
+
+        x, y = places.take_near(candidates)[:2].tolist()
+        found.append(Name(x, y, text, size, kind in BOLD, *half.tolist()))
+    return tuple(found)
+
+
+def _taken(planned: FlightPlanned, paper: Paper) -> TextPlaces:
+    """What is drawn and must be seen: reference lines with their ends, photos, corners."""
+    places, lines = TextPlaces(), planned.lines
+    starts, ends = paper(lines.start_world_m), paper(lines.end_world_m)
+    along = ends - starts
+    half = np.linalg.norm(along, axis=1) / 2
+    angle = np.arctan2(along[:, 1], along[:, 0])
+    for middle, reach, turn in zip((starts + ends) / 2, half, angle, strict=True):
+        places.reserve(np.array([*middle, reach + 2.0, _HALF_TICK, turn]))
+    for x, y in paper(planned.frames.center_world_m):
+        places.reserve(np.array([x, y, _HALF_PHOTO, _HALF_PHOTO, 0.0]))
+    for x, y in paper(planned.points.world_m):
+        places.reserve(np.array([x, y, _HALF_POINT, _HALF_POINT, 0.0]))
+    return places
+
+
+def _names(planned: FlightPlanned, units: Units) -> Iterator[tuple[NameKind, str, Floats]]:
+    lines, measured, points = planned.lines, planned.measurements, planned.points
+    middles = (lines.start_world_m + lines.end_world_m) / 2
+    for name, length, at in zip(lines.name, lines.length_m, middles, strict=True):
+        yield "line", f"{name} {in_units(metres(float(length)), units)}", at
+    for number, at in enumerate(planned.area_world_m, start=1):
+        yield "corner", f"corner {number}", at
+    ends = np.concatenate([lines.start_world_m, lines.end_world_m])
+    for label, at in zip((*lines.start_label, *lines.end_label), ends, strict=True):
+        yield "end", label, at
+    place = dict(zip(points.label, points.world_m, strict=True))
+    for name, labels in zip(measured.name, measured.points, strict=True):
+        yield "wanted", name, np.mean([place[label] for label in labels], axis=0)
+    frames = planned.frames
+    for name, at in zip(frames.name, frames.center_world_m, strict=True):
+        yield "photo", name, at
+    for label, at in zip(points.label, points.world_m, strict=True):
+        yield "point", label, at
+
+
+def _inside(places: Floats, height: float) -> Floats:
+    """Places (c, 5) moved in where they would be cut off at a side."""
+    for axis, most in ((0, WIDTH), (1, height)):
+        half = places[:, 2 + axis]
+        places[:, axis] = np.clip(places[:, axis], half, most - half)
+    return places

@@ -1,0 +1,88 @@
+"""The sheet itself: self-contained HTML, made to be printed in black and white."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+
+from uavgram.model.maps.plan import Paper
+from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.units import METRIC, Units
+from uavgram.views.field_sheet.drawing import field_drawing
+from uavgram.views.field_sheet.numbers import metres
+from uavgram.views.field_sheet.tables import line_rows, value_rows
+from uavgram.views.field_sheet.words import (
+    assumed,
+    corners_on_earth,
+    flight_facts,
+    headline,
+    if_a_line_is_lost,
+    outcome,
+    take_off_words,
+    unchecked,
+)
+from uavgram.views.pages import page_environment
+from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf
+from uavgram.views.unit_words import like_lengths
+from uavgram.views.units import column
+
+NAME = "field_sheet"
+"""Of its files, without their endings."""
+
+
+def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
+    """The page of a plan, to be taken along on paper.
+
+    Parameters
+    ----------
+    planned
+        The plan; names that people wrote are escaped.
+    units
+        In which lengths are shown.
+    """
+    lengths = planned.lines.length_m
+    named = (*planned.lines.name, *planned.measurements.name, *planned.points.label, planned.name)
+    return (
+        page_environment()
+        .get_template("field_sheet/page.html")
+        .render(
+            planned=planned,
+            view=field_drawing(planned, units),
+            headline=headline(planned),
+            outcome=outcome(planned),
+            lines=line_rows(planned),
+            wanted=value_rows(planned, units),
+            facts=flight_facts(planned),
+            corners=corners_on_earth(planned),
+            unchecked=unchecked(planned),
+            lost=if_a_line_is_lost(planned),
+            take_off=take_off_words(planned),
+            assumed=assumed(planned),
+            longest=metres(math.ceil(lengths.max())) if len(lengths) else "",
+            length_of_map=metres(planned.grid.length_m),
+            has_log=planned.assumptions.telemetry != "none",
+            units=units,
+            length_unit=column(units).symbol,
+            kept_names=like_lengths(named),
+        )
+    )
+
+
+def field_sheet_pdf(html: str, paper: Paper) -> bytes:
+    """The sheet as PDF; equal pages give equal bytes.
+
+    Parameters
+    ----------
+    html
+        Of `field_sheet`.
+    paper
+        Its size.
+
+    Raises
+    ------
+    UavgramError
+        WeasyPrint, or a library of the system that it needs, is missing.
+    """
+    sheet = f"@page {{ size: {PAPER_SIZES[paper]} !important; }}"
+    digest = hashlib.sha256(html.encode()).digest()
+    return page_pdf(html, sheet, NAME, pdf_identifier=digest[:16])

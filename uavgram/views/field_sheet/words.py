@@ -1,0 +1,166 @@
+"""What the sheet says in sentences: first what to do and what comes of it, then what to look at."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.model.arrays import Floats
+from uavgram.model.planned.plan import FlightPlanned
+from uavgram.views.field_sheet.numbers import centimetres, metres
+
+LOW_CHECK = 0.1
+"""Redundancy of a reading below which a mistake is as good as unchecked (Baarda 1968)."""
+
+SAME_DEG, SAME_M = 0.5, 0.5
+"""What differs by less is one number for a pilot."""
+
+LOGS = {
+    "none": "no flight log",
+    "consumer": "the log of an ordinary drone",
+    "rtk": "the log of a drone with RTK",
+    "ppk": "the log of a drone with PPK",
+}
+
+
+def headline(planned: FlightPlanned) -> str:
+    """What to do, in one sentence."""
+    lines, photos = len(planned.lines.name), len(planned.frames.name)
+    lay = f"Lay and tape {_count(lines, 'line')}, then take" if lines else "Take"
+    height = metres(planned.flight.height_m)
+    return f"{lay} {_count(photos, 'photo')} from {height} above the ground."
+
+
+def outcome(planned: FlightPlanned) -> tuple[str, ...]:
+    """What will be known then."""
+    wanted = planned.measurements
+    told = []
+    asked = np.isfinite(wanted.wanted_sigma)
+    missed = asked & (wanted.sigma > wanted.wanted_sigma)
+    if missed.any():
+        names = [name for name, misses in zip(wanted.name, missed, strict=True) if misses]
+        told.append(f"Not as good as you wish, even if all goes well: {_and(names)}.")
+    elif asked.any():
+        told.append("Everything will be as good as you wish, if all goes as planned.")
+    sigma = planned.grid.sigma_m[np.isfinite(planned.grid.sigma_m)]
+    if len(sigma):
+        reach = centimetres(float(sigma.min()), float(sigma.max()))
+        told.append(
+            f"A length of {metres(planned.grid.length_m)} within the area will be known to "
+            f"± {reach}: two of three errors are smaller, and nearly all are below twice that."
+        )
+    return tuple(told)
+
+
+def flight_facts(planned: FlightPlanned) -> tuple[tuple[str, str], ...]:
+    """What the pilot sets, as pairs of name and value."""
+    flight, frames = planned.flight, planned.frames
+    heights, pitch, heading = (
+        frames.height_above_ground_m,
+        frames.gimbal_pitch_deg,
+        frames.heading_deg,
+    )
+    is_one_way = float(np.ptp(heading)) < SAME_DEG
+    is_nadir = float((pitch + 90.0).max()) < SAME_DEG
+    low, high = float(heights.min()), float(heights.max())
+    height = metres(low) if high - low < SAME_M else f"{low:.1f} to {high:.1f} m"
+    return (
+        ("Drone", planned.drone or "–"),
+        ("Photos", str(len(frames.name))),
+        ("Height", f"{height} above the ground"),
+        ("Camera", "straight down" if is_nadir else f"{_span(-pitch)}° below level"),
+        ("Nose", f"{_span(heading)}° from north" if is_one_way else "as the arrows show"),
+        ("At each photo", f"hover {flight.seconds_per_photo:.0f} s, then trigger"),
+        ("Way", f"{metres(flight.path_m)} at {flight.speed_m_s:g} m/s"),
+        ("In the air", f"{_minutes(flight.duration_s)} of {_minutes(flight.battery_s)}"),
+    )
+
+
+def corners_on_earth(planned: FlightPlanned) -> tuple[str, ...]:
+    """Latitude and longitude of each corner of the area, as map programs take them."""
+    site = planned.site
+    origin = (site.latitude_deg, site.longitude_deg, site.height_msl_m)
+    latitude, longitude, _ = geodetic_from_enu(planned.area_world_m, origin)
+    return tuple(f"{a:.6f}, {b:.6f}" for a, b in zip(latitude, longitude, strict=True))
+
+
+def unchecked(planned: FlightPlanned) -> tuple[str, ...]:
+    """Lines of which a wrong reading would pass unseen."""
+    lines = planned.lines
+    weak = ~np.isfinite(lines.mdb_m) | (lines.redundancy < LOW_CHECK)
+    return tuple(name for name, is_weak in zip(lines.name, weak, strict=True) if is_weak)
+
+
+def if_a_line_is_lost(planned: FlightPlanned) -> tuple[str, ...]:
+    """What to do where a line cannot be laid, and which loss is the worst."""
+    lines = planned.lines
+    if not lines.name:
+        return ()
+    without = lines.mean_sigma_without
+    told = [
+        "Lay another one of about the same length and direction, as near to it as you can. Mark "
+        "and tape it, and draw it into the sheet with its length. Never guess a length.",
+    ]
+    fatal = [name for name, sigma in zip(lines.name, without, strict=True) if math.isnan(sigma)]
+    if fatal:
+        told.append(
+            f"Without {_and(fatal)} nothing holds the survey to its true size: if it cannot be "
+            "laid, and nothing in its place, do not fly."
+        )
+    if np.isfinite(without).any():
+        worst = int(np.nanargmax(without))
+        told.append(
+            f"Of the others {lines.name[worst]} matters most: without it, expect "
+            if fatal
+            else f"{lines.name[worst]} matters most: without it, expect "
+        )
+        told[-1] += (
+            f"± {centimetres(float(without[worst]))} where you would have "
+            f"± {centimetres(planned.mean_sigma)}."
+        )
+    return tuple(told)
+
+
+def take_off_words(planned: FlightPlanned) -> str:
+    """What a pilot with a mission file must know."""
+    return (
+        "With the mission file: take off by hand beside the area, climb to the height of the first "
+        "photo, then start the mission. After the last photo the drone hovers: bring it home by "
+        "hand. The file counts heights from where you take off: from lower ground the drone flies "
+        f"lower by as much. Never fly higher than {metres(planned.flight.max_height_m)} above the "
+        "ground."
+    )
+
+
+def assumed(planned: FlightPlanned) -> str:
+    """What the prediction rests on."""
+    rests = planned.assumptions
+    log = LOGS.get(rests.telemetry, f"a log of the class {rests.telemetry}")
+    pixel = centimetres(planned.flight.ground_sample_m)
+    tape = f"tape readings to ± {centimetres(rests.tape_sigma_m)}, "
+    return (
+        f"All ± hold with {log}, {tape if planned.lines.name else ''}points "
+        f"clicked to ± {rests.pick_sigma_px:g} pixels (each is {pixel} on the ground), ground that "
+        f"departs from a plane by ± {centimetres(rests.roughness_m)}, and a drone within "
+        f"± {metres(rests.deviation_m)} and ± {rests.deviation_deg:g}° of the plan. Rougher ground "
+        "or worse readings make them larger: the report after the flight says what was reached."
+    )
+
+
+def _span(degrees: Floats) -> str:
+    low, high = float(degrees.min()), float(degrees.max())
+    return f"{low:.0f}" if high - low < SAME_DEG else f"{low:.0f} to {high:.0f}"
+
+
+def _minutes(seconds: float) -> str:
+    return f"{seconds / 60:.1f} min"
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def _and(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
