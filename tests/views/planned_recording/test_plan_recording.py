@@ -59,7 +59,7 @@ def test_the_map_has_a_cell_wherever_something_can_be_measured(contents: Content
     )
     assert (corners[..., 2] < GROUND_M).all()
     packed = np.array(mesh["Mesh3D:vertex_colors"], dtype=np.uint32)[::4]
-    brightness = sum((packed >> shift) & 255 for shift in (24, 16, 8))
+    brightness = np.sum([(packed >> shift) & 255 for shift in (24, 16, 8)], axis=0)
     sigma = PLAN.grid.sigma_m[known]
     assert brightness[np.argmin(sigma)] < brightness[np.argmax(sigma)]
 

@@ -51,15 +51,12 @@ def draw_plan_legend(planned: FlightPlanned, units: Units) -> Image.Image:
     words = f"ground: lengths of {length} will be known to ± "
     low, high = (in_units(centimetres(one), units) for one in reach)
     x = 20.0
-    for text in (words + low, None, high):
-        if text is None:
-            for k, colour in enumerate(map_colours(np.linspace(0, 1, BAR_PX))):
-                top = (x + k, ROWS_PX[1] + 4)
-                pen.line([top, (x + k, ROWS_PX[1] + 32)], fill=tuple(colour.tolist()))
-            x += BAR_PX + 16
-        else:
-            pen.text((x, ROWS_PX[1]), text, fill=TEXT, font=font)
-            x += pen.textlength(text, font=font) + 16
+    pen.text((x, ROWS_PX[1]), words + low, fill=TEXT, font=font)
+    x += pen.textlength(words + low, font=font) + 16
+    for k, colour in enumerate(map_colours(np.linspace(0, 1, BAR_PX))):
+        ends = [(x + k, ROWS_PX[1] + 4), (x + k, ROWS_PX[1] + 32)]
+        pen.line(ends, fill=tuple(colour.tolist()))
+    pen.text((x + BAR_PX + 16, ROWS_PX[1]), high, fill=TEXT, font=font)
     return image
 
 

@@ -150,17 +150,15 @@ def _flight(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> Non
     recorder.static(f"{SPACE}/photos", polylines(scene.frusta_m, REFINED, 1.5))
     rings = [closed(ring) for ring in frames.footprint_world_m]
     recorder.static(f"{SPACE}/footprints", polylines(rings, QUIET, 0.8))
-    for name, strips, width in (
-        ("this_photo", list(scene.frusta_m), 3.0),
-        ("footprint_of_this_photo", rings, 2.0),
-    ):
-        path = f"{SPACE}/{name}"
-        radius = rr.Radius.ui_points(width / 2)
-        recorder.static(path, rr.LineStrips3D.from_fields(colors=OBSERVED, radii=radius))
-        recorder.each(
-            path,
-            lambda some, all_of=strips: rr.LineStrips3D.columns(strips=[all_of[k] for k in some]),
-        )
+    _one_by_one(recorder, f"{SPACE}/this_photo", list(scene.frusta_m), 3.0)
+    _one_by_one(recorder, f"{SPACE}/footprint_of_this_photo", rings, 2.0)
+
+
+def _one_by_one(recorder: Recorder, path: str, strips: list[Floats], width: float) -> None:
+    """Log one polyline for each photo, white."""
+    radius = rr.Radius.ui_points(width / 2)
+    recorder.static(path, rr.LineStrips3D.from_fields(colors=OBSERVED, radii=radius))
+    recorder.each(path, lambda some: rr.LineStrips3D.columns(strips=[strips[k] for k in some]))
 
 
 def _names(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: Units) -> None:
