@@ -16,11 +16,11 @@ def readme(repository: Path) -> str:
 
 @pytest.fixture(scope="module")
 def demo_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from uavgram.model.demo.scenario import DemoScenario
+    from uavgram.model.scenario.scenario import Scenario
     from uavgram.pipeline.demo import demo
 
     folder = tmp_path_factory.mktemp("readme")
-    demo(folder, DemoScenario())
+    demo(folder, Scenario())
     return folder
 
 

@@ -16,8 +16,8 @@ from playwright.sync_api import Page, expect
 from uavgram.imaging.demo_scene.render import render_photos
 from uavgram.io.demo_files import write_demo
 from uavgram.model.arrays import Floats
-from uavgram.model.demo.scenario import DemoScenario
-from uavgram.model.demo.simulated import SimulatedSurvey
+from uavgram.model.scenario.scenario import Scenario
+from uavgram.model.scenario.simulated import SimulatedSurvey
 from uavgram.stages.simulate.survey import simulate
 
 MOST = 26
@@ -50,7 +50,7 @@ class Counted:
 
 @pytest.fixture(scope="module")
 def survey() -> SimulatedSurvey:
-    return simulate(DemoScenario())
+    return simulate(Scenario())
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from picking_server import Served, served
 from playwright.sync_api import Browser, Locator, Page, expect
 
 from uavgram.io.demo_files import write_demo
-from uavgram.model.demo.scenario import DemoScenario
+from uavgram.model.scenario.scenario import Scenario
 from uavgram.stages.simulate.survey import simulate
 
 Change = dict[str, Any]
@@ -76,7 +76,7 @@ class Site:
 
 def write_site(folder: Path) -> Path:
     """The built-in survey with grey photos: what they show is looked for elsewhere."""
-    survey = simulate(DemoScenario())
+    survey = simulate(Scenario())
     size = (survey.calibration.height_px, survey.calibration.width_px)
     blank = np.full(size, 128, np.uint8)
     write_demo(folder, survey, (blank for _ in survey.frame_id))

@@ -12,7 +12,7 @@ from small_projects import Command, Done, Fails, Project
 
 from uavgram.cli import main
 from uavgram.io.demo_files import write_demo
-from uavgram.model.demo.scenario import CameraSpec, DemoScenario
+from uavgram.model.scenario.scenario import CameraSpec, Scenario
 from uavgram.stages.simulate.survey import simulate
 
 WIDTH_PX, HEIGHT_PX = 400, 300
@@ -30,7 +30,7 @@ def small_survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
         parameters=tuple(np.multiply(full.parameters, pixels).tolist()),
         sigma=tuple(np.multiply(full.sigma, pixels).tolist()),
     )
-    survey = simulate(replace(DemoScenario(), camera=camera))
+    survey = simulate(replace(Scenario(), camera=camera))
     photos = (np.full((HEIGHT_PX, WIDTH_PX, 3), 90, np.uint8) for _ in survey.frame_id)
     folder = tmp_path_factory.mktemp("small") / "survey"
     project = write_demo(folder, survey, photos)

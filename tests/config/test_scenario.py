@@ -8,18 +8,51 @@ import pytest
 
 from uavgram.config.scenario import load_scenario
 from uavgram.errors import InputError
-from uavgram.model.demo.scenario import DemoScenario
+from uavgram.model.scenario.scenario import Scenario
 
 
 def test_the_file_that_people_copy_is_the_built_in_survey(repository: Path) -> None:
-    assert load_scenario(repository / "configs" / "demo.yaml") == DemoScenario()
+    assert load_scenario(repository / "configs" / "demo.yaml") == Scenario()
 
 
 def test_every_number_of_the_built_in_survey_is_written_in_the_file(repository: Path) -> None:
     text = (repository / "configs" / "demo.yaml").read_text(encoding="utf-8")
-    for group in ("site", "camera", "flight", "errors", "road"):
-        for name in vars(getattr(DemoScenario(), group)):
+    for group in (*("site", "ground", "camera", "flight", "errors", "stated", "habits", "road"),):
+        for name in vars(getattr(Scenario(), group)):
             assert f"  {name}:" in text, name
+    for name in vars(Scenario()):
+        assert f"\n{name}:" in text, name
+
+
+def test_a_class_of_telemetry_fills_what_is_not_written(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text("telemetry: rtk\nerrors:\n  position_bias_m: [0.5, 0.6]\n", encoding="utf-8")
+    read, usual = load_scenario(path), Scenario()
+    assert read.errors.position_bias_m == (0.5, 0.6)
+    assert read.errors.position_drift_m < usual.errors.position_drift_m
+    assert read.stated.position_bias_sigma_m < usual.stated.position_bias_sigma_m
+    assert read.errors.attitude_deg == usual.errors.attitude_deg
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("telemetry: gps\n", "telemetry"),
+        ("flight:\n  pattern: poses\n", "poses"),
+        ("habits:\n  raised: [{label: Z9, height_m: 1.0}]\n", "Z9"),
+        ("habits:\n  wrong_lengths: [{name: Z9, by_m: 1.0}]\n", "Z9"),
+        ("ground:\n  shape: hill\n", "shape"),
+        ("errors:\n  readout_ms: fast\n", "readout_ms"),
+        ("camera:\n  file: a.yaml\n  drone: DJI Mini\n", "give one of the two"),
+    ],
+)
+def test_what_a_scenario_cannot_be_is_refused_in_words(
+    tmp_path: Path, text: str, named: str
+) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=named):
+        load_scenario(path)
 
 
 def test_a_wrong_value_is_named_with_its_line(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from board_photos import Sensor, look, photograph
 from uavgram.cli import main
 from uavgram.io.demo_files import write_demo
 from uavgram.model.camera.board import flat_board
-from uavgram.model.demo.scenario import CameraSpec, DemoScenario
+from uavgram.model.scenario.scenario import CameraSpec, Scenario
 from uavgram.stages.simulate.survey import simulate
 
 TRUE = (620.0, 618.0, 322.0, 237.0, -0.15, 0.04, 8e-4, -5e-4, 0.0)
@@ -40,7 +40,7 @@ def test_a_calibrated_camera_measures_at_once(camera_file: Path, tmp_path: Path)
     camera = CameraSpec(
         width_px=SIZE_PX[0], height_px=SIZE_PX[1], parameters=TRUE, sigma=(1e-6,) * 9
     )
-    survey = simulate(DemoScenario(camera=camera))
+    survey = simulate(Scenario(camera=camera))
     photos = (np.full((*SIZE_PX[::-1], 3), 90, np.uint8) for _ in survey.frame_id)
     project = write_demo(tmp_path / "survey", survey, photos)
     (tmp_path / "survey" / "camera.yaml").write_bytes(camera_file.read_bytes())

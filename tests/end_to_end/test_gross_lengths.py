@@ -13,8 +13,8 @@ import pytest
 from flight_projects import copy_project
 
 from uavgram.io.demo_files import write_demo
-from uavgram.model.demo.scenario import CameraSpec, DemoScenario
 from uavgram.model.result.result import Result
+from uavgram.model.scenario.scenario import CameraSpec, Scenario
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.simulate.survey import simulate
@@ -43,7 +43,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         parameters=tuple(np.multiply(full.parameters, pixels).tolist()),
         sigma=tuple(np.multiply(full.sigma, pixels).tolist()),
     )
-    survey = simulate(replace(DemoScenario(), camera=camera))
+    survey = simulate(replace(Scenario(), camera=camera))
     photos = (np.full((HEIGHT_PX, WIDTH_PX, 3), 90, np.uint8) for _ in survey.frame_id)
     return write_demo(tmp_path_factory.mktemp("gross") / "survey", survey, photos).parent
 

@@ -19,15 +19,15 @@ from uavgram.io.tables.known_points import read_known_points
 from uavgram.io.tables.lines import read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
-from uavgram.model.demo.scenario import DemoScenario
-from uavgram.model.demo.simulated import SimulatedSurvey
 from uavgram.model.options import Project, TimeOptions
+from uavgram.model.scenario.scenario import Scenario
+from uavgram.model.scenario.simulated import SimulatedSurvey
 from uavgram.stages.simulate.survey import simulate
 
 
 @pytest.fixture(scope="module")
 def survey() -> SimulatedSurvey:
-    return simulate(DemoScenario())
+    return simulate(Scenario())
 
 
 def blank_photos(survey: SimulatedSurvey) -> Iterator[NDArray[np.uint8]]:

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.model.demo.simulated import SimulatedSurvey
+from uavgram.model.scenario.simulated import SimulatedSurvey
 from uavgram.pipeline import sample
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.sample import TAPED, make_sample

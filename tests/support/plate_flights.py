@@ -16,11 +16,14 @@ import yaml
 
 from uavgram.io.demo_files import write_demo
 from uavgram.model.arrays import Floats
-from uavgram.model.demo.road import SceneLine, ScenePoint
-from uavgram.model.demo.scenario import DemoScenario, ErrorSpec, FlightPlan
+from uavgram.model.scenario.errors import ErrorSpec
+from uavgram.model.scenario.flight import FlightPlan
+from uavgram.model.scenario.road import SceneLine, ScenePoint
+from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.target_families import corner_label, plate_of
-from uavgram.stages.simulate.survey import simulate, true_pixels
+from uavgram.stages.simulate.survey import simulate
+from uavgram.stages.simulate.truth import true_pixels
 
 PLATES, WITHHELD = 4, 6
 SIDE_M, SIGMA_M = 0.3, 0.0005
@@ -78,7 +81,7 @@ def plate_flight(
     return PlateFlight(folder / "project.yaml", dict(values))
 
 
-def _scenario(seed: int, side_m: float, rng: np.random.Generator) -> DemoScenario:
+def _scenario(seed: int, side_m: float, rng: np.random.Generator) -> Scenario:
     centers = _apart(rng, PLATES + WITHHELD, 2.0)
     points = []
     for plate, center in enumerate(centers[:PLATES]):
@@ -94,7 +97,7 @@ def _scenario(seed: int, side_m: float, rng: np.random.Generator) -> DemoScenari
         MeasurementRequest(name=f"{a} {b}", kind="distance", points=(a, b)) for a, b in pairs
     )
     return replace(
-        DemoScenario(),
+        Scenario(),
         seed=seed,
         flight=FlightPlan(photos_per_strip=4, strip_half_length_m=12.0),
         errors=ErrorSpec(lost_exposure=3),

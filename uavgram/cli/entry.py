@@ -22,6 +22,7 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
     picks_ties,
     rectify,
     run,
+    simulate,
     targets,
     view,
 )

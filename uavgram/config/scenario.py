@@ -1,15 +1,17 @@
-"""A scenario file -> `DemoScenario`."""
+"""A scenario file -> `Scenario`."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
-from uavgram.config.strict_yaml import read_yaml
+from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import validate
-from uavgram.model.demo.scenario import DemoScenario
+from uavgram.model.scenario.errors import USUAL
+from uavgram.model.scenario.scenario import Scenario
 
 
-def load_scenario(path: str | Path) -> DemoScenario:
+def load_scenario(path: str | Path) -> Scenario:
     """Read the scenario of a simulated survey; what it leaves out is the demo's.
 
     Raises
@@ -17,4 +19,30 @@ def load_scenario(path: str | Path) -> DemoScenario:
     InputError
         Names file, line and key of every mistake.
     """
-    return validate(DemoScenario, read_yaml(Path(path).absolute()))
+    return scenario_document(path)[0]
+
+
+def scenario_document(path: str | Path) -> tuple[Scenario, Document]:
+    """Read a scenario as `load_scenario` does, and where in its file everything stands."""
+    path = Path(path).absolute()
+    document = _with_usual(read_yaml(path))
+    scenario = validate(Scenario, document)
+    camera = scenario.camera
+    if camera.file is not None:
+        file = str(path.parent / camera.file)
+        scenario = replace(scenario, camera=replace(camera, file=file))
+    return scenario, document
+
+
+def _with_usual(document: Document) -> Document:
+    """The document with what is usual of its class of telemetry, where it writes nothing."""
+    data = document.data
+    kind = data.get("telemetry") if isinstance(data, dict) else None
+    if not isinstance(data, dict) or kind not in USUAL:
+        return document
+    filled: dict[str, Plain] = dict(data)
+    for section, usual in USUAL[kind].items():
+        written = data.get(section, {})
+        if isinstance(written, dict):
+            filled[section] = {**usual, **written}
+    return replace(document, data=filled)

@@ -55,7 +55,10 @@ def validate(
         raise InputError(document.path, "must consist of lines 'key: value'", 1)
     value, faults = _validate_all(schema, document.data)
     placed = [
-        (document.line_of(fault.at), f"{dotted(fault.at)}: {fault.text}")
+        (
+            document.line_of(fault.at),
+            f"{dotted(fault.at)}: {fault.text}" if fault.at else fault.text,
+        )
         for fault in (*more_faults, *faults)
     ]
     placed += document.faults
@@ -86,7 +89,9 @@ def _validate_all(
             new = [f for f in faults_of(error.errors(), schema, data) if f.at not in faults]
         new = [fault for fault in new if fault.at not in taken]  # a key taken out is not missing
         faults |= {fault.at: fault for fault in new}
-        if not new:  # only required keys are left, which no default can stand in for
+        # Only required keys are left, which no default can stand in for; or parts that are right by
+        # themselves do not go together, and nothing says which of them to take out.
+        if not all(fault.at for fault in new) or not new:
             return None, list(faults.values())
         data, out = _without(data, [fault.at for fault in new])
         taken |= out

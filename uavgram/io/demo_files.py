@@ -23,7 +23,7 @@ from uavgram.io.tables.picked import (
     measure_content,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.demo.simulated import SimulatedSurvey
+from uavgram.model.scenario.simulated import SimulatedSurvey
 from uavgram.model.typed_numbers import number_text
 
 JPEG_QUALITY = 92

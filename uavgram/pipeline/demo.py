@@ -7,8 +7,9 @@ from pathlib import Path
 
 from uavgram.imaging.demo_scene.render import render_photos
 from uavgram.io.demo_files import write_demo
-from uavgram.model.demo.scenario import DemoScenario
+from uavgram.model.camera.calibration import Calibration
 from uavgram.model.result.result import Result
+from uavgram.model.scenario.scenario import Scenario
 from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
@@ -17,7 +18,10 @@ from uavgram.stages.simulate.survey import simulate
 
 @with_one_blas_thread
 def demo(
-    folder: Path, scenario: DemoScenario, progress: Progress = silent
+    folder: Path,
+    scenario: Scenario,
+    progress: Progress = silent,
+    calibration: Calibration | None = None,
 ) -> tuple[Result, Mapping[str, float], Path]:
     """Make a survey with known truth, and run it.
 
@@ -29,6 +33,8 @@ def demo(
         The numbers that define it.
     progress
         Shows long loops.
+    calibration
+        Of its camera, where that comes from a file.
 
     Returns
     -------
@@ -38,7 +44,7 @@ def demo(
     project
         The project file.
     """
-    survey = simulate(scenario)
+    survey = simulate(scenario, calibration)
     photos = progress(render_photos(survey), "rendering photos", len(survey.frame_id))
     project = write_demo(folder, survey, photos)
     result = run(project, progress=progress)

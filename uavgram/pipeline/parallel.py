@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -27,3 +28,31 @@ def prefetch(work: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[tu
                 yield first, future.result()
         for first, future in waiting:
             yield first, future.result()
+
+
+FEW = 4
+"""Items for which starting processes does not pay."""
+
+
+def in_processes(work: Callable[[Item], Made], items: Sequence[Item]) -> Iterator[Made]:
+    """Results in order, made by as many processes as there are cores; few items by this one.
+
+    For work in Python. `work` and items are pickled; processes are started afresh, so that no lock
+    of a thread is copied into them.
+    """
+    cores = _cores()
+    if cores < 2 or len(items) <= FEW:
+        yield from map(work, items)
+        return
+    pool = ProcessPoolExecutor(min(cores, len(items)), mp_context=get_context("spawn"))
+    try:
+        yield from pool.map(work, items, chunksize=1)
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

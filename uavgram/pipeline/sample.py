@@ -10,7 +10,7 @@ from pathlib import Path
 from uavgram.errors import InputError, OutputError
 from uavgram.imaging.demo_scene.render import render_photos
 from uavgram.io.demo_files import write_unpicked
-from uavgram.model.demo.scenario import DemoScenario
+from uavgram.model.scenario.scenario import Scenario
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.simulate.survey import simulate
@@ -56,7 +56,7 @@ def make_sample(folder: Path, progress: Progress = silent) -> Path:
             "is there already and holds something else than the sample; nothing was written. Name "
             "a new folder: uavgram pick --sample FOLDER",
         )
-    survey = simulate(replace(DemoScenario(), name="sample"))
+    survey = simulate(replace(Scenario(), name="sample"))
     photos = progress(render_photos(survey), "rendering photos", len(survey.frame_id))
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)

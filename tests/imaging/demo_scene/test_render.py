@@ -12,9 +12,9 @@ from uavgram.geometry.camera.projection import project
 from uavgram.imaging.demo_scene.render import ground_map, render_photos, scene_from_world
 from uavgram.imaging.raster import GroundRaster, Image, Painter, box
 from uavgram.model.arrays import Floats
-from uavgram.model.demo.road import Mark
-from uavgram.model.demo.scenario import DemoScenario
-from uavgram.model.demo.simulated import SimulatedSurvey
+from uavgram.model.scenario.road import Mark
+from uavgram.model.scenario.scenario import Scenario
+from uavgram.model.scenario.simulated import SimulatedSurvey
 from uavgram.stages.simulate.survey import simulate
 
 FRAMES = (0, 4)
@@ -22,7 +22,7 @@ FRAMES = (0, 4)
 
 @pytest.fixture(scope="module")
 def survey() -> SimulatedSurvey:
-    return simulate(DemoScenario())
+    return simulate(Scenario())
 
 
 @pytest.fixture(scope="module")

@@ -13,9 +13,10 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from uavgram.model.arrays import Floats
-from uavgram.model.demo.road import ScenePoint
-from uavgram.model.demo.scenario import DemoScenario, ErrorSpec
-from uavgram.model.demo.simulated import SimulatedSurvey
+from uavgram.model.scenario.errors import ErrorSpec
+from uavgram.model.scenario.road import ScenePoint
+from uavgram.model.scenario.scenario import Scenario
+from uavgram.model.scenario.simulated import SimulatedSurvey
 from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
 from uavgram.stages.simulate.motion import gauss_markov
 from uavgram.stages.simulate.quantities import measured_values
@@ -38,7 +39,7 @@ FAULTLESS = ErrorSpec(
 
 @pytest.fixture(scope="module")
 def survey() -> SimulatedSurvey:
-    return simulate(DemoScenario())
+    return simulate(Scenario())
 
 
 def logged_poses(survey: SimulatedSurvey) -> tuple[Floats, Rotation, Rotation]:
@@ -73,23 +74,23 @@ def logged_poses(survey: SimulatedSurvey) -> tuple[Floats, Rotation, Rotation]:
 def test_the_same_scenario_gives_the_same_survey_and_another_seed_another(
     survey: SimulatedSurvey,
 ) -> None:
-    again = simulate(DemoScenario())
+    again = simulate(Scenario())
     assert np.array_equal(again.picks.pixel_px, survey.picks.pixel_px)
     assert np.array_equal(again.log.gimbal_rpy_rad, survey.log.gimbal_rpy_rad)
-    other = simulate(DemoScenario().with_seed(1))
+    other = simulate(Scenario().with_seed(1))
     assert not np.allclose(other.truth.boresight_rad, survey.truth.boresight_rad)
 
 
-@pytest.mark.parametrize("seed", [DemoScenario().seed, 1, 2])
+@pytest.mark.parametrize("seed", [Scenario().seed, 1, 2])
 def test_every_point_is_seen_in_three_photos_or_more(seed: int) -> None:
-    survey = simulate(DemoScenario().with_seed(seed))
+    survey = simulate(Scenario().with_seed(seed))
     seen = Counter(survey.picks.label)
     assert set(seen) == set(survey.truth.label)
     assert min(seen.values()) >= 3
 
 
 def test_a_log_without_errors_leads_to_the_true_poses() -> None:
-    survey = simulate(dataclasses.replace(DemoScenario(), errors=FAULTLESS))
+    survey = simulate(dataclasses.replace(Scenario(), errors=FAULTLESS))
     position, body, camera = logged_poses(survey)
     center = position + body.apply([0.5, -0.3, 0.2])
     # What remains is the log's 10 Hz between the rows.
@@ -102,7 +103,7 @@ def test_each_shared_error_is_in_the_log_with_its_sign() -> None:
     errors = dataclasses.replace(
         FAULTLESS, position_bias_m=(3.0, 3.0), heading_bias_deg=8.0, boresight_deg=2.0
     )
-    survey = simulate(dataclasses.replace(DemoScenario(), errors=errors))
+    survey = simulate(dataclasses.replace(Scenario(), errors=errors))
     truth = survey.truth
     position, body, camera = logged_poses(survey)
     # Heading too large by the bias (clockwise): the truth is turned back, counterclockwise.
@@ -242,14 +243,14 @@ def test_true_heights_slopes_and_volumes_are_those_of_known_figures() -> None:
 def test_a_scenario_that_contradicts_itself_is_refused() -> None:
     point = ScenePoint(label="A", x_m=0.0, y_m=0.0)
     with pytest.raises(ValueError, match="labels given twice: A"):
-        DemoScenario(points=(point, point), lines=(), measurements=())
+        Scenario(points=(point, point), lines=(), measurements=())
     with pytest.raises(ValueError, match="unknown points"):
-        DemoScenario(points=(point,))
+        Scenario(points=(point,))
 
 
 def test_the_road_is_as_slippery_as_it_is_and_not_as_people_state_it() -> None:
     def true_mu(seed: int) -> float:
-        truth = simulate(DemoScenario().with_seed(seed)).truth
+        truth = simulate(Scenario().with_seed(seed)).truth
         values = dict(zip(truth.measurement_name, truth.measurement_value, strict=True))
         return float(values["speed from skid"] ** 2 / (2 * 9.80665 * values["skid left"]))
 

@@ -12,7 +12,6 @@ from uavgram.errors import UavgramError
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.model.arrays import Floats
-from uavgram.model.demo.scenario import DemoScenario
 from uavgram.model.flight.frames import Photos, TimeSource
 from uavgram.model.flight.log import (
     AttitudeSamples,
@@ -23,6 +22,7 @@ from uavgram.model.flight.log import (
     PositionSamples,
 )
 from uavgram.model.options import TimeOptions
+from uavgram.model.scenario.scenario import Scenario
 from uavgram.stages.simulate.survey import simulate
 from uavgram.stages.synchronise import synchronise
 
@@ -249,7 +249,7 @@ def test_the_log_of_another_flight_is_refused_without_a_guess() -> None:
 
 @pytest.mark.parametrize("seed", [13, 16])
 def test_the_demos_photos_all_find_their_events(seed: int) -> None:
-    survey = simulate(DemoScenario().with_seed(seed))
+    survey = simulate(Scenario().with_seed(seed))
     event = survey.log.event_time_s
     photos = photos_at(survey.file_time_utc_s - survey.log.boot_utc_s + EPOCH)
     result = synchronise(photos, log_of(flight(event)), TimeOptions())

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from uavgram.cli.application import DONE, Seed, Verbose, app
 from uavgram.cli.terminal import log_to_stderr, progress, say
+
+if TYPE_CHECKING:
+    from uavgram.model.camera.calibration import Calibration
+    from uavgram.model.scenario.scenario import Scenario
 
 
 @app.command
@@ -30,14 +35,32 @@ def demo(
         Say what is being done.
     """
     from uavgram.config.scenario import load_scenario
-    from uavgram.model.demo.scenario import DemoScenario
+    from uavgram.model.scenario.scenario import Scenario
+
+    log_to_stderr(verbose=verbose)
+    survey = Scenario() if scenario is None else load_scenario(scenario)
+    survey = survey if seed is None else survey.with_seed(seed)
+    return show_survey(output, survey, verbose=verbose)
+
+
+def show_survey(
+    output: Path, survey: Scenario, calibration: Calibration | None = None, *, verbose: bool
+) -> int:
+    """Write a simulated survey, run it, and compare with its truth.
+
+    Parameters
+    ----------
+    output
+        Folder of the survey.
+    survey, calibration
+        What is simulated, and its camera where that is from a file.
+    verbose
+        Whether every message is shown.
+    """
     from uavgram.pipeline.demo import demo as run_demo
     from uavgram.views.terminal import light_line, message_lines, truth_table
 
-    log_to_stderr(verbose=verbose)
-    survey = DemoScenario() if scenario is None else load_scenario(scenario)
-    survey = survey if seed is None else survey.with_seed(seed)
-    result, truth, project = run_demo(output, survey, progress())
+    result, truth, project = run_demo(output, survey, progress(), calibration)
     recording = project.parent / "out" / "recording.rrd"
     say(truth_table(result, truth), "", light_line(result), "")
     say(*message_lines(result.messages, verbose=verbose))

@@ -20,7 +20,7 @@ from uavgram.imaging.raster import (
     stripe_outline,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.demo.road import RoadLayout
+from uavgram.model.scenario.road import RoadLayout
 
 RESOLUTION_M = 0.02
 HALF_LENGTH_M, HALF_WIDTH_M = 38.0, 26.0

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.imaging.raster import GroundRaster, Image, lay, soften
-from uavgram.model.demo.road import ScenePoint
+from uavgram.model.scenario.road import ScenePoint
 
 RESOLUTION_M = 0.004
 HALF_HEIGHT_PX, NEAR_PX, FAR_PX = 72, 72, 384  # FAR: where the label is

@@ -16,7 +16,7 @@ from uavgram.imaging.demo_scene.vehicles import vehicle_raster
 from uavgram.imaging.raster import GroundRaster, Image, Weights
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import LensModel
-from uavgram.model.demo.simulated import SimulatedSurvey, SurveyTruth
+from uavgram.model.scenario.simulated import SimulatedSurvey, SurveyTruth
 
 LENS: LensModel = "brown"
 # Rays are computed on a coarse grid and interpolated: with f = 2100 px, k1 = -0.1 the map bends by

@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.imaging.raster import GroundRaster, Image, Painter, lay, soften
 from uavgram.model.arrays import Floats
-from uavgram.model.demo.road import Vehicle
+from uavgram.model.scenario.road import Vehicle
 
 RESOLUTION_M = 0.01
 MARGIN_M = 1.2

@@ -150,7 +150,7 @@ def _result(content: Record) -> Result:
         noise=_load_noise(content.get("noise")),
         orientation=decode(OrientationCorrelation | None, content.get("orientation")),
         ties=decode(TieSummary | None, content.get("ties")),
-        messages=tuple(_load_message(record) for record in content["messages"]),
+        messages=tuple(load_message(record) for record in content["messages"]),
         verdict=load_verdict(content.get("verdict") or dump_verdict(NOT_JUDGED)),
     )
 
@@ -198,8 +198,8 @@ def _refuse_constant(name: str) -> float:
     raise ValueError(f"holds {name}, which is no JSON")
 
 
-def _load_message(record: Record) -> Message:
-    """Of earlier versions, without subjects."""
+def load_message(record: Record) -> Message:
+    """Inverse of `Message.record`; those of earlier versions have no subjects."""
     none = dict.fromkeys((*SUBJECTS, *NUMBERS), ())
     # What would put it right stands with the verdict.
     return from_record(Message, none | record, several=None, plain="", mend=None, instead=())

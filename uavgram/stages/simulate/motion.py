@@ -10,13 +10,12 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from uavgram.model.arrays import Floats, FrozenArrays
-from uavgram.model.demo.scenario import FlightPlan, Site
+from uavgram.model.scenario.flight import FlightPlan
+from uavgram.model.scenario.scenario import Site
+from uavgram.stages.simulate.route import ON_GROUND_S, Route, exposures, route
 
 STEP_S = 0.01
 GRAVITY_M_S2 = 9.80665
-ON_GROUND_S = 8.0
-CLIMB_M_S = 3.0
-LEAD_M = 6.0  # straight flight before and after the exposures of a strip
 CORNER_SIGMA_S = 0.8  # how softly the vehicle turns, brakes and speeds up
 WOBBLE_TAU_S = 1.5
 DRAG_PER_S = 0.25  # a multicopter leans about 6 degrees into 4.5 m/s
@@ -76,14 +75,8 @@ def gauss_markov(
     return np.reshape(columns, white.T.shape).T * sigma
 
 
-def scene_axes(site: Site) -> Floats:
-    """Give the (2, 2) rotation ``east_north = axes @ scene_xy``."""
-    azimuth = np.deg2rad(site.road_azimuth_deg)
-    return np.array([[np.sin(azimuth), -np.cos(azimuth)], [np.cos(azimuth), np.sin(azimuth)]])
-
-
 def fly(plan: FlightPlan, site: Site, rng: np.random.Generator) -> Motion:
-    """Fly the plan: up from home, along the road and back beside it, home, down.
+    """Fly the plan: up from home, from leg to leg, home, down.
 
     Parameters
     ----------
@@ -92,29 +85,28 @@ def fly(plan: FlightPlan, site: Site, rng: np.random.Generator) -> Motion:
     rng
         Draws trigger places and wobble.
     """
-    waypoints, speeds = _waypoints(plan, site)
-    leg_s = np.linalg.norm(np.diff(waypoints, axis=0), axis=1) / speeds
-    knots = ON_GROUND_S + np.concatenate([[0.0], np.cumsum(leg_s)])
+    flown = route(plan, site)
+    knots = flown.start_s
     time = np.arange(0.0, knots[-1] + ON_GROUND_S, STEP_S)
-    path = np.stack([np.interp(time, knots, column) for column in waypoints.T], axis=1)
+    path = np.stack([np.interp(time, knots, column) for column in flown.waypoint_world_m.T], axis=1)
     path = gaussian_filter1d(path, CORNER_SIGMA_S / STEP_S, axis=0, mode="nearest")
     # On the ground nothing wobbles.
     aloft = np.clip(path[:, 2:] / plan.height_m, 0.0, 1.0)
     path = path + aloft * _wobble(rng, len(time), np.full(3, plan.wobble_m))
     velocity = np.gradient(path, STEP_S, axis=0)
-    yaw = _heading(knots, time, site)
+    yaw = _turning(flown.yaw_rad, flown, time)
     body = _lean(velocity, yaw)
     tilt_sigma = np.deg2rad([plan.tilt_wobble_deg, plan.tilt_wobble_deg, plan.tilt_wobble_deg / 2])
     body = body + aloft * _wobble(rng, len(time), tilt_sigma)
     gimbal = _wobble(rng, len(time), np.full(3, np.deg2rad(plan.gimbal_wobble_deg)))
-    gimbal[:, 1] += np.deg2rad(plan.gimbal_pitch_deg)
+    gimbal[:, 1] += _turning(flown.pitch_rad, flown, time)
     return Motion(
         time_s=time,
         position_world_m=path,
         velocity_world_m_s=velocity,
         body_rpy_rad=body,
         gimbal_rpy_rad=gimbal,
-        exposure_time_s=_exposures(plan, knots, rng),
+        exposure_time_s=exposures(plan, flown, rng),
     )
 
 
@@ -133,44 +125,12 @@ def at(motion: Motion, column: Floats, instants_s: Floats) -> Floats:
     return np.stack([np.interp(instants_s, motion.time_s, part) for part in column.T], axis=1)
 
 
-def _waypoints(plan: FlightPlan, site: Site) -> tuple[Floats, Floats]:
-    """Corners of the flight (8, 3) in the world, and the speed of each leg (7,)."""
-    reach = plan.strip_half_length_m + LEAD_M
-    # The optical axis meets the ground ahead of the vehicle: fly so that the footprints, not the
-    # vehicle, are spread about the scene's middle.
-    above_ground_m = plan.height_m - site.ground_height_m
-    ahead = above_ground_m / np.tan(np.deg2rad(-plan.gimbal_pitch_deg))
-    side = plan.strip_offset_m
-    scene = np.array(
-        [
-            [-reach - ahead, -side],
-            [reach - ahead, -side],
-            [reach + ahead, side],
-            [-reach + ahead, side],
-        ]
-    )
-    strip = scene @ scene_axes(site).T + [site.scene_east_m, site.scene_north_m]
-    level = np.full((6, 1), plan.height_m)
-    plane = np.vstack([[0.0, 0.0], strip, [0.0, 0.0]])
-    waypoints = np.vstack([np.zeros(3), np.hstack([plane, level]), np.zeros(3)])
-    cruise = plan.speed_m_s
-    return waypoints, np.array([CLIMB_M_S, cruise, cruise, cruise, cruise, cruise, CLIMB_M_S])
-
-
-def _exposures(plan: FlightPlan, knots: Floats, rng: np.random.Generator) -> Floats:
-    """Instants (E,) at which the vehicle passes the planned places of both strips."""
-    count = plan.photos_per_strip
-    along = LEAD_M + np.linspace(0.0, 2.0 * plan.strip_half_length_m, count)
-    jitter = rng.uniform(-plan.trigger_jitter_m, plan.trigger_jitter_m, (2, count))
-    return (knots[[2, 4], None] + (along + jitter) / plan.speed_m_s).ravel()
-
-
-def _heading(knots: Floats, time: Floats, site: Site) -> Floats:
-    """Yaw (N,): along the road on the first strip, turned about between the strips, then kept."""
-    azimuth = np.deg2rad(site.road_azimuth_deg)
-    middle = 0.5 * (knots[3] + knots[4])
-    yaw = np.where(time < middle, azimuth, azimuth + np.pi)
-    return gaussian_filter1d(yaw, CORNER_SIGMA_S / STEP_S, mode="nearest")
+def _turning(angle: Floats, flown: Route, time: Floats) -> Floats:
+    """One angle (N,) of the flight: that of each leg, turned about half-way between two legs."""
+    if np.ptp(angle) == 0:
+        return np.full(len(time), angle[0])
+    now = angle[np.searchsorted(flown.turn_s, time, side="right")]
+    return gaussian_filter1d(now, CORNER_SIGMA_S / STEP_S, mode="nearest")
 
 
 def _lean(velocity: Floats, yaw: Floats) -> Floats:

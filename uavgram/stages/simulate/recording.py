@@ -10,8 +10,9 @@ import numpy as np
 
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats, FrozenArrays
-from uavgram.model.demo.scenario import DemoScenario, ErrorSpec, Site
-from uavgram.model.demo.simulated import SimulatedLog
+from uavgram.model.scenario.errors import ErrorSpec
+from uavgram.model.scenario.scenario import Scenario, Site
+from uavgram.model.scenario.simulated import SimulatedLog
 from uavgram.stages.simulate.motion import STEP_S, Motion, at, gauss_markov
 
 POSITION_EVERY = 10  # of the motion's steps: 10 Hz
@@ -19,7 +20,6 @@ ATTITUDE_EVERY = 5  # 20 Hz
 GIMBAL_EVERY = 10
 GPS_EVERY = 20  # 5 Hz
 GPS_LAG_STEPS = 10  # receivers are late by 0.1 to 0.2 s (ArduPilot PR 8763)
-GPS_NOISE_M = (0.25, 0.4)  # of each fix, beside what the estimator shares with it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,24 +32,28 @@ class FlightBiases(FrozenArrays):
     lever_arm_m: Annotated[Floats, 3]
 
 
-def draw_biases(errors: ErrorSpec, rng: np.random.Generator) -> FlightBiases:
-    """Draw the errors that all frames share."""
+def draw_biases(scenario: Scenario, rng: np.random.Generator) -> FlightBiases:
+    """Draw the errors that all frames share, and add what is amiss beside them."""
+    errors, habits = scenario.errors, scenario.habits
     horizontal, vertical = errors.position_bias_m
     return FlightBiases(
         position_m=rng.standard_normal(3) * [horizontal, horizontal, vertical],
-        heading_rad=float(np.deg2rad(errors.heading_bias_deg) * rng.standard_normal()),
-        boresight_rad=np.deg2rad(errors.boresight_deg) * rng.standard_normal(3),
+        heading_rad=float(
+            np.deg2rad(errors.heading_bias_deg) * rng.standard_normal() + np.deg2rad(habits.yaw_deg)
+        ),
+        boresight_rad=np.deg2rad(errors.boresight_deg) * rng.standard_normal(3)
+        + np.deg2rad([habits.mount_deg, 0.0, 0.0]),
         lever_arm_m=errors.lever_arm_m + errors.lever_arm_sigma_m * rng.standard_normal(3),
     )
 
 
-def start_utc_s(scenario: DemoScenario) -> float:
+def start_utc_s(scenario: Scenario) -> float:
     """Instant of the recording's start, seconds since the Unix epoch."""
     return datetime.fromisoformat(scenario.flight.start_utc).timestamp()
 
 
 def record(
-    scenario: DemoScenario, motion: Motion, biases: FlightBiases, rng: np.random.Generator
+    scenario: Scenario, motion: Motion, biases: FlightBiases, rng: np.random.Generator
 ) -> SimulatedLog:
     """Write down a flight as an autopilot does, with the scenario's errors.
 
@@ -65,10 +69,11 @@ def record(
         Draws the errors.
     """
     errors, site, boot_s = scenario.errors, scenario.site, scenario.flight.boot_s
-    position, gps = _estimated_positions(errors, motion, biases, rng)
+    position, gps = _estimated_positions(scenario, motion, biases, rng)
     body, gimbal = _estimated_angles(errors, motion, biases, rng)
     events = motion.exposure_time_s
     events = events + errors.event_jitter_s * rng.standard_normal(len(events))
+    events = events + scenario.habits.lag_s
     gps_rows = slice(GPS_LAG_STEPS, None, GPS_EVERY)
     gps_position = gps[: len(motion.time_s) - GPS_LAG_STEPS : GPS_EVERY]
     every = {
@@ -77,7 +82,7 @@ def record(
         "gimbal": slice(None, None, GIMBAL_EVERY),
     }
     # A receiver knows its scatter and drift, not what is wrong all through the flight.
-    accuracy = np.hypot(errors.position_drift_m, GPS_NOISE_M)
+    accuracy = np.hypot(errors.position_drift_m, errors.gps_noise_m)
     east, north, up = motion.velocity_world_m_s[every["position"]].T
     return SimulatedLog(
         boot_utc_s=start_utc_s(scenario) - boot_s,
@@ -108,15 +113,19 @@ def geodetic_msl(position_world_m: Floats, site: Site) -> Floats:
 
 
 def _estimated_positions(
-    errors: ErrorSpec, motion: Motion, biases: FlightBiases, rng: np.random.Generator
+    scenario: Scenario, motion: Motion, biases: FlightBiases, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """Position of the estimator and of the receiver (N, 3): they drift alike, fixes scatter."""
+    errors = scenario.errors
     horizontal, vertical = errors.position_drift_m
     sigma = np.array([horizontal, horizontal, vertical])
     count = len(motion.time_s)
     drift = gauss_markov(rng, count, STEP_S, errors.position_drift_tau_s, sigma)
     estimated = motion.position_world_m + biases.position_m + drift
-    scatter = np.array([GPS_NOISE_M[0], GPS_NOISE_M[0], GPS_NOISE_M[1]])
+    if scenario.habits.gps_jump_m:
+        amid = motion.time_s > np.median(motion.exposure_time_s)
+        estimated[:, 1] += scenario.habits.gps_jump_m * amid
+    scatter = np.array([errors.gps_noise_m[0], *errors.gps_noise_m])
     return estimated, estimated + scatter * rng.standard_normal((count, 3))
 
 

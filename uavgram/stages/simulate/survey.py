@@ -2,57 +2,108 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from uavgram.geometry.camera.projection import project
-from uavgram.geometry.motion.rotation import (
-    ENU_FROM_NED,
-    GIMBAL_FROM_CAMERA,
-    exp_so3,
-    matrix_from_ypr,
-)
-from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.demo.scenario import CameraSpec, DemoScenario
-from uavgram.model.demo.simulated import SimulatedLog, SimulatedSurvey, SurveyTruth
-from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
-from uavgram.stages.simulate.motion import Motion, at, fly, scene_axes
-from uavgram.stages.simulate.quantities import measured_values, with_true_friction
-from uavgram.stages.simulate.recording import (
-    FlightBiases,
-    draw_biases,
-    record,
-    start_utc_s,
-)
+from uavgram.model.scenario.scenario import CameraSpec, Scenario
+from uavgram.model.scenario.simulated import SimulatedSurvey
+from uavgram.stages.simulate.motion import fly
+from uavgram.stages.simulate.observe import pick, seen_pixels, survey_points, tape
+from uavgram.stages.simulate.quantities import with_true_friction
+from uavgram.stages.simulate.recording import draw_biases, record
+from uavgram.stages.simulate.still import Still
+from uavgram.stages.simulate.surface import draw_surface, point_positions
+from uavgram.stages.simulate.truth import survey_truth
 
-PICK_MARGIN_PX = 12.0  # nobody picks a mark that is cut off by the image's edge
 FILE_STEP_S = 0.001  # three sub-second digits
 
 
-def simulate(scenario: DemoScenario) -> SimulatedSurvey:
+class _Streams(NamedTuple):
+    """One for each kind of error: another number of points leaves the flight as it was."""
+
+    motion: np.random.Generator
+    biases: np.random.Generator
+    log: np.random.Generator
+    camera: np.random.Generator
+    people: np.random.Generator
+    road: np.random.Generator
+    ground: np.random.Generator
+    habits: np.random.Generator
+
+
+def simulate(
+    scenario: Scenario,
+    calibration: Calibration | None = None,
+    *,
+    repetition: int | None = None,
+    exact: bool = False,
+) -> SimulatedSurvey:
     """Simulate a survey: the same scenario gives the same survey.
 
     Parameters
     ----------
     scenario
         Every number that defines it, seed included.
+    calibration
+        Of its camera, where that comes from a file; else the scenario's own.
+    repetition
+        Number of one of many draws of the same scenario; None: the scenario's own draw.
+    exact
+        Whether nothing but the flight is drawn: what is observed is what it is expected to be.
 
     Returns
     -------
     What the survey's files will say, and the truth behind them.
     """
-    # One stream for each kind of error: another number of points leaves the flight as it was.
-    streams = [np.random.default_rng(s) for s in np.random.SeedSequence(scenario.seed).spawn(6)]
-    motion_rng, bias_rng, log_rng, camera_rng, people_rng, road_rng = streams
-    motion = fly(scenario.flight, scenario.site, motion_rng)
-    biases = draw_biases(scenario.errors, bias_rng)
-    log = record(scenario, motion, biases, log_rng)
-    calibration = calibration_of(scenario.camera)
-    intrinsics = camera_rng.multivariate_normal(calibration.parameters, calibration.covariance)
-    stored = np.arange(len(motion.exposure_time_s)) != scenario.errors.lost_exposure
-    requests = with_true_friction(scenario.measurements, road_rng)
-    truth = _truth(scenario, requests, motion, biases, intrinsics, stored)
-    return _observe(scenario, log, calibration, truth, stored, people_rng)
+    draw = _streams(scenario.seed, repetition)
+    if exact:
+        draw = _Streams(draw.motion, *(Still() for _ in _Streams._fields[1:]))
+    motion = fly(scenario.flight, scenario.site, draw.motion)
+    biases = draw_biases(scenario, draw.biases)
+    log = record(scenario, motion, biases, draw.log)
+    calibration = calibration or calibration_of(scenario.camera)
+    intrinsics = draw.camera.multivariate_normal(calibration.parameters, calibration.covariance)
+    intrinsics[:2] *= 1.0 + scenario.habits.focal_wrong
+    lost = scenario.lost_exposure
+    stored = np.arange(len(motion.exposure_time_s)) != (-1 if lost is None else lost)
+    requests = with_true_friction(scenario.measurements, draw.road)
+    surface = draw_surface(scenario, draw.ground)
+    ground = surface, point_positions(scenario, surface, draw.ground)
+    truth = survey_truth(scenario, requests, (motion, biases), ground, intrinsics, stored)
+    errors = scenario.errors
+    jitter = errors.exif_jitter_s * draw.people.standard_normal(len(truth.frame_id))
+    file_time = truth.time_utc_s + errors.camera_clock_offset_s + jitter
+    if not scenario.flight.tells_clock:
+        file_time += scenario.stated.clock_sigma_s * draw.habits.standard_normal()
+    lines = tape(scenario, truth, (draw.people, draw.habits))
+    checked = [i for i, point in enumerate(scenario.points) if point.mark == "disc"]
+    check_noise = errors.check_m * draw.people.standard_normal((len(checked), 3))
+    used = [truth.label.index(label) for label in scenario.control]
+    control_noise = errors.control_m * draw.habits.standard_normal((len(used), 3))
+    flown = motion, biases, stored
+    seen = seen_pixels(scenario, calibration, truth, flown, surface, draw.habits)
+    return SimulatedSurvey(
+        scenario=scenario,
+        calibration=calibration,
+        frame_id=truth.frame_id,
+        file_time_utc_s=np.round(file_time / FILE_STEP_S) * FILE_STEP_S,
+        event_has_photo=stored,
+        log=log,
+        picks=pick(scenario, calibration, truth, seen, (draw.people, draw.habits)),
+        lines=lines,
+        checks=survey_points(truth, checked, check_noise, errors.check_m),
+        control=survey_points(truth, used, control_noise, errors.control_m),
+        measurements=scenario.measurements,
+        truth=truth,
+    )
+
+
+def _streams(seed: int, repetition: int | None) -> _Streams:
+    entropy = seed if repetition is None else [seed, repetition]
+    spawned = np.random.SeedSequence(entropy).spawn(len(_Streams._fields))
+    return _Streams(*map(np.random.default_rng, spawned))
 
 
 def calibration_of(camera: CameraSpec) -> Calibration:
@@ -67,127 +118,4 @@ def calibration_of(camera: CameraSpec) -> Calibration:
         height_px=camera.height_px,
         parameters=np.array(camera.parameters),
         covariance=correlation * np.outer(sigma, sigma),
-    )
-
-
-def point_positions(scenario: DemoScenario) -> Floats:
-    """World positions (K, 3) of the scenario's points, on the ground plane."""
-    site = scenario.site
-    xy = np.array([[point.x_m, point.y_m] for point in scenario.points])
-    offset = xy @ scene_axes(site).T
-    up = site.ground_height_m + offset @ np.tan(np.deg2rad(site.ground_slope_deg))
-    middle = np.array([site.scene_east_m, site.scene_north_m])
-    return np.column_stack([offset + middle, up])
-
-
-def _truth(
-    scenario: DemoScenario,
-    requests: tuple[MeasurementRequest, ...],
-    motion: Motion,
-    biases: FlightBiases,
-    intrinsics: Floats,
-    stored: Bools,
-) -> SurveyTruth:
-    site = scenario.site
-    center, rotation = _true_poses(motion, biases, motion.exposure_time_s[stored])
-    points = point_positions(scenario)
-    row = {point.label: i for i, point in enumerate(scenario.points)}
-    ends = np.array([[row[line.start], row[line.end]] for line in scenario.lines], dtype=int)
-    names, values, units = measured_values(requests, row, points)
-    return SurveyTruth(
-        frame_id=tuple(f"IMG_{i + 1:04d}.jpg" for i in range(len(center))),
-        time_utc_s=start_utc_s(scenario) + motion.exposure_time_s[stored],
-        center_world_m=center,
-        world_from_camera=rotation,
-        intrinsics=intrinsics,
-        boresight_rad=biases.boresight_rad,
-        lever_arm_m=biases.lever_arm_m,
-        position_bias_m=biases.position_m,
-        heading_bias_rad=biases.heading_rad,
-        clock_offset_s=scenario.errors.camera_clock_offset_s,
-        plane_height_m=site.ground_height_m,
-        plane_slope=np.tan(np.deg2rad(site.ground_slope_deg)),
-        plane_pivot_m=np.array([site.scene_east_m, site.scene_north_m]),
-        label=tuple(row),
-        point_world_m=points,
-        line_length_m=np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1),
-        measurement_name=names,
-        measurement_value=values,
-        measurement_unit=units,
-    )
-
-
-def _true_poses(motion: Motion, biases: FlightBiases, instants_s: Floats) -> tuple[Floats, Floats]:
-    """Projection centres (F, 3) and rotations (F, 3, 3) of the camera, as it really was."""
-    roll, pitch, yaw = at(motion, motion.body_rpy_rad, instants_s).T
-    world_from_body = ENU_FROM_NED @ matrix_from_ypr(yaw, pitch, roll)
-    gimbal_roll, gimbal_pitch, gimbal_yaw = at(motion, motion.gimbal_rpy_rad, instants_s).T
-    world_from_gimbal = ENU_FROM_NED @ matrix_from_ypr(yaw + gimbal_yaw, gimbal_pitch, gimbal_roll)
-    position = at(motion, motion.position_world_m, instants_s)
-    center = position + world_from_body @ biases.lever_arm_m
-    return center, world_from_gimbal @ GIMBAL_FROM_CAMERA @ exp_so3(biases.boresight_rad)
-
-
-def _observe(
-    scenario: DemoScenario,
-    log: SimulatedLog,
-    calibration: Calibration,
-    truth: SurveyTruth,
-    stored: Bools,
-    rng: np.random.Generator,
-) -> SimulatedSurvey:
-    errors = scenario.errors
-    jitter = errors.exif_jitter_s * rng.standard_normal(len(truth.frame_id))
-    file_time = truth.time_utc_s + errors.camera_clock_offset_s + jitter
-    tape = errors.tape_m * rng.standard_normal(len(scenario.lines))
-    checked = [i for i, point in enumerate(scenario.points) if point.mark == "disc"]
-    check_noise = errors.check_m * rng.standard_normal((len(checked), 3))
-    return SimulatedSurvey(
-        scenario=scenario,
-        calibration=calibration,
-        frame_id=truth.frame_id,
-        file_time_utc_s=np.round(file_time / FILE_STEP_S) * FILE_STEP_S,
-        event_has_photo=stored,
-        log=log,
-        picks=_pick(scenario, truth, rng),
-        lines=KnownLines(
-            name=tuple(line.name for line in scenario.lines),
-            start=tuple(line.start for line in scenario.lines),
-            end=tuple(line.end for line in scenario.lines),
-            length_m=truth.line_length_m + tape,
-            sigma_m=np.full(len(tape), errors.tape_m),
-            adjust=np.array([line.use == "adjust" for line in scenario.lines], dtype=bool),
-        ),
-        checks=KnownPoints(
-            label=tuple(truth.label[i] for i in checked),
-            kind="local",
-            coordinates=truth.point_world_m[checked] + check_noise,
-            sigma_m=np.full((len(checked), 3), errors.check_m),
-        ),
-        measurements=scenario.measurements,
-        truth=truth,
-    )
-
-
-def true_pixels(truth: SurveyTruth) -> Floats:
-    """Where each point really lies in each photo, (F, K, 2) px; NaN behind the camera."""
-    offset = truth.point_world_m[None] - truth.center_world_m[:, None]
-    in_camera = np.einsum("fij,fki->fkj", truth.world_from_camera, offset)
-    return project("brown", truth.intrinsics, in_camera)
-
-
-def _pick(scenario: DemoScenario, truth: SurveyTruth, rng: np.random.Generator) -> Picks:
-    """Pick every mark that is wholly in a photo, with the scenario's noise."""
-    camera, sigma = scenario.camera, scenario.errors.pick_px
-    pixel = true_pixels(truth)
-    limit = np.array([camera.width_px, camera.height_px]) - 1.0 - PICK_MARGIN_PX
-    inside = np.all((pixel > PICK_MARGIN_PX) & (pixel < limit), axis=-1)
-    frame, point = np.nonzero(inside)
-    noisy = pixel[inside] + sigma * rng.standard_normal((len(frame), 2))
-    return Picks(
-        image=tuple(truth.frame_id[i] for i in frame),
-        label=tuple(truth.label[i] for i in point),
-        pixel_px=noisy,
-        sigma_px=np.full(len(frame), sigma),
-        height_m=np.full(len(frame), np.nan),
     )

@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from uavgram.io.logs.tlog.reader import read_tlog
 from uavgram.io.logs.tlog.writer import LINK_DELAY_S, write_tlog
 from uavgram.model.arrays import Floats
-from uavgram.model.demo.scenario import DemoScenario
-from uavgram.model.demo.simulated import SimulatedLog
+from uavgram.model.scenario.scenario import Scenario
+from uavgram.model.scenario.simulated import SimulatedLog
 from uavgram.stages.simulate.survey import simulate
 
 Messages = dict[str, list[Any]]
@@ -23,7 +23,7 @@ Messages = dict[str, list[Any]]
 
 @pytest.fixture(scope="module")
 def log() -> SimulatedLog:
-    return simulate(DemoScenario()).log
+    return simulate(Scenario()).log
 
 
 @pytest.fixture(scope="module")

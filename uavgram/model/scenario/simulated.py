@@ -7,7 +7,7 @@ from typing import Annotated
 
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.demo.scenario import DemoScenario
+from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 
 
@@ -62,7 +62,7 @@ class SurveyTruth(FrozenArrays):
     frame_id, time_utc_s, center_world_m, world_from_camera
         (F,), (F,), (F, 3), (F, 3, 3) of the stored photos.
     intrinsics
-        (9,) of the true camera.
+        (P,) of the true camera.
     boresight_rad
         (3,) rotation vector in the camera frame, true = nominal @ exp(boresight).
     lever_arm_m, position_bias_m, heading_bias_rad, clock_offset_s
@@ -81,7 +81,7 @@ class SurveyTruth(FrozenArrays):
     time_utc_s: Annotated[Floats, "f"]
     center_world_m: Annotated[Floats, "f", 3]
     world_from_camera: Annotated[Floats, "f", 3, 3]
-    intrinsics: Annotated[Floats, 9]
+    intrinsics: Annotated[Floats, "p"]
     boresight_rad: Annotated[Floats, 3]
     lever_arm_m: Annotated[Floats, 3]
     position_bias_m: Annotated[Floats, 3]
@@ -112,13 +112,13 @@ class SimulatedSurvey(FrozenArrays):
         (F,) of the stored photos: names, and the camera clock's reading without its zone.
     event_has_photo
         (E,) whether the log's exposure became a photo.
-    log, picks, lines, checks, measurements
+    log, picks, lines, checks, measurements, control
         Content of the files of those names.
     truth
         What really was.
     """
 
-    scenario: DemoScenario
+    scenario: Scenario
     calibration: Calibration
     frame_id: Annotated[tuple[str, ...], "n"]
     file_time_utc_s: Annotated[Floats, "n"]
@@ -127,5 +127,6 @@ class SimulatedSurvey(FrozenArrays):
     picks: Picks
     lines: KnownLines
     checks: KnownPoints
+    control: KnownPoints
     measurements: tuple[MeasurementRequest, ...]
     truth: SurveyTruth

@@ -1,7 +1,7 @@
 """What lies on the ground of the built-in scene: an accident at a side road, in its own axes.
 
 Scene axes: x along the main road, y to its left, metres, origin at the middle of the scene. `Site`
-(model/demo/scenario.py) says where that origin lies in the world and where the road leads.
+(model/scenario/scenario.py) says where that origin lies in the world and where the road leads.
 """
 
 from __future__ import annotations
@@ -25,6 +25,11 @@ class ScenePoint:
     mark
         ``checker``: a plate of four fields; ``cross``: sprayed paint; ``disc``: a round target,
         whose coordinates the survey knows and keeps to judge the result.
+    height_m
+        Above the ground straight below.
+    stated
+        What people say of a height that is not 0: how high it is (``height``), that it is to be
+        found (``free``), or nothing (``ground``).
     label_side
         On which side of the mark, for one who looks along x, the label is painted.
     """
@@ -33,6 +38,8 @@ class ScenePoint:
     x_m: float
     y_m: float
     mark: Mark = "cross"
+    height_m: float = 0.0
+    stated: Literal["height", "free", "ground"] = "height"
     label_side: Literal["left", "right"] = "right"
 
 

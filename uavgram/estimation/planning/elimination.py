@@ -1,0 +1,178 @@
+"""What points' own observations say of the unknowns that photos share, the points eliminated.
+
+A candidate line has two ends that nobody else needs. Eliminated from the normal equations, they
+leave rows on what is shared alone: poses, lens, ground, biases, tapes (the core, below).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import Layout
+from uavgram.model.arrays import Floats, Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Eliminated:
+    """K points without their unknowns; C unknowns of the core, in the order of the layout.
+
+    Attributes
+    ----------
+    base
+        (C, C) information on the core in observations of no point: priors.
+    root
+        (K, r, C) what the sightings of each point say: rows whose squares are the information.
+    by_core
+        (K, p, C) how each point, as its sightings place it, moves with the core.
+    covariance
+        (K, p, p) of each point where the core is known.
+    """
+
+    base: Floats
+    root: Floats
+    by_core: Floats
+    covariance: Floats
+
+    def information(self, point: Ints) -> Floats:
+        """(C, C) what the sightings of some points say of the core."""
+        rows = self.root[point].reshape(-1, self.root.shape[2])
+        return np.asarray(rows.T @ rows)
+
+
+def eliminated(problem: SurveyProblem, blocks: dict[str, Block]) -> Eliminated:
+    """Eliminate all points of a survey whose observations each see one point, or none.
+
+    With the rows of a point whitened, A its own unknowns' part and B the core's, and A = Q R, what
+    remains of B is its part across A: the last columns of Q, transposed, times B (Golub and Pereyra
+    1973, variable projection).
+
+    Parameters
+    ----------
+    problem
+        The likelihood.
+    blocks
+        Its observations, without those between points (lengths).
+    """
+    layout = problem.layout
+    size, first = layout.point_size, layout.first_frame
+    count, core = layout.points, layout.size - first
+    base = np.zeros((core, core))
+    found: list[tuple[Ints, Floats, Floats]] = []
+    for block in blocks.values():
+        own = block.columns < layout.first_tie
+        if not own.any():
+            base += _information(block, layout)
+            continue
+        label = np.where(own, block.columns // size, -1).max(axis=1)
+        found.append((label, *_split(block, layout)))
+    label = np.concatenate([np.repeat(one[0], one[1].shape[1]) for one in found])
+    own_rows = np.concatenate([one[1].reshape(-1, size) for one in found])
+    core_rows = np.concatenate([one[2].reshape(-1, core) for one in found])
+    order = np.argsort(label, kind="stable")
+    rows = np.bincount(label, minlength=count)
+    slot = np.arange(len(label)) - np.repeat(np.cumsum(rows) - rows, rows)
+    most = max(int(rows.max()), size)
+    a, b = np.zeros((count, most, size)), np.zeros((count, most, core))
+    a[label[order], slot], b[label[order], slot] = own_rows[order], core_rows[order]
+    q, r = np.linalg.qr(a, mode="complete")
+    turned = np.swapaxes(q, 1, 2) @ b
+    inverse = np.linalg.inv(r[:, :size])
+    return Eliminated(
+        base=base,
+        root=turned[:, size:],
+        by_core=-inverse @ turned[:, :size],
+        covariance=inverse @ np.swapaxes(inverse, 1, 2),
+    )
+
+
+def _split(block: Block, layout: Layout) -> tuple[Floats, Floats]:
+    """Jacobian by the row's own point (n, r, p), and by the core (n, r, C)."""
+    size, first = layout.point_size, layout.first_frame
+    n, rows, _ = block.jacobian.shape
+    own = np.zeros((n, rows, size))
+    core = np.zeros((n, rows, layout.size - first))
+    at = np.arange(n)
+    for k in range(block.columns.shape[1]):
+        column = block.columns[:, k]
+        is_core = column >= first
+        c, o = at[is_core], at[~is_core]
+        core[c, :, column[is_core] - first] += block.jacobian[c, :, k]
+        own[o, :, column[~is_core] % size] += block.jacobian[o, :, k]
+    return own, core
+
+
+def _information(block: Block, layout: Layout) -> Floats:
+    _, core = _split(block, layout)
+    rows = core.reshape(-1, core.shape[2])
+    return np.asarray(rows.T @ rows)
+
+
+@dataclass(frozen=True, eq=False)
+class Functions:
+    """N linear functions of points and core, the points eliminated.
+
+    Attributes
+    ----------
+    gradient
+        (N, C) by the core.
+    variance
+        (N,) where the core is known: of the points' own errors.
+    """
+
+    gradient: Floats
+    variance: Floats
+
+
+def of_points(points: Eliminated, layout: Layout, columns: Ints, jacobian: Floats) -> Functions:
+    """Functions of points by their gradients (n, k) and unknowns (n, k), the points eliminated.
+
+    Points of one function err independently where the core is known.
+
+    Parameters
+    ----------
+    points
+        The points, eliminated.
+    layout
+        Of the unknowns.
+    columns, jacobian
+        (n, k) which unknowns, and derivatives; an unknown may occur twice.
+    """
+    size, first = layout.point_size, layout.first_frame
+    n = len(columns)
+    gradient, variance = np.zeros((n, layout.size - first)), np.zeros(n)
+    at = np.arange(n)
+    done = np.zeros(columns.shape, dtype=np.bool_)
+    for k in range(columns.shape[1]):
+        is_core = columns[:, k] >= first
+        c = at[is_core]
+        gradient[c, columns[c, k] - first] += jacobian[c, k]
+        done[c, k] = True
+    while not done.all():
+        # One point of each function at a time: the next that is not done yet.
+        label = np.where(done, np.iinfo(np.int64).max, columns // size).min(axis=1)
+        some = np.flatnonzero(~done.all(axis=1))
+        own = np.zeros((len(some), size))
+        for k in range(columns.shape[1]):
+            mine = ~done[some, k] & (columns[some, k] // size == label[some])
+            row = np.flatnonzero(mine)
+            own[row, columns[some[row], k] % size] += jacobian[some[row], k]
+            done[some[row], k] = True
+        which = label[some]
+        gradient[some] += np.einsum("np,npc->nc", own, points.by_core[which])
+        variance[some] += np.einsum("np,npq,nq->n", own, points.covariance[which], own)
+    return Functions(gradient, variance)
+
+
+def of_all_points(points: Eliminated, layout: Layout, gradient: Floats) -> Functions:
+    """Functions of any number of points by their gradients (size, N), the points eliminated."""
+    size, first = layout.point_size, layout.first_frame
+    own = gradient[:first].reshape(layout.points, size, -1)
+    used = np.flatnonzero(own.any(axis=(1, 2)))
+    own, by_core = own[used], points.by_core[used]
+    core = gradient[first:].T + np.einsum("kpn,kpc->nc", own, by_core, optimize=True)
+    variance = np.einsum("kpn,kpq,kqn->n", own, points.covariance[used], own, optimize=True)
+    return Functions(np.asarray(core), np.asarray(variance))

@@ -1,0 +1,1 @@
+"""Many repetitions of one survey: how good they were, and a batch of them at once."""

@@ -1,0 +1,101 @@
+"""Bias, spread and coverage of repeated measurements, each with its range."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.special import betaincinv, chdtri, stdtrit
+
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.simulation.repetitions import SIGMAS, Accuracy, Repetitions
+
+TAIL = 0.025
+"""On each side of a range."""
+
+
+def accuracy_of(repetitions: Repetitions) -> Accuracy:
+    """What the repetitions say of each value.
+
+    Bias by Student's t, spread and z by chi-square, shares by Clopper and Pearson (Biometrika 26,
+    1934): all exact for normal errors.
+
+    Parameters
+    ----------
+    repetitions
+        Whose counted values are taken.
+    """
+    counted = repetitions.counted
+    error = np.where(counted, repetitions.value - repetitions.true, np.nan)
+    ratio = error / np.where(counted, repetitions.sigma, np.nan)
+    count = counted.sum(axis=0)
+    bias, spread = _moments(error, count)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        half = stdtrit(np.maximum(count - 1, 1), 1.0 - TAIL) * spread / np.sqrt(count)
+    z = root_mean_square(ratio, counted)
+    within = np.stack([(np.abs(ratio) <= k).sum(axis=0) for k in SIGMAS], axis=1)
+    share, share_range = shares(within, count[:, None])
+    return Accuracy(
+        count=count,
+        bias=bias,
+        bias_range=np.stack([bias - half, bias + half], axis=1),
+        spread=spread,
+        spread_range=sigma_range(spread, count - 1),
+        stated=root_mean_square(repetitions.sigma, counted),
+        coverage=share,
+        coverage_range=share_range,
+        z=z,
+        z_range=sigma_range(z, count),
+    )
+
+
+def running_ratio(repetitions: Repetitions, count: int) -> float:
+    """Root mean square, over the values, of spread over predicted sigma after `count` repetitions.
+
+    NaN as long as nothing can be said.
+    """
+    counted = repetitions.counted[:count]
+    error = np.where(counted, (repetitions.value - repetitions.true)[:count], np.nan)
+    _, spread = _moments(error, counted.sum(axis=0))
+    ratio = spread / repetitions.predicted
+    known = ratio[np.isfinite(ratio)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else float("nan")
+
+
+def root_mean_square(value: Floats, counted: Bools) -> Floats:
+    """(M,) over the counted ones of (N, M); NaN where there is none."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        total = np.where(counted, value, 0.0) ** 2
+        return np.asarray(np.sqrt(total.sum(axis=0) / counted.sum(axis=0)))
+
+
+def sigma_range(sigma: Floats, degrees: Ints) -> Floats:
+    """(..., 2) between which the true sigma lies, of one estimated with degrees of freedom.
+
+    s sqrt(n / chi2(1 - p)) to s sqrt(n / chi2(p)); NaN without any.
+    """
+    known = degrees > 0
+    free = np.maximum(degrees, 1).astype(np.float64)
+    low = np.sqrt(free / chdtri(free, TAIL))
+    high = np.sqrt(free / chdtri(free, 1.0 - TAIL))
+    factor = np.stack([low, high], axis=-1)
+    return np.where(known[..., None], sigma[..., None] * factor, np.nan)
+
+
+def shares(within: Ints, count: Ints) -> tuple[Floats, Floats]:
+    """Shares (...,) of counts, and between which the true shares lie (..., 2)."""
+    n = np.broadcast_to(count, within.shape).astype(np.float64)
+    k = within.astype(np.float64)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.where(n > 0, k / n, np.nan)
+    low = np.where(k > 0, betaincinv(np.maximum(k, 1.0), n - k + 1.0, TAIL), 0.0)
+    high = np.where(k < n, betaincinv(k + 1.0, np.maximum(n - k, 1.0), 1.0 - TAIL), 1.0)
+    return share, np.where((n > 0)[..., None], np.stack([low, high], axis=-1), np.nan)
+
+
+def _moments(error: Floats, count: Ints) -> tuple[Floats, Floats]:
+    """Mean and standard deviation (M,) of (N, M), NaN left out, or too few of them."""
+    known = np.isfinite(error)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(known, error, 0.0).sum(axis=0) / count
+        squares = (np.where(known, error - mean, 0.0) ** 2).sum(axis=0)
+        spread = np.sqrt(squares / (count - 1))
+    return mean, np.where(count > 1, spread, np.nan)

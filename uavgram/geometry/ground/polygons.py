@@ -1,0 +1,78 @@
+"""Polygons on the ground: what lies in them, what crosses them, which way they extend."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.model.arrays import Bools, Floats
+
+
+def signed_area(corner: Floats) -> float:
+    """Area of a polygon (V, 2), positive where it goes counterclockwise (shoelace formula)."""
+    x, y = corner.T
+    return float(0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+def counterclockwise(corner: Floats) -> Floats:
+    """The polygon (V, 2) without a repeated last corner, counterclockwise."""
+    if len(corner) > 1 and np.array_equal(corner[0], corner[-1]):
+        corner = corner[:-1]
+    return corner[::-1] if signed_area(corner) < 0 else corner
+
+
+def contains(corner: Floats, point: Floats) -> Bools:
+    """(N,) which points (N, 2) lie in a polygon (V, 2): a ray to the right crosses it oddly often.
+
+    Shimrat 1962, "Algorithm 112: position of point relative to polygon". Points on the outline
+    belong to one side or the other.
+    """
+    start, end = corner, np.roll(corner, -1, axis=0)
+    y = point[:, 1, None]
+    spans = (start[:, 1] > y) != (end[:, 1] > y)
+    rise = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
+    at = start[:, 0] + (y - start[:, 1]) * (end[:, 0] - start[:, 0]) / rise
+    return np.asarray(np.count_nonzero(spans & (point[:, 0, None] < at), axis=1) % 2 == 1)
+
+
+def crosses(corner: Floats, start: Floats, end: Floats) -> Bools:
+    """(N,) which segments (N, 2) to (N, 2) lie in a polygon (V, 2), or cross its outline."""
+    a, b = corner, np.roll(corner, -1, axis=0)
+    p, q = start[:, None], end[:, None]
+    one = _turn(p, q, a) * _turn(p, q, b) <= 0
+    other = _turn(a, b, p) * _turn(a, b, q) <= 0
+    return np.asarray((one & other).any(axis=1) | contains(corner, start) | contains(corner, end))
+
+
+def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
+    """Twice the signed area of triangles (..., 2)."""
+    u, v = b - a, c - a
+    return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+
+
+def long_axis(corner: Floats) -> tuple[Floats, Floats, Floats]:
+    """The smallest rectangle around a polygon (V, 2), and which way it is long.
+
+    One side of it lies on a side of the convex hull (Freeman and Shapira 1975); here on a line
+    between any two corners, which is the same for the few corners of an area.
+
+    Returns
+    -------
+    middle : (2,)
+    axis : (2,)
+        Unit vector along the longer side.
+    size : (2,)
+        Along it, and across.
+    """
+    first, second = np.triu_indices(len(corner), k=1)
+    side = corner[second] - corner[first]
+    length = np.linalg.norm(side, axis=1)
+    side = side[length > 0] / length[length > 0, None]
+    across = np.stack([-side[:, 1], side[:, 0]], axis=1)
+    along = np.stack([corner @ side.T, corner @ across.T])  # (2, V, n)
+    low, high = along.min(axis=1), along.max(axis=1)
+    best = int(np.argmin(np.prod(high - low, axis=0)))
+    axes = np.stack([side[best], across[best]])
+    middle = (0.5 * (low + high)[:, best]) @ axes
+    size = (high - low)[:, best]
+    longer = int(size[1] > size[0])
+    return middle, axes[longer], size[::-1] if longer else size

@@ -1,0 +1,60 @@
+"""plan.json: a plan completely, in both directions."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from uavgram.errors import InputError
+from uavgram.io.inputs import read_text
+from uavgram.io.json_text import parse_json
+from uavgram.io.outputs import replace_text
+from uavgram.io.results.codec import encode, from_record
+from uavgram.io.results.results_json import load_message, one_record_a_line
+from uavgram.model.planned.plan import FlightPlanned
+
+SCHEMA = 1
+
+
+def write_plan(plan: FlightPlanned, path: str | Path) -> None:
+    """Write a plan.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    messages = [message.record() for message in plan.messages]
+    record = {"plan_schema": SCHEMA} | encode(plan) | {"messages": messages}
+    replace_text(Path(path), one_record_a_line(record))
+
+
+def read_plan(path: str | Path) -> FlightPlanned:
+    """Read a plan.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is no plan of this program.
+    """
+    path = Path(path)
+    text = read_text(path, "so it is no plan")
+    try:
+        content = parse_json(path, text)
+    except json.JSONDecodeError as fault:
+        raise InputError(
+            path, f"is not complete JSON ({fault.msg}): plan again", fault.lineno
+        ) from fault
+    if not isinstance(content, dict) or "plan_schema" not in content:
+        raise InputError(path, "is no plan: name the plan.json that `uavgram plan` wrote")
+    if content["plan_schema"] != SCHEMA:
+        raise InputError(
+            path,
+            f"is of plan_schema {content['plan_schema']!r}, this program reads {SCHEMA}: "
+            "plan again",
+        )
+    try:
+        messages = tuple(load_message(record) for record in content["messages"])
+        return from_record(FlightPlanned, content, messages=messages)
+    except (KeyError, TypeError, ValueError) as fault:
+        raise InputError(path, f"was edited ({fault!r}): plan again") from fault

@@ -1,0 +1,1 @@
+"""What many simulated repetitions of a survey gave."""

@@ -1,0 +1,174 @@
+"""From a scene to a plan."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.message import Message
+from uavgram.model.planned.parts import (
+    PlannedFrames,
+    PlannedLines,
+    PlannedMeasurements,
+    PlannedPoints,
+)
+from uavgram.model.planned.plan import Assumptions, FlightFacts, FlightPlanned, PlannedSite
+from uavgram.model.scenario.scenario import Scenario
+from uavgram.pipeline.plan.accuracy import (
+    accuracy_grid,
+    ends_of,
+    gains,
+    mean_sigma,
+    planned_lines,
+    planned_measurements,
+)
+from uavgram.pipeline.plan.choose import Choice, choose
+from uavgram.pipeline.plan.predicted import predicted
+from uavgram.pipeline.plan.scene import Asked
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.stages.plan.cover import covering
+from uavgram.stages.plan.footprints import footprints
+from uavgram.stages.plan.scene import PlanScene
+from uavgram.stages.plan.wanted import wanted_of
+
+LARGE_M = 0.3
+"""A mistake of a tape reading that people do make: a slipped decimetre mark or three."""
+
+
+def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> FlightPlanned:
+    """Choose flight and lines, and predict what they reach.
+
+    Parameters
+    ----------
+    scenario
+        Its name, its camera and its log's class.
+    asked
+        What it asks for, in the world's axes.
+    progress
+        Shows long loops.
+
+    Raises
+    ------
+    GeometryError
+        No flight shows the area, or no line fits into it.
+    """
+    scene, request = asked.scene, asked.request
+    wanted = wanted_of(scene)
+    flown = covering(scene, request, wanted)
+    choice = choose(scene, request, wanted, flown, progress)
+    layout = choice.sturdy if request.robust else choice.layout
+    ends = ends_of(choice.possible, layout.lines)
+    found = predicted(scene, choice.flight.cameras, wanted, ends)
+    lines = planned_lines(scene, choice, layout.lines, found)
+    shown = scene.requests
+    measured = planned_measurements(request, wanted, found)
+    return FlightPlanned(
+        name=scenario.name,
+        site=PlannedSite(
+            latitude_deg=asked.site.latitude_deg,
+            longitude_deg=asked.site.longitude_deg,
+            height_msl_m=asked.site.height_msl_m,
+            undulation_m=asked.site.undulation_m,
+            ground_height_m=scene.height_m,
+        ),
+        camera=scene.calibration,
+        drone=scenario.camera.drone or "",
+        area_world_m=scene.on_ground(scene.area_m),
+        no_go_world_m=tuple(scene.on_ground(polygon) for polygon in scene.no_go_m),
+        flight=_facts(asked, choice),
+        assumptions=Assumptions(
+            telemetry=scenario.telemetry,
+            pick_sigma_px=scene.picks_sigma_px,
+            tape_sigma_m=scene.tape_sigma_m,
+            tape_scale_sigma=scene.tape.scale_sigma,
+            roughness_m=request.roughness_m,
+            deviation_m=request.deviation_m,
+            deviation_deg=request.deviation_deg,
+        ),
+        frames=_frames(scene, choice),
+        lines=lines,
+        points=PlannedPoints(label=scene.label, world_m=scene.on_ground(scene.point_m)),
+        measurements=measured if shown else _nothing(),
+        grid=accuracy_grid(scene, choice, layout.lines),
+        mean_sigma=mean_sigma(found),
+        gains=tuple(gains(scene, request, wanted, choice, layout.lines)),
+        messages=tuple(_messages(lines, measured)),
+    )
+
+
+def _facts(asked: Asked, choice: Choice) -> FlightFacts:
+    flown, request = choice.flight, asked.request
+    slant = flown.height_m / max(np.sin(np.deg2rad(-flown.pitch_deg)), 0.1)
+    return FlightFacts(
+        pattern=flown.pattern,
+        height_m=flown.height_m,
+        gimbal_pitch_deg=flown.pitch_deg,
+        speed_m_s=request.speed_m_s,
+        seconds_per_photo=request.seconds_per_photo,
+        path_m=flown.path_m,
+        duration_s=flown.duration_s,
+        battery_s=60.0 * request.battery_min,
+        max_height_m=request.max_height_m,
+        ground_sample_m=float(slant / asked.scene.calibration.parameters[0]),
+    )
+
+
+def _frames(scene: PlanScene, choice: Choice) -> PlannedFrames:
+    cameras = choice.flight.cameras
+    whole, certain = footprints(scene, cameras)
+    ground = scene.on_ground(cameras.center_m[:, :2])[:, 2]
+    return PlannedFrames(
+        name=tuple(f"P{i + 1}" for i in range(len(ground))),
+        center_world_m=cameras.center_m,
+        world_from_camera=cameras.world_from_camera,
+        heading_deg=cameras.heading_deg,
+        gimbal_pitch_deg=cameras.pitch_deg,
+        height_above_ground_m=cameras.center_m[:, 2] - ground,
+        footprint_world_m=whole,
+        safe_footprint_world_m=certain,
+    )
+
+
+def _nothing() -> PlannedMeasurements:
+    empty: Floats = np.zeros(0)
+    return PlannedMeasurements(
+        name=(), kind=(), unit=(), points=(), value=empty, sigma=empty, wanted_sigma=empty
+    )
+
+
+def _messages(lines: PlannedLines, measured: PlannedMeasurements) -> Iterator[Message]:
+    short = np.flatnonzero(measured.sigma > 1.0001 * measured.wanted_sigma)
+    for i in short:
+        yield Message(
+            "warning",
+            "plan-not-reached",
+            f"{measured.name[i]!r} will be known to ± {measured.sigma[i]:.3g} {measured.unit[i]}, "
+            f"not to the ± {measured.wanted_sigma[i]:.3g} {measured.unit[i]} that are wanted, with "
+            "any flight and layout that was tried. Allow more lines (most_lines), longer ones "
+            "(longest_tape_m), lower heights or more photos (heights_m, frames, patterns), pick "
+            "more sharply, or accept it.",
+            measurements=(measured.name[i],),
+        )
+    passes = np.isnan(lines.mdb_m) | (lines.mdb_m > LARGE_M)
+    if passes.any():
+        names = tuple(lines.name[i] for i in np.flatnonzero(passes))
+        yield Message(
+            "warning",
+            "plan-unchecked",
+            f"A mistake of {LARGE_M:.1g} m in the tape reading of {', '.join(names)} would go "
+            "unnoticed: the other lines check it too little. Read the tape twice there, tape one "
+            "more line, or take more photos.",
+            lengths=names,
+        )
+    lost = np.isnan(lines.mean_sigma_without)
+    if lost.any():
+        names = tuple(lines.name[i] for i in np.flatnonzero(lost))
+        yield Message(
+            "warning",
+            "plan-needs-line",
+            f"Without {', '.join(names)} the photos hang on too little, and nothing could be "
+            "measured to any use. Tape one more line, or write `robust: true` in the plan.",
+            lengths=names,
+        )

@@ -1,0 +1,228 @@
+"""The survey that a flight and its reference lines will be: no noise, in the real likelihood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
+from uavgram.estimation.solver.normal_equations import Block, NormalEquations
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.frames import Frames
+from uavgram.model.flight.photo_poses import PhotoExposures
+from uavgram.model.flight.telemetry import Telemetry
+from uavgram.model.survey.observations import KnownLines, Picks
+from uavgram.stages.assemble import Observations, assemble
+from uavgram.stages.plan.cameras import Cameras, Seen
+from uavgram.stages.plan.scene import Logged, PlanScene
+from uavgram.stages.seed.poses import seed
+
+HARDLY_KNOWN = (1000.0, 3.0)
+"""Sigmas of a pose [m, rad] of which nothing is known: layouts begin with no line at all."""
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """K marks on the ground and where photos show them: (K,) labels, (K, 3) places, in F photos."""
+
+    label: tuple[str, ...]
+    world_m: Floats
+    seen: Seen
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """L lines between marks: (L,) names, (L, 2) rows of the marks."""
+
+    name: tuple[str, ...]
+    ends: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedSurvey:
+    """A survey at its truth.
+
+    Attributes
+    ----------
+    problem
+        The likelihood.
+    state
+        The truth.
+    frames
+        The photos' times.
+    mark
+        (K,) which of the marks each label is.
+    """
+
+    problem: SurveyProblem
+    state: State
+    frames: Frames
+    mark: Ints
+
+    def blocks(self) -> dict[str, Block]:
+        """All observations at the truth: residuals are zero."""
+        blocks = self.problem.evaluate(self.state)
+        if blocks is None:
+            raise ValueError("a planned survey is seen from above the ground")
+        return blocks
+
+    def adjusted(self, blocks: dict[str, Block], *, weakly: bool = False) -> Adjustment:
+        """The adjustment of some of the observations.
+
+        Parameters
+        ----------
+        blocks
+            Which.
+        weakly
+            Let poses be known by `HARDLY_KNOWN` at least: without a line nothing else may hold
+            them.
+        """
+        layout = self.problem.layout
+        rows = [*blocks.values(), *([hardly_known(self.problem)] if weakly else [])]
+        factor = NormalEquations(rows, layout.size, layout.structure).factor()
+        minimum = Minimum(self.state, blocks, factor, 0.0, 0, converged=True)
+        return Adjustment(self.problem, minimum, factor.covariance())
+
+
+def hardly_known(problem: SurveyProblem) -> Block:
+    """Rows by which poses are known as badly as `HARDLY_KNOWN`."""
+    count = problem.layout.frames
+    weight = np.diag(1.0 / np.repeat(HARDLY_KNOWN, 3))
+    columns = problem.layout.frame_columns(np.arange(count))
+    return Block(np.zeros((count, 6)), columns, np.broadcast_to(weight, (count, 6, 6)))
+
+
+def planned_survey(scene: PlanScene, cameras: Cameras, marks: Marks, lines: Lines) -> PlannedSurvey:
+    """What will be picked and taped, without noise, as one survey.
+
+    Parameters
+    ----------
+    scene
+        The ground, and what errs how much.
+    cameras
+        The photos.
+    marks
+        What is picked in each photo that shows it for certain; marks that none shows stay out.
+    lines
+        What is taped between marks.
+    """
+    name = tuple(f"P{i + 1}" for i in range(len(cameras.center_m)))
+    mark, frame = np.nonzero(marks.seen.certain.T)
+    length = np.linalg.norm(np.diff(marks.world_m[lines.ends], axis=1)[:, 0], axis=1)
+    frames = _frames(name, cameras)
+    exposures = None if scene.logged is None else _exposures(name, cameras, scene.logged)
+    survey = assemble(
+        Observations(
+            calibration=scene.calibration,
+            picks=Picks(
+                image=tuple(name[i] for i in frame),
+                label=tuple(marks.label[k] for k in mark),
+                pixel_px=marks.seen.pixel_px[frame, mark],
+                sigma_px=np.full(len(mark), scene.picks_sigma_px),
+                height_m=np.full(len(mark), np.nan),
+            ),
+            lines=KnownLines(
+                name=lines.name,
+                start=tuple(marks.label[k] for k in lines.ends[:, 0]),
+                end=tuple(marks.label[k] for k in lines.ends[:, 1]),
+                length_m=length,
+                sigma_m=np.full(len(length), scene.tape_sigma_m),
+                adjust=np.ones(len(length), dtype=np.bool_),
+            ),
+            telemetry=None if exposures is None else _telemetry(frames, exposures, scene),
+            ground=replace(scene.ground, height_m=scene.height_m),
+            picks_sigma_px=scene.picks_sigma_px,
+            tape=scene.tape,
+            photos=name,
+        )
+    ).survey
+    row = {one: k for k, one in enumerate(marks.label)}
+    mark = np.array([row[one] for one in survey.label])
+    flown = {one: k for k, one in enumerate(name)}
+    used = np.array([flown[one] for one in survey.frame_id])
+    problem = SurveyProblem(survey, scene.pivot_m, np.ones(len(survey.line_start), dtype=np.bool_))
+    truth = _truth(scene, cameras, problem, marks.world_m[mark], used)
+    return PlannedSurvey(problem, truth, frames, mark)
+
+
+def _frames(name: tuple[str, ...], cameras: Cameras) -> Frames:
+    count = len(name)
+    return Frames(
+        frame_id=name,
+        time_utc_s=cameras.time_s,
+        sigma_time_s=np.zeros(count),
+        matched=np.ones(count, dtype=np.bool_),
+        reason=("",) * count,
+        clock_offset_s=0.0,
+        clock_offset_sigma_s=0.05,
+    )
+
+
+def _exposures(name: tuple[str, ...], cameras: Cameras, logged: Logged) -> PhotoExposures:
+    body = cameras.world_from_body
+    count = len(name)
+    return PhotoExposures(
+        frame_id=name,
+        position_world_m=cameras.center_m - body @ np.array(logged.mount.lever_arm_m),
+        world_from_body=body,
+        world_from_gimbal=cameras.world_from_gimbal,
+        sigma_position_m=np.tile(logged.position_sigma_m, (count, 1)),
+        sigma_attitude_rad=np.deg2rad(np.tile(logged.attitude_sigma_deg, (count, 1))),
+        by_course=np.zeros(count, dtype=np.bool_),
+        source="the plan",
+    )
+
+
+def _telemetry(frames: Frames, exposures: PhotoExposures, scene: PlanScene) -> Telemetry:
+    logged = scene.logged
+    assert logged is not None  # noqa: S101  (there are exposures)
+    return seed(frames, exposures, logged.mount, logged.telemetry)
+
+
+def _truth(
+    scene: PlanScene, cameras: Cameras, problem: SurveyProblem, world_m: Floats, used: Ints
+) -> State:
+    """The unknowns as they are, in the gauge of the survey."""
+    layout = problem.layout
+    center, rotation = cameras.center_m[used], cameras.world_from_camera[used]
+    plane = np.array([scene.height_m, *scene.slope])
+    if problem.survey.gauge == "plane":
+        world_m, center, rotation = in_plane_gauge(scene, world_m, center, rotation)
+        plane = np.zeros(3)
+    point = np.zeros((layout.points, layout.point_size))
+    point[:, :2] = world_m[:, :2]
+    return State(
+        point=point,
+        center=center,
+        rotation=rotation,
+        intrinsic=np.zeros(layout.intrinsics),
+        plane=plane,
+        relief=np.zeros(layout.relief),
+        telemetry=problem.telemetry_mean if layout.telemetry else np.zeros(0),
+        tape=np.zeros(layout.tape),
+        readout=np.zeros(layout.readout),
+        tie=np.zeros((0, layout.point_size)),
+    )
+
+
+def in_plane_gauge(
+    scene: PlanScene, world_m: Floats, center_m: Floats, rotation: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Points (K, 3) and poses (F, 3), (F, 3, 3) in the axes of a survey without a log.
+
+    The ground is z = 0, the first camera stands above x = y = 0, and up in its image is north.
+    """
+    up = np.array([*-scene.slope, 1.0])
+    up /= np.linalg.norm(up)
+    # Up in the image is -y of the camera; what of it lies along the ground is north.
+    image_up = -rotation[0, :, 1]
+    north = image_up - (image_up @ up) * up
+    north /= np.linalg.norm(north)
+    axes = np.stack([np.cross(north, up), north, up])
+    above = center_m[0] - scene.on_ground(center_m[0, :2])
+    foot = center_m[0] - (above @ up) * up
+    return (world_m - foot) @ axes.T, (center_m - foot) @ axes.T, axes @ rotation

@@ -1,0 +1,1 @@
+"""Surveys with known truth, many times over: how good results really are."""

@@ -1,0 +1,91 @@
+"""A scenario file, with the camera that it names, found to make sense."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from uavgram.config.scenario import scenario_document
+from uavgram.config.strict_yaml import dotted
+from uavgram.errors import InputError, near_miss
+from uavgram.io.cameras.drone_table import drone_cameras
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.tags import CameraTags, DroneCamera
+from uavgram.model.scenario.scenario import CameraSpec
+from uavgram.pipeline.cameras.read import read_camera
+from uavgram.pipeline.simulate.worlds import ScenarioWorld
+from uavgram.stages.camera.assume import assume_camera, find_camera
+from uavgram.stages.simulate.feasible import senseless
+from uavgram.stages.simulate.survey import simulate
+
+
+def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
+    """Read a scenario that can be repeated.
+
+    Parameters
+    ----------
+    path
+        The scenario file.
+    seed
+        In place of its own.
+
+    Raises
+    ------
+    InputError
+        Names file, line and key of what is wrong, or makes no sense.
+    """
+    scenario, document = scenario_document(path)
+    scenario = scenario if seed is None else scenario.with_seed(seed)
+    calibration = _calibration(path, scenario.camera)
+    world = ScenarioWorld(scenario, calibration)
+    faults = list(senseless(simulate(scenario, calibration, exact=True)))
+    if faults:
+        placed = [(document.line_of(one.key), f"{dotted(one.key)}: {one.text}") for one in faults]
+        raise InputError.of_all(document.path, placed)
+    return world
+
+
+def _calibration(path: Path, camera: CameraSpec) -> Calibration | None:
+    """The camera of a file or of a drone; None: the scenario's own numbers."""
+    if camera.file is not None:
+        return read_camera(camera.file).calibration
+    if camera.drone is None:
+        return None
+    known = drone_cameras()
+    named = CameraTags(path=str(path), width_px=1, height_px=1, model=camera.drone)
+    found = find_camera(named, known)
+    if found is None:
+        names = sorted({one.make_model for one in known})
+        hint = near_miss(camera.drone, names)
+        raise InputError(
+            path,
+            f"camera.drone: the table of drone cameras has no {camera.drone!r}"
+            f"{hint and f' ({hint})'}: name it by make and model as its photos do, such as "
+            "'dji fc330', or give camera.file",
+        )
+    return _of_table(path, camera, _whole_colour(found, known))
+
+
+def _whole_colour(found: DroneCamera, known: tuple[DroneCamera, ...]) -> DroneCamera:
+    """Of several cameras of one name the colour camera with the most pixels."""
+    same = [one for one in known if one.make_model == found.make_model and not one.is_thermal]
+    return max(same, key=lambda one: one.width_px, default=found)
+
+
+def _of_table(path: Path, camera: CameraSpec, found: DroneCamera) -> Calibration:
+    focal_mm = found.focal_mm if camera.focal_mm is None else camera.focal_mm
+    if not focal_mm > 0:
+        raise InputError(
+            path,
+            f"camera.drone: the table of drone cameras does not know the focal length of "
+            f"{camera.drone!r}: write camera.focal_mm, the true one (not that of a 35 mm camera)",
+        )
+    tags = CameraTags(
+        path=str(path),
+        width_px=found.width_px,
+        height_px=found.height_px,
+        model=str(camera.drone),
+        focal_mm=focal_mm,
+    )
+    calibration, _ = assume_camera(tags, drone_cameras())
+    return replace(calibration, name=str(camera.drone))

@@ -1,0 +1,1 @@
+"""Before a flight: where to photograph from, and where reference lines may lie."""

@@ -1,0 +1,114 @@
+"""Photos to be taken: their poses, and what of the ground they will show for certain."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from uavgram.geometry.camera.projection import project_with_jacobian
+from uavgram.geometry.motion.rotation import (
+    ENU_FROM_NED,
+    GIMBAL_FROM_CAMERA,
+    hat,
+    matrix_from_ypr,
+)
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.camera.calibration import Calibration
+from uavgram.stages.plan.scene import Deviation
+
+EDGE_PX = 12.0
+"""Nobody picks a mark that is cut off by the photo's edge."""
+
+SURE = 1.645
+"""Sigmas that 95 % of the flights stay within, to one side."""
+
+
+class Cameras(NamedTuple):
+    """F photos in the order of the flight.
+
+    Attributes
+    ----------
+    center_m
+        (F, 3) world.
+    heading_deg, pitch_deg
+        (F,) of the nose, from north, clockwise; of the optical axis, -90 straight down.
+    time_s
+        (F,) since the first.
+    """
+
+    center_m: Annotated[Floats, "f", 3]
+    heading_deg: Annotated[Floats, "f"]
+    pitch_deg: Annotated[Floats, "f"]
+    time_s: Annotated[Floats, "f"]
+
+    @property
+    def world_from_body(self) -> Floats:
+        """(F, 3, 3) of the drone, level."""
+        level = np.zeros(len(self.heading_deg))
+        return ENU_FROM_NED @ matrix_from_ypr(np.deg2rad(self.heading_deg), level, level)
+
+    @property
+    def world_from_gimbal(self) -> Floats:
+        """(F, 3, 3) x along the optical axis, -z up in the image."""
+        yaw, pitch = np.deg2rad(self.heading_deg), np.deg2rad(self.pitch_deg)
+        return ENU_FROM_NED @ matrix_from_ypr(yaw, pitch, np.zeros(len(yaw)))
+
+    @property
+    def world_from_camera(self) -> Floats:
+        """(F, 3, 3)."""
+        return np.asarray(self.world_from_gimbal @ GIMBAL_FROM_CAMERA)
+
+
+class Seen(NamedTuple):
+    """Points in photos: pixels (F, N, 2), and whether they are there for certain (F, N)."""
+
+    pixel_px: Floats
+    certain: Bools
+
+
+def seen(
+    calibration: Calibration, cameras: Cameras, point_m: Floats, deviation: Deviation | None
+) -> Seen:
+    """Where points appear in photos, and whether they do so though the drone errs.
+
+    Parameters
+    ----------
+    calibration
+        The lens.
+    cameras
+        The photos.
+    point_m
+        (N, 3) world.
+    deviation
+        By how much the drone departs from the plan; None: not at all.
+    """
+    rotation = cameras.world_from_camera
+    from_center = point_m[None] - cameras.center_m[:, None]
+    in_camera = np.einsum("fij,fni->fnj", rotation, from_center)
+    pixel, by_point, _ = project_with_jacobian(calibration.model, calibration.parameters, in_camera)
+    spread = np.zeros(pixel.shape)
+    if deviation is not None:
+        spread = spread_px(by_point, in_camera, deviation)
+    low = EDGE_PX + spread
+    high = np.array([calibration.width_px, calibration.height_px]) - 1.0 - EDGE_PX - spread
+    with np.errstate(invalid="ignore"):
+        certain = np.all((pixel > low) & (pixel < high), axis=-1)
+    return Seen(pixel, certain)
+
+
+def spread_px(by_point: Floats, in_camera: Floats, deviation: Deviation) -> Floats:
+    """(..., 2) by how much pixels move, to `SURE` sigmas, as the drone departs from the plan.
+
+    Parameters
+    ----------
+    by_point
+        (..., 2, 3) derivatives of the pixels by the points.
+    in_camera
+        (..., 3) the points, in camera axes.
+    deviation
+        Of the drone.
+    """
+    place = deviation.position_m * np.linalg.norm(by_point, axis=-1)
+    turn = np.linalg.norm(by_point @ hat(in_camera), axis=-1)
+    return np.asarray(SURE * np.hypot(place, np.deg2rad(deviation.attitude_deg) * turn))

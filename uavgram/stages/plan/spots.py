@@ -1,0 +1,89 @@
+"""Where the ends of reference lines may lie, and which of them a tape can join."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.geometry.ground.polygons import contains, crosses, long_axis
+from uavgram.model.arrays import Bools, Floats, Ints
+
+MOST_SPOTS = 340
+STEP_M = 2.0
+CELLS_IN_LINE = 3.0
+"""Steps of the grid that the longest line must span, or hardly any line would be that long."""
+
+RING, RIM = 8, 0.97
+"""Places on a ring, and its diameter as a share of the longest line."""
+
+FROM_EDGE_M = 1.2
+"""Nobody lays a tape on the very edge of a scene."""
+
+
+def grid_in(area_m: Floats, step_m: float, from_edge_m: float = 0.0) -> Floats:
+    """(N, 2) a square grid in a polygon, along its longer side, equally far from all edges."""
+    middle, axis, size = long_axis(area_m)
+    room = np.maximum(size - 2.0 * from_edge_m, 0.0)
+    count = np.maximum(np.ceil(room / step_m - 1e-9).astype(int), 1)
+    along, across = (np.linspace(-r / 2, r / 2, n + 1) for r, n in zip(room, count, strict=True))
+    x, y = (part.ravel() for part in np.meshgrid(along, across, indexing="ij"))
+    point = middle + x[:, None] * axis + y[:, None] * np.array([-axis[1], axis[0]])
+    return point[contains(area_m, point)]
+
+
+def spots(
+    area_m: Floats, no_go_m: tuple[Floats, ...], longest_m: float, most: int = MOST_SPOTS
+) -> Floats:
+    """(N, 2) places for ends of lines: a grid; in a large area, rings about the nodes of one.
+
+    Parameters
+    ----------
+    area_m, no_go_m
+        (V, 2), (v, 2) polygons: the area, and where nobody may go.
+    longest_m
+        Line.
+    most
+        About how many places.
+    """
+    size = long_axis(area_m)[2]
+    edge = min(FROM_EDGE_M, 0.1 * float(size.min()))
+    step = max(min(STEP_M, 0.2 * float(size.min())), float(np.sqrt(size.prod() / most)))
+    if step * CELLS_IN_LINE <= longest_m:
+        point = grid_in(area_m, step, edge)
+    else:
+        turn = 2.0 * np.pi * np.arange(RING) / RING
+        ring = 0.5 * RIM * longest_m * np.column_stack([np.cos(turn), np.sin(turn)])
+        middle = grid_in(area_m, step * float(np.sqrt(RING)), 0.5 * longest_m)
+        point = (middle[:, None] + ring).reshape(-1, 2)
+        point = point[contains(area_m, point)]
+    for polygon in no_go_m:
+        point = point[~contains(polygon, point)]
+    return point
+
+
+def joined(
+    spot_m: Floats,
+    no_go_m: tuple[Floats, ...],
+    seen_together: Bools,
+    lengths_m: tuple[float, float],
+) -> Ints:
+    """(N, 2) pairs of places that a line can join.
+
+    Parameters
+    ----------
+    spot_m
+        (K, 2) places.
+    no_go_m
+        Polygons that no tape may cross.
+    seen_together
+        (K, K) whether a photo shows both for certain.
+    lengths_m
+        Shortest and longest line.
+    """
+    first, second = np.triu_indices(len(spot_m), k=1)
+    length = np.linalg.norm(spot_m[second] - spot_m[first], axis=1)
+    fits = (length >= lengths_m[0]) & (length <= lengths_m[1]) & seen_together[first, second]
+    first, second = first[fits], second[fits]
+    for polygon in no_go_m:
+        free = ~crosses(polygon, spot_m[first], spot_m[second])
+        first, second = first[free], second[free]
+    return np.stack([first, second], axis=1)

@@ -1,0 +1,148 @@
+"""What people pick and tape of a simulated survey, with the errors they make."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.scenario.scenario import Scenario
+from uavgram.model.scenario.simulated import SurveyTruth
+from uavgram.model.survey.observations import KnownLines, KnownPoints, Picks
+from uavgram.stages.simulate.motion import Motion
+from uavgram.stages.simulate.recording import FlightBiases
+from uavgram.stages.simulate.surface import Surface
+from uavgram.stages.simulate.truth import rolled_pixels
+
+PICK_MARGIN_PX = 12.0  # nobody picks a mark that is cut off by the image's edge
+TAIL = 5.0  # of a pick with a heavy tail, times as bad
+
+
+def seen_pixels(
+    scenario: Scenario,
+    calibration: Calibration,
+    truth: SurveyTruth,
+    flown: tuple[Motion, FlightBiases, Bools],
+    surface: Surface,
+    rng: np.random.Generator,
+) -> Floats:
+    """Where what people take for each point is seen in each photo, (F, K, 2) px.
+
+    Parameters
+    ----------
+    scenario, calibration, truth
+        Of the survey.
+    flown
+        The true flight, its biases, and which exposures became photos.
+    surface
+        The ground, on which another place is taken for a point.
+    rng
+        Draws these.
+    """
+    errors = scenario.errors
+    places = np.repeat(truth.point_world_m[None], len(truth.frame_id), axis=0)
+    if errors.identification_m:
+        offset = places[..., :2] - surface.middle_m
+        moved = offset + errors.identification_m * rng.standard_normal(offset.shape)
+        rise = surface.up(moved.reshape(-1, 2)) - surface.up(offset.reshape(-1, 2))
+        up = places[..., 2] + rise.reshape(offset.shape[:2])
+        places = np.concatenate([moved + surface.middle_m, up[..., None]], axis=2)
+    return rolled_pixels(calibration, truth, flown, places, 1e-3 * errors.readout_ms)
+
+
+def pick(
+    scenario: Scenario,
+    calibration: Calibration,
+    truth: SurveyTruth,
+    pixel_px: Floats,
+    rngs: tuple[np.random.Generator, np.random.Generator],
+) -> Picks:
+    """Pick every mark that is wholly in a photo.
+
+    Parameters
+    ----------
+    scenario, calibration, truth
+        Of the survey.
+    pixel_px
+        (F, K, 2) where marks are seen.
+    rngs
+        Draw the noise, and which picks are worse than that.
+    """
+    sigma, habits = scenario.errors.pick_px, scenario.habits
+    limit = np.array([calibration.width_px, calibration.height_px]) - 1.0 - PICK_MARGIN_PX
+    inside = np.all((pixel_px > PICK_MARGIN_PX) & (pixel_px < limit), axis=-1)
+    frame, point = np.nonzero(inside)
+    noise = sigma * rngs[0].standard_normal((len(frame), 2))
+    if habits.heavy_tails:
+        noise *= np.where(rngs[1].random((len(frame), 1)) < habits.heavy_tails, TAIL, 1.0)
+    stated = np.array([p.height_m if p.stated == "height" else 0.0 for p in scenario.points])
+    free = np.array([p.stated == "free" for p in scenario.points])
+    label = [truth.label[i] for i in point]
+    for first, second in habits.swapped:
+        _swap(label, frame.tolist(), first, second)
+    at = [truth.label.index(name) for name in label]
+    return Picks(
+        image=tuple(truth.frame_id[i] for i in frame),
+        label=tuple(label),
+        pixel_px=pixel_px[inside] + habits.pick_factor * noise,
+        sigma_px=np.full(len(frame), sigma),
+        height_m=np.where(stated[at] != 0.0, stated[at], np.nan),
+        is_free=free[at],
+    )
+
+
+def _swap(label: list[str], frame: list[int], first: str, second: str) -> None:
+    """Exchange two labels in the first photo that shows both."""
+    place = {pair: i for i, pair in enumerate(zip(frame, label, strict=True))}
+    for photo in sorted(set(frame)):
+        if (photo, first) in place and (photo, second) in place:
+            one, other = place[photo, first], place[photo, second]
+            label[one], label[other] = second, first
+            return
+
+
+def tape(
+    scenario: Scenario,
+    truth: SurveyTruth,
+    rngs: tuple[np.random.Generator, np.random.Generator],
+) -> KnownLines:
+    """Read the tape along every line.
+
+    Parameters
+    ----------
+    scenario, truth
+        Of the survey.
+    rngs
+        Draw the readings' errors, and the tape's.
+    """
+    errors, habits = scenario.errors, scenario.habits
+    noise = errors.tape_m * rngs[0].standard_normal(len(scenario.lines))
+    length = truth.line_length_m
+    if habits.level_tape:
+        row = {label: i for i, label in enumerate(truth.label)}
+        ends = [[row[line.start], row[line.end]] for line in scenario.lines]
+        leg = np.diff(truth.point_world_m[np.reshape(ends, (-1, 2))], axis=1)[:, 0]
+        length = np.linalg.norm(leg[:, :2], axis=1)
+    scale = errors.tape_scale * rngs[1].standard_normal() + habits.tape_long
+    wrong = {one.name: one.by_m for one in habits.wrong_lengths}
+    blunder = np.array([wrong.get(line.name, 0.0) for line in scenario.lines])
+    return KnownLines(
+        name=tuple(line.name for line in scenario.lines),
+        start=tuple(line.start for line in scenario.lines),
+        end=tuple(line.end for line in scenario.lines),
+        length_m=length * (1.0 + scale) + noise + blunder,
+        sigma_m=np.full(len(noise), errors.tape_m),
+        adjust=np.array([line.use == "adjust" for line in scenario.lines], dtype=bool),
+    )
+
+
+def survey_points(
+    truth: SurveyTruth, rows: list[int], noise_m: Floats, sigma_m: float
+) -> KnownPoints:
+    """Points whose coordinates somebody surveyed: their rows, errors (n, 3) and sigma."""
+    return KnownPoints(
+        label=tuple(truth.label[i] for i in rows),
+        kind="local",
+        coordinates=truth.point_world_m[rows] + noise_m,
+        sigma_m=np.full((len(rows), 3), sigma_m),
+    )

@@ -1,0 +1,1 @@
+"""Simulated surveys to look at."""

@@ -1,0 +1,26 @@
+"""A simulation for the terminal."""
+
+from __future__ import annotations
+
+from uavgram.model.simulation.repetitions import Simulation
+from uavgram.views.simulation.words import HEADER, costs, counts, headline, reasons, rows_of
+from uavgram.views.terminal import aligned
+
+COST_HEADER = ("what is amiss", "error, times", "error/stated", "within 2 sigma", "green")
+
+
+def simulation_lines(simulation: Simulation) -> list[str]:
+    """Table, headline and counts.
+
+    Parameters
+    ----------
+    simulation
+        What came out.
+    """
+    rows = rows_of(simulation.repetitions, simulation.accuracy)
+    table = aligned([HEADER, *(row[:-1] for row in rows)], right=tuple(range(2, len(HEADER))))
+    lines = [table, "", headline(simulation), counts(simulation.repetitions)]
+    lines += [f"  {count} times: {text}" for count, text in reasons(simulation.repetitions)]
+    if found := costs(simulation):
+        lines += ["", aligned([COST_HEADER, *found], right=(1, 2, 3, 4))]
+    return lines

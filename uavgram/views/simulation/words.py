@@ -1,0 +1,219 @@
+"""A simulation in words and cells: the same on the terminal and on the page."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.result.verdict import VerdictLevel
+from uavgram.model.simulation.repetitions import Accuracy, Repetitions, Simulation, Variant
+from uavgram.model.units import METRIC
+from uavgram.views.units import decimals, shown
+from uavgram.views.wording import number
+
+MUCH = 1.5
+"""Errors over stated sigmas from which on a survey is called wrong rather than a little bold."""
+
+WORDS = {
+    "slope_deg": "the ground slopes along the road",
+    "crown_percent": "the road has a crown",
+    "slope_break_percent": "the ground rises beside the road",
+    "kerb_m": "there is a kerb",
+    "relief_m": "the ground is uneven",
+    "readout_ms": "the camera reads its photos row after row",
+    "identification_m": "people pick another place of the same mark in each photo",
+    "tape_long": "the tape reads too long",
+    "level_tape": "the tape is held level on sloping ground",
+    "focal_wrong": "the focal length is not the calibrated one",
+    "lag_s": "the log's exposures are late",
+    "yaw_deg": "the log's heading is off",
+    "mount_deg": "the camera is tilted in its mount",
+    "gps_jump_m": "the receiver jumps during the flight",
+    "heavy_tails": "some picks are careless",
+    "pick_factor": "picks are worse than stated",
+    "raised": "points stand off the ground and nobody says so",
+    "swapped": "labels are swapped in one photo",
+    "wrong_lengths": "a length was misread",
+}
+"""By the scenario's key, without its section."""
+
+
+class Cells(NamedTuple):
+    """One measurement's row."""
+
+    name: str
+    unit: str
+    count: str
+    bias: str
+    spread: str
+    predicted: str
+    stated: str
+    inner: str
+    middle: str
+    outer: str
+    z: str
+    is_bad: bool
+
+
+HEADER = (
+    *("measurement", "unit", "runs", "bias (95 % range)", "spread (95 % range)", "predicted"),
+    *("stated", "in 68 %", "in 95 % (range)", "in 99.7 %", "error/stated (range)"),
+)
+
+
+def rows_of(found: Repetitions, accuracy: Accuracy) -> list[Cells]:
+    """All measurements in the order of the scenario.
+
+    Parameters
+    ----------
+    found, accuracy
+        Of the same repetitions.
+    """
+    return [_row(found, accuracy, i) for i in range(len(found.name))]
+
+
+def _row(found: Repetitions, accuracy: Accuracy, i: int) -> Cells:
+    spread = float(accuracy.spread[i])
+    one = shown(found.unit[i], METRIC)
+    sized = spread if math.isfinite(spread) else float(found.predicted[i])
+    places = decimals(sized * one.factor, one)
+
+    def text(value: float, *, signed: bool = False) -> str:
+        return number(float(value) * one.factor, places, signed=signed)
+
+    def ranged(value: float, ends: Floats, *, signed: bool = False) -> str:
+        if not math.isfinite(value):
+            return "–"
+        low, high = (text(end, signed=signed) for end in ends)
+        return f"{text(value, signed=signed)} ({low} to {high})"
+
+    z, (z_low, z_high) = float(accuracy.z[i]), accuracy.z_range[i].tolist()
+    shares = [number(100 * share, 0) for share in accuracy.coverage[i].tolist()]
+    low, high = (number(100 * end, 0) for end in accuracy.coverage_range[i, 1].tolist())
+    return Cells(
+        name=found.name[i],
+        unit=one.symbol,
+        count=str(int(accuracy.count[i])),
+        bias=ranged(accuracy.bias[i], accuracy.bias_range[i], signed=True),
+        spread=ranged(spread, accuracy.spread_range[i]),
+        predicted=text(found.predicted[i]),
+        stated=text(accuracy.stated[i]),
+        inner=f"{shares[0]} %",
+        middle=f"{shares[1]} % ({low} to {high})",
+        outer=f"{shares[2]} %",
+        z=f"{number(z, 2)} ({number(z_low, 2)} to {number(z_high, 2)})" if z > 0 else "–",
+        is_bad=z_low > 1.0,
+    )
+
+
+def level_of(simulation: Simulation) -> VerdictLevel:
+    """Green: sigmas hold what they say; amber: errors are larger; red: much larger, or no runs."""
+    accuracy = simulation.accuracy
+    known = np.isfinite(accuracy.z)
+    lost = simulation.repetitions.failed + simulation.repetitions.unsettled
+    if not known.any() or lost > 0.05 * len(simulation.repetitions.number):
+        return "red"
+    bold = accuracy.z_range[known, 0] > 1.0
+    if bold.any():
+        return "red" if float(np.median(accuracy.z[known])) > MUCH else "amber"
+    return "green"
+
+
+def headline(simulation: Simulation) -> str:
+    """What came out, in a sentence that everybody understands."""
+    if not np.isfinite(simulation.accuracy.z).any():
+        return "None of the repetitions gave a result."
+    level = level_of(simulation)
+    bad = [row.name for row in rows_of(simulation.repetitions, simulation.accuracy) if row.is_bad]
+    if level == "green":
+        return "The program's ± can be believed here: the errors were no larger than it said."
+    if not bad:
+        return "Too many repetitions gave no result: this survey is too weak, or too much is amiss."
+    which = f"{len(bad)} of {len(simulation.repetitions.name)} measurements"
+    factor = float(np.nanmedian(simulation.accuracy.z))
+    return (
+        f"The program's ± is too small here: of {which} the errors were larger than it said "
+        f"(typically {factor:.1f} times what they should be)."
+    )
+
+
+def counts(found: Repetitions) -> str:
+    """How many repetitions gave a result, and of which colour."""
+    colours = Counter(level for level in found.level if level is not None)
+    told = ", ".join(f"{colours[one]} {one}" for one in ("green", "amber", "red") if colours[one])
+    total = len(found.number)
+    parts = [f"{total - found.failed} of {total} repetitions gave a result ({told or 'none'})"]
+    if found.failed:
+        parts.append(f"{found.failed} gave none")
+    if found.unsettled:
+        parts.append(f"{found.unsettled} did not come to rest and are not counted")
+    return "; ".join(parts) + "."
+
+
+def reasons(found: Repetitions, most: int = 5) -> list[tuple[int, str]]:
+    """Why repetitions gave no result: how often, and in the words of the first of its kind."""
+    told = [text for text in found.failure if text]
+    kinds = Counter(_kind(text) for text in told)
+    first = {_kind(text): text for text in reversed(told)}
+    return [(count, first[kind]) for kind, count in kinds.most_common(most)]
+
+
+def _kind(text: str) -> str:
+    """A message without its numbers."""
+    return "".join(letter for letter in text if not letter.isdigit())
+
+
+def warned(found: Repetitions, most: int = 8) -> list[tuple[str, int]]:
+    """The warnings that were given most often, and in how many repetitions."""
+    return Counter(code for codes in found.codes for code in codes).most_common(most)
+
+
+class Cost(NamedTuple):
+    """What something that is amiss costs."""
+
+    what: str
+    error: str
+    z: str
+    within: str
+    green: str
+
+
+def costs(simulation: Simulation) -> list[Cost]:
+    """All variants of a simulation, and itself last; nothing where none was asked for."""
+    if not simulation.variants:
+        return []
+    clean = simulation.variants[0]
+    whole = Variant(
+        name="all of it together",
+        repetitions=simulation.repetitions,
+        accuracy=simulation.accuracy,
+    )
+    return [_cost(one, clean) for one in (*simulation.variants, whole)]
+
+
+def _cost(one: Variant, clean: Variant) -> Cost:
+    ratio = _rms_error(one) / _rms_error(clean)
+    known = ratio[np.isfinite(ratio)]
+    z = one.accuracy.z[np.isfinite(one.accuracy.z)]
+    within = one.accuracy.coverage[:, 1]
+    green = sum(level == "green" for level in one.repetitions.level)
+    key = one.name.rpartition(".")[2]
+    return Cost(
+        what=f"{WORDS[key]} ({one.name})" if key in WORDS else one.name,
+        error=f"{np.median(known):.2f}" if known.size else "–",
+        z=f"{np.sqrt(np.mean(z**2)):.2f}" if z.size else "–",
+        within=f"{100 * np.nanmean(within):.0f} %" if np.isfinite(within).any() else "–",
+        green=f"{green} of {len(one.repetitions.level)}",
+    )
+
+
+def _rms_error(one: Variant) -> Floats:
+    """(M,) root mean square errors."""
+    n = one.accuracy.count
+    with np.errstate(invalid="ignore", divide="ignore"):
+        spread = one.accuracy.spread**2 * (n - 1) / n
+        return np.asarray(np.sqrt(one.accuracy.bias**2 + spread))
