@@ -5,6 +5,7 @@ import { fillIfNew, node } from "../elements/dom.js";
 
 /** @import { Tools } from "../actions/tools.js" */
 /** @import { PlannedLine } from "../connection/protocol.js" */
+/** @typedef {{ line: PlannedLine, taped: boolean, missing: string[] }} Row `missing`: labels of ends that are not marked yet */
 
 const list = node("ol", {});
 const title = node("summary", {});
@@ -16,17 +17,20 @@ export function plannedPart(tools) {
   const rows = store.planned.map((line) => ({ line, taped: isTaped(line), missing: [line.start, line.end].filter((end) => !labels().includes(end)) }));
   const done = rows.filter(({ taped }) => taped).length;
   fillIfNew(title, `${done} ${rows.length}`, () => [`Planned lines: ${done} of ${rows.length} entered`]);
-  fillIfNew(list, JSON.stringify(rows), () => rows.map(({ line, taped, missing }) => lineItem(line, taped, missing, tools)));
+  const next = rows.find(({ taped }) => !taped);
+  fillIfNew(list, JSON.stringify(rows), () => rows.map((row) => lineItem(row, row === next, tools)));
   return box;
 }
 
-/** @param {PlannedLine} line @param {boolean} taped @param {string[]} missing labels of ends that are not marked yet @param {Tools} tools */
-function lineItem(line, taped, missing, tools) {
+// Where its ends are stands beneath the one that is next.
+/** @param {Row} row @param {boolean} isNext @param {Tools} tools */
+function lineItem({ line, taped, missing }, isNext, tools) {
   const words = node("b", {}, `${line.name}: about ${line.length}, from ${line.start} to ${line.end}`);
   if (taped) return node("li", { class: "done" }, node("span", { class: "unseen" }, "Done: "), words);
-  return node("li", {}, words, ...(missing.length
-    ? missing.map((end) => node("span", { class: "row dim" }, markButton(end, tools), end === line.start ? line.start_place : line.end_place))
-    : [node("span", { class: "row dim" }, node("button", { type: "button", onclick: () => enter(line, tools) }, "Enter what the tape said"))]));
+  const where = missing.map((end) => node("span", { class: "dim" }, `${end}: ${end === line.start ? line.start_place : line.end_place}`));
+  const buttons = missing.length ? missing.map((end) => markButton(end, tools))
+    : [node("button", { type: "button", onclick: () => enter(line, tools) }, "Enter what the tape said")];
+  return node("li", {}, words, ...(isNext ? where : []), node("span", { class: "row" }, ...buttons));
 }
 
 // The next click places that label.
