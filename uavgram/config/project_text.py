@@ -71,6 +71,7 @@ _COMMENTS = {
     "known": "what else is known: angles, heights, right angles, points in line",
     "measure": "what to measure",
     "control": "points with known coordinates, used as observations",
+    "control_lines": "lines of known position (kerbs, edges of a map), used as observations",
     "check": "points with known coordinates, used only to judge the result",
     "ties": "tie points between photos; auto: found where the file is missing",
 }
@@ -78,6 +79,7 @@ _EXAMPLES = {
     "log": "flight.BIN",
     "known": "known.csv",
     "control": "control.csv",
+    "control_lines": "control_lines.csv",
     "check": "check.csv",
     "ties": "auto",
 }
@@ -128,7 +130,8 @@ def project_text(project: ProjectText) -> str:
         "camera": _scalar(project.camera),
         "log": project.log and _scalar(project.log),
         "poses": project.poses and _scalar(project.poses),
-        **dict.fromkeys(("picks", "lines", "known", "measure", "control", "check", "ties")),
+        **dict.fromkeys(("picks", "lines", "known", "measure", "control")),
+        **dict.fromkeys(("control_lines", "check", "ties")),
         **{key: _scalar(path) for key, path in project.tables.items()},
         "output": "out",
     }

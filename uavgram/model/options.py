@@ -337,6 +337,7 @@ class Project(_Options):
     known: str | None = None
     measure: str | None = None
     control: str | None = None
+    control_lines: str | None = None
     check: str | None = None
     ties: str | None = None
     output: str = "out"
@@ -361,6 +362,7 @@ class Project(_Options):
             "known",
             "measure",
             "control",
+            "control_lines",
             "check",
             "ties",
             "name",

@@ -75,13 +75,10 @@ def judge_known(
 
 
 def _seen(adjustment: Adjustment, known: KnownThings) -> list[KnownThing]:
-    """Those of which every point is among the adjusted ones."""
+    """Those of which every point is among the adjusted ones; of a line, any."""
     place = {label: k for k, label in enumerate(adjustment.survey.label)}
-    return [
-        known.thing(i, tuple(place[label] for label in points))
-        for i, points in enumerate(known.points)
-        if all(label in place for label in points)
-    ]
+    things = (known.seen_thing(i, place) for i in range(len(known.name)))
+    return [thing for thing in things if thing is not None]
 
 
 def _values(
@@ -101,12 +98,11 @@ def _values(
         if len(own) == 1:
             columns["adjusted_sigma"][at] = np.sqrt(max(joint[own[0], own[0]], 0.0))
         if at in withheld:
-            columns["w"][at] = _deviate(off, joint[np.ix_(own, own)], rows.sigma[own])
+            columns["w"][at] = _deviate(off, joint[np.ix_(own, own)] + rows.covariance(own))
 
 
-def _deviate(off: Floats, joint: Floats, sigma: Floats) -> float:
+def _deviate(off: Floats, whole: Floats) -> float:
     """Errors over their joint sigma; of several, the normal deviate as unlikely as chi-square."""
-    whole = joint + np.diag(sigma**2)
     if len(off) == 1:
         return float(off[0] / np.sqrt(whole[0, 0]))
     probability = upper_tail(float(off @ np.linalg.solve(whole, off)), len(off))
