@@ -105,7 +105,7 @@ def kerb_project(
             for name, place, seen in zip(world, pixel.tolist(), inside, strict=True)
             if seen
         ]
-        cv2.imwrite(str(folder / image), np.full(SIZE_PX[::-1], 120, np.uint8))
+        cv2.imwrite(str(folder / image), np.full(SIZE_PX[::-1], 120 + f, np.uint8))
     _table(folder / "picks.csv", ("image", "label", "u_px", "v_px"), rows)
     header = ["name", "points", "start_east_m", "start_north_m", "end_east_m", "end_north_m"]
     header += ["start_up_m", "end_up_m"] * heights + ["sigma_m"]

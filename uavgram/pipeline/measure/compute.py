@@ -170,6 +170,7 @@ def compute(
         error_budget=shares(error_budget(adjustment.minimum.blocks, values)),
         lines=judged.lines,
         known=judged.known,
+        control_lines=judged.control_lines,
         picks=judged.picks,
         measurements=replace(measured.table, status=status),
         profiles=profiles(adjustment, inputs.requests),
