@@ -8,7 +8,9 @@ of the depth). Here rays go forward to the ground below the camera: that one fal
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -134,7 +136,7 @@ def poses_from_lines(seen: OnLines) -> Ends:
     rotations. Given one, each pick is linear in the centre C: with the ray d = R r, which meets the
     ground at C - (C_z / d_z) d, the condition is n . (C - (C_z / d_z) d) = n . A.
     """
-    direct = _direct(seen)
+    direct = direct_poses(seen)
     found = _searched(seen)
     center = np.concatenate([direct[0][:, None], found[0]], axis=1)
     rotation = np.concatenate([direct[1][:, None], found[1]], axis=1)
@@ -148,13 +150,24 @@ def _minimised(seen: OnLines, center: Floats, rotation: Floats, iterations: int)
     photos, starts = center.shape[:2]
     problem = _Repeated(seen, np.repeat(np.arange(photos), starts))
     ends = minimised(problem, (center.reshape(-1, 3), rotation.reshape(-1, 3, 3)), iterations)
-    return Ends(*(part.reshape(photos, starts, *part.shape[1:]) for part in ends))
+    return _each(ends, lambda part: part.reshape(photos, starts, *part.shape[1:]))
 
 
 def _sorted(ends: Ends) -> Ends:
     """Each photo's, the lowest first."""
     order = np.argsort(ends.cost, axis=1, kind="stable")
-    return Ends(*(part[np.arange(len(order))[:, None], order] for part in ends))
+    return _each(ends, lambda part: part[np.arange(len(order))[:, None], order])
+
+
+def _each(ends: Ends, changed: Callable[[Any], Any]) -> Ends:
+    """The same change of all parts."""
+    return Ends(
+        changed(ends.center),
+        changed(ends.rotation),
+        changed(ends.cost),
+        changed(ends.normal),
+        changed(ends.converged),
+    )
 
 
 def rivals(ends: Ends, within: float) -> Floats:
@@ -170,7 +183,7 @@ def rivals(ends: Ends, within: float) -> Floats:
     return np.where(least <= within, least, np.inf)
 
 
-def _direct(seen: OnLines) -> tuple[Floats, Floats]:
+def direct_poses(seen: OnLines) -> tuple[Floats, Floats]:
     """Centres (B, 3) and rotations (B, 3, 3) by direct linear transformation, least squares.
 
     The homography G takes rays to the ground: with a line's coordinates l and a ray on it,
