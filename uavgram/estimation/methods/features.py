@@ -21,6 +21,9 @@ from uavgram.geometry.motion.rotation import hat, log_so3, right_jacobian_invers
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 
+LEAST_INFORMATION = 1e-9
+"""Of a ground point's coordinates [1/m^2], where a pose that a step tried shows nothing of it."""
+
 
 @dataclass(frozen=True, eq=False)
 class Logged:
@@ -98,6 +101,7 @@ class FeatureRows:
             c += gradient[..., :, None] * gradient[..., None, :]
             c_right += gradient * off[..., None]
         there = np.isfinite(cost)
+        c += LEAST_INFORMATION * np.eye(4)
         inverse = np.linalg.inv(np.where(there[:, None, None, None], c, np.eye(4)))
         gone = b @ inverse
         normal = a - np.einsum("bnik,bnjk->bij", gone, b)

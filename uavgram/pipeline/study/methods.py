@@ -25,6 +25,18 @@ AMBIGUOUS = 9.0
 """Rise of the sum of squares up to which another pose fits as well: three sigma."""
 SIGMAS_95 = 1.959964
 
+LIMITS = (
+    Setting(name="three lines", features=(3, 3)),
+    Setting(name="lines of 1 to 2 m", length_m=(1.0, 2.0)),
+    Setting(name="lines parallel to 3 degrees", turn_deg=3.0),
+    Setting(name="all in a corner, a third as wide", share=0.33, length_m=(2.0, 6.0)),
+    Setting(name="picks to 3 px", pick_px=3.0),
+    Setting(name="distortion left out (k1 = -0.05)", bulge=-0.05),
+    Setting(name="points 5 cm off the ground", relief_m=0.05),
+    Setting(name="straight down, to 5 degrees", tilt_deg=(0.0, 5.0)),
+)
+"""Settings beyond the usual one, in which one method or another ends."""
+
 Starts = tuple[Floats, Floats]
 """Centres (B, S, 3) and rotations (B, S, 3, 3) of S starts of each scene; NaN: no more."""
 Starter = Callable[[MethodScenes], Starts]
