@@ -34,6 +34,7 @@ from uavgram.picking.protocol.encode_places import expected_json
 from uavgram.picking.protocol.encode_project import (
     camera_json,
     clock_json,
+    control_lines_json,
     photos_json,
 )
 from uavgram.picking.protocol.encode_proposals import proposals_json
@@ -160,6 +161,7 @@ class PickSession:
             "flight": flight_json(self.survey),
             "control": list(inputs.control.label),
             "check": list(inputs.check.label),
+            "control_lines": control_lines_json(inputs),
             "expected": self._expected(),
             "recovered": self.recovered is not None,
             "messages": messages_json(

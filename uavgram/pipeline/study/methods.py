@@ -14,7 +14,7 @@ from uavgram.estimation.methods.features import FeatureRows, first_points, groun
 from uavgram.estimation.methods.on_lines import OnLines, direct_poses, poses_from_lines, rivals
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane_pose import pose_above_plane
-from uavgram.imaging.known_point_pose import poses_from_points
+from uavgram.imaging.known_point_pose import FEWEST_POINTS, poses_from_points
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.pipeline.study.method_scenes import MethodScenes, Setting, method_scenes
 
@@ -321,7 +321,7 @@ def line_starts(scenes: MethodScenes) -> Starts:
 
 
 def point_starts(scenes: MethodScenes) -> Starts:
-    """Both poses of OpenCV's IPPE."""
+    """Both poses of OpenCV's IPPE; it takes four points."""
     rows = scenes.rows
     count = len(rows.pixel_px)
     center, rotation = np.full((count, 2, 3), np.nan), np.full((count, 2, 3, 3), np.nan)
@@ -331,7 +331,7 @@ def point_starts(scenes: MethodScenes) -> Starts:
     )
     place = rows.place_m[:, :, 0]
     world = np.concatenate([place, np.zeros((*place.shape[:2], 1))], axis=-1)
-    for k in range(count):
+    for k in range(count if start.shape[1] >= FEWEST_POINTS else 0):
         found = poses_from_points(world[k], ray[k])
         if found is not None:
             some = min(2, len(found[0]))
