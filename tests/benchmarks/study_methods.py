@@ -66,8 +66,8 @@ def shown(rows: list[MethodRow]) -> None:
         lengths = (row.rms_m, row.ninth_m, row.fewest_m, row.most_m)
         print(
             f"{row.method:28}{''.join(f'{1e3 * one:8.0f}' for one in lengths)}"
-            f"{100 * row.failed:8.1f}{100 * row.ambiguous:7.1f}{100 * row.failed_silently:8.1f}"
-            f"{100 * row.coverage:7.1f}{row.z:7.2f}"
+            f"{100 * row.failed:8.1f}{100 * row.told:7.1f}{100 * row.failed_silently:8.1f}"
+            f"{100 * row.coverage:7.1f}{min(row.z, 999.0):7.2f}"
         )
 
 

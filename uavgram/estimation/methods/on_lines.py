@@ -67,7 +67,7 @@ class OnLines:
         which moves it by d_z; with both the quotient is the distance in sigmas to first order
         (Sampson 1982).
         """
-        residual, jacobian = self._rows(which, *state[:2])
+        residual, jacobian = self.residuals(which, *state[:2])
         transposed = jacobian.swapaxes(1, 2)
         return Linear(
             np.sum(residual**2, axis=1),
@@ -79,7 +79,7 @@ class OnLines:
         """The poses after steps (b, 6)."""
         return pose_moved(state, step)
 
-    def _rows(self, which: Ints, center: Floats, rotation: Floats) -> tuple[Floats, Floats]:
+    def residuals(self, which: Ints, center: Floats, rotation: Floats) -> tuple[Floats, Floats]:
         """Residuals (b, N) and Jacobians (b, N, 6); NaN where a ray does not go down to ground."""
         ray, root, turn = self.ray[which], self.ray_root[which], rotation[:, None]
         along = np.zeros(ray.shape)

@@ -74,7 +74,17 @@ class Found:
     @property
     def failed(self) -> Bools:
         """(B,) whether the distances are useless."""
-        share = np.sqrt(np.mean((self.error_m / self.true_m) ** 2, axis=1))
+        return self._are_useless(self.error_m)
+
+    @property
+    def told(self) -> Bools:
+        """(B,) whether the method says so itself: by another pose, or by its sigmas."""
+        if np.isnan(self.sigma_m).all():  # it has none
+            return self.ambiguous
+        return self.ambiguous | self._are_useless(self.sigma_m)
+
+    def _are_useless(self, off_m: Floats) -> Bools:
+        share = np.sqrt(np.mean((off_m / self.true_m) ** 2, axis=1))
         return ~np.asarray(share <= FAILED)
 
 
@@ -94,9 +104,9 @@ class MethodRow:
         Medians over the scenes with least and with most features.
     failed
         Share of scenes in which the distances are useless.
-    ambiguous, failed_silently
-        Shares of scenes in which the method says that another pose fits as well; and that failed
-        without that.
+    ambiguous, told, failed_silently
+        Shares of scenes in which the method says that another pose fits as well; in which it says
+        so, or predicts errors beyond `FAILED`; and that failed without a word.
     coverage, z
         Share of the errors within 1.96 predicted sigmas, and their root mean square in sigmas.
     """
@@ -110,6 +120,7 @@ class MethodRow:
     most_m: float
     failed: float
     ambiguous: float
+    told: float
     failed_silently: float
     coverage: float
     z: float
@@ -146,7 +157,7 @@ def compared(
 def _row(setting: str, method: str, parts: list[Found]) -> MethodRow:
     rms = np.concatenate([one.rms_m for one in parts])
     failed = np.concatenate([one.failed for one in parts])
-    told = np.concatenate([one.ambiguous for one in parts])
+    told = np.concatenate([one.told for one in parts])
     z = np.concatenate([(one.error_m / one.sigma_m).ravel() for one in parts])
     z = z[np.isfinite(z)]
     return MethodRow(
@@ -158,7 +169,8 @@ def _row(setting: str, method: str, parts: list[Found]) -> MethodRow:
         fewest_m=float(np.median(parts[0].rms_m)),
         most_m=float(np.median(parts[-1].rms_m)),
         failed=float(failed.mean()),
-        ambiguous=float(told.mean()),
+        ambiguous=float(np.concatenate([one.ambiguous for one in parts]).mean()),
+        told=float(told.mean()),
         failed_silently=float((failed & ~told).mean()),
         coverage=float(np.mean(np.abs(z) <= SIGMAS_95)) if len(z) else float("nan"),
         z=float(np.sqrt(np.mean(z**2))) if len(z) else float("nan"),
@@ -210,7 +222,7 @@ def _judged(scenes: MethodScenes, ends: Ends, told: Bools | None = None) -> Foun
     solvable = np.isfinite(ends.cost[:, 0])
     normal = np.where(solvable[:, None, None], ends.normal[:, 0], np.eye(6))
     whole = np.einsum("bmi,bij,bmj->bm", of_pose, np.linalg.pinv(normal, hermitian=True), of_pose)
-    variance = whole + np.sum(of_picks**2, axis=(2, 3))
+    variance = np.maximum(whole, 0.0) + np.sum(of_picks**2, axis=(2, 3))
     none = np.where(solvable, 0.0, np.nan)[:, None]
     return Found(
         error_m=length - scenes.check_m + none,
