@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.model.arrays import Floats
+from uavgram.model.survey.control_lines import LinePosition
 from uavgram.model.survey.known import DEGREES, KnownThing
 
 SIGMA_M, SIGMA_DEG = 0.003, 0.03
@@ -29,11 +30,14 @@ class Placed:
         What is known; NaN for a condition.
     truth
         (r,) true values of its rows: departures from what is known.
+    position
+        Of points on a line of known position: where that is said to be.
     """
 
     world: Floats
     value: float
     truth: Floats
+    position: LinePosition | None = None
 
 
 Place = Callable[[np.random.Generator, float], Placed]
@@ -140,6 +144,19 @@ def equal_lengths(rng: np.random.Generator, sigma: float) -> Placed:
     return Placed(ground((-4, 0), (-4, 5), (2, 0), (2, 5 + off)), np.nan, np.array([off]))
 
 
+def on_a_line_of_position(rng: np.random.Generator, sigma: float) -> Placed:
+    """Four points on a kerb whose stated ends err, each a little beside it."""
+    stated_ends = ground((-7, -1), (6, -1)) + sigma * rng.normal(size=(2, 3)) * [1, 1, 0]
+    east, own = np.array([-5.0, -4.5, -4.0, -3.5]), sigma / 3
+    world = ground(*((e, -1.0 + own * rng.normal()) for e in east))
+    ahead = stated_ends[1] - stated_ends[0]
+    left = np.array([-ahead[1], ahead[0]]) / np.hypot(*ahead[:2])
+    position = LinePosition(
+        ends_m=stated_ends, sigma_m=np.full((2, 3), sigma), straightness_m=own, has_height=False
+    )
+    return Placed(world, np.nan, (world - stated_ends[0])[:, :2] @ left, position)
+
+
 PLACES: dict[str, tuple[str, Place]] = {
     "distance": ("distance", distance),
     "polyline": ("polyline", polyline),
@@ -198,7 +215,8 @@ def with_known(
         kind=kind,
         label=tuple(range(count)),
         value=placed.value + blunder,
-        sigma=sigma,
+        sigma=sigma if placed.position is None else placed.position.across_m,
+        position=placed.position,
     )
     free = np.zeros(len(survey.label), dtype=bool)
     free[:count] = placed.world[:, 2] != 0

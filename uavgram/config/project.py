@@ -27,6 +27,7 @@ _INPUT_FILES = (
     "known",
     "measure",
     "control",
+    "control_lines",
     "check",
     "ties",
     "plan",

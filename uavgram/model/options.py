@@ -338,6 +338,7 @@ class Project(_Options):
     known: str | None = None
     measure: str | None = None
     control: str | None = None
+    control_lines: str | None = None
     check: str | None = None
     ties: str | None = None
     plan: str | None = None
@@ -363,6 +364,7 @@ class Project(_Options):
             "known",
             "measure",
             "control",
+            "control_lines",
             "check",
             "ties",
             "plan",

@@ -61,6 +61,7 @@ def missing(inputs: Inputs) -> Iterator[Message]:
         yield Message("info", "nothing-to-measure", text)
     lines = with_sides(inputs.lines, inputs.picks, project.targets)
     known = len(lines.name) or len(inputs.control.label) or inputs.known.gives_scale
+    known = known or len(inputs.control_lines.name)
     if not known and project.log is None and project.poses is None:
         poses = (
             "poses (though the photos state where they were taken: `poses: exif`, and world.origin)"
@@ -90,6 +91,8 @@ def _unseen(inputs: Inputs) -> list[Message]:
     ]
     of_known = zip(inputs.known.name, inputs.known.points, strict=True)
     named += [(f"known thing {name!r}", label) for name, points in of_known for label in points]
+    on_lines = zip(inputs.control_lines.name, inputs.control_lines.points, strict=True)
+    named += [(f"line {name!r}", label) for name, points in on_lines for label in points]
     named += [(f"measurement {r.name!r}", p) for r in inputs.requests for p in r.points]
     named += [("the control points", label) for label in inputs.control.label]
     named += [("the check points", label) for label in inputs.check.label]

@@ -152,7 +152,8 @@ def _seen(inputs: Inputs, progress: Progress) -> Iterator[tuple[str, tuple[SeenP
 def named_points(inputs: Inputs) -> tuple[set[str], set[str]]:
     """Labels that lengths, measurements and known things name, and those of known coordinates."""
     lines, known = inputs.lines, inputs.known
-    named = {*lines.start, *lines.end, *(p for points in known.points for p in points)}
+    points_of = (*known.points, *inputs.control_lines.points)
+    named = {*lines.start, *lines.end, *(p for points in points_of for p in points)}
     named |= {point for request in inputs.requests for point in request.points}
     return named, {*inputs.control.label, *inputs.check.label}
 

@@ -19,7 +19,7 @@ from uavgram.model.flight.pose import Poses, TelemetryPrior
 from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.message import Message, Several
 from uavgram.model.options import GroundOptions, TapeOptions
-from uavgram.model.survey.known import NO_KNOWN, KnownThing, KnownThings
+from uavgram.model.survey.known import NO_KNOWN, KnownThing, KnownThings, lines_place
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
 from uavgram.model.survey.ties import NO_TIES, TiePicks
@@ -102,7 +102,8 @@ def assemble(observed: Observations) -> Assembled:
     """Make one survey of what was observed.
 
     Frames take part where they have a pick or a tie and, with a log, an instant in it. The gauge is
-    ``world`` where telemetry or two picked control points fix position and heading.
+    ``world`` where telemetry, two picked control points or lines of known position fix position
+    and heading.
 
     Raises
     ------
@@ -126,7 +127,9 @@ def assemble(observed: Observations) -> Assembled:
         if lines.adjust[i] and lines.start[i] in label_at and lines.end[i] in label_at
     ]
     known = [i for i, name in enumerate(control.label) if name in label_at]
-    gauge: Literal["world", "plane"] = "plane" if telemetry is None and len(known) < 2 else "world"
+    things = _known(observed.known, label_at)
+    is_placed = telemetry is not None or len(known) >= 2 or lines_place(things)
+    gauge: Literal["world", "plane"] = "world" if is_placed else "plane"
     if gauge == "plane":
         known = []
     areas = _areas(picks, label_at)
@@ -160,7 +163,7 @@ def assemble(observed: Observations) -> Assembled:
         line_along=tuple(lines.along_of(i) for i in seen),
         tape_scale_sigma=observed.tape.scale_sigma,
         own_scale_sigma=observed.own_scale_sigma,
-        known=_known(observed.known, label_at),
+        known=things,
         control_label=np.array([label_at[control.label[i]] for i in known], dtype=np.int64),
         control_world_m=control.world_m[known],
         control_sigma_m=control.sigma_m[known],
@@ -229,11 +232,8 @@ def _index(chosen: Ints | list[int], count: int) -> Ints:
 
 def _known(known: KnownThings, label_at: dict[str, int]) -> tuple[KnownThing, ...]:
     """What is known of picked points, but for what is withheld."""
-    return tuple(
-        known.thing(i, tuple(label_at[label] for label in points))
-        for i, points in enumerate(known.points)
-        if known.adjust[i] and all(label in label_at for label in points)
-    )
+    things = (known.seen_thing(i, label_at) for i in np.flatnonzero(known.adjust).tolist())
+    return tuple(thing for thing in things if thing is not None)
 
 
 def _of_labels(picks: Picks, value: Floats, label_at: dict[str, int]) -> Floats:
@@ -271,7 +271,8 @@ def _gauge(survey: Survey) -> Iterator[Message]:
         yield Message(
             "info",
             "gauge-plane",
-            "Nothing fixes position and heading (no flight log, fewer than two control points): "
+            "Nothing fixes position and heading (no flight log, fewer than two control points, no "
+            "lines of known position): "
             "lengths, areas and angles are right, coordinates are relative to the first frame, "
             f"{survey.frame_id[0]}: it stands above 0, 0, and up in it is north.",
             frames=survey.frame_id[:1],

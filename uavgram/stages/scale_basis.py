@@ -45,7 +45,10 @@ def _witnesses(adjustment: Adjustment) -> list[str]:
         names.append("the photos' own positions" if is_photo else "the log")
     if len(survey.control_label):
         names.append("the control points")
-    if any(thing.gives_scale for thing in adjustment.problem.known):
+    known = adjustment.problem.known
+    if any(thing.position is not None for thing in known):
+        names.append("the lines of known position")
+    if any(thing.gives_scale and thing.position is None for thing in known):
         names.append("the other known distances")
     return names or ["the stated heights"]
 

@@ -52,6 +52,7 @@ KNOWN_WORDS = KIND_WORDS | {
     "level": "at one height",
     "vertical": "one above the other",
     "equal_lengths": "equally long",
+    "on_line": "on a line of known position",
 }
 
 SIGNED_KINDS = frozenset({"coordinate", "height", "vertical_distance", "plane_distance"})

@@ -155,6 +155,8 @@ def _seen_things(survey: Survey) -> dict[int, list[tuple[int, PlaneThing]]]:
 def _says_something(survey: Survey, thing: KnownThing) -> bool:
     """Whether a thing is of points at one level, and holds not on every plane alike."""
     label = list(thing.label)
+    if thing.position is not None:  # where a frame stands, not how high above what plane
+        return False
     level = all(len(set(of[label])) == 1 for of in (survey.area, survey.height_above_m))
     # In line: a distance of zero from a line, an angle of 0 or 180 degrees.
     in_line = not thing.is_condition and not 0.0 < thing.value < (

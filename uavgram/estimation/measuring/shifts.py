@@ -100,7 +100,7 @@ def _residuals_by_height(adjustment: Adjustment) -> list[tuple[str, Ints, Floats
         ]
     if problem.known:
         rows = known_rows(problem, adjustment.state, problem.known)
-        by_up = rows.by_up / rows.sigma[:, None]
+        by_up = rows.whitened(rows.by_up)
         found += [("known", rows.label[:, k], by_up[:, [k]]) for k in range(rows.label.shape[1])]
     if "control" in blocks:
         up = np.zeros((len(survey.control_label), 3))

@@ -59,6 +59,7 @@ KNOWN_WORDS = {
     "level": "level line",
     "equal_lengths": "set of equal lengths",
     "polyline": "length along points",
+    "on_line": "place of the line",
 }
 """Of kinds of known things whose own name says less."""
 

@@ -59,11 +59,7 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
         matches=_some_sightings(survey.matches, new_frame, new_pick),
         ties=_some_sightings(survey.ties, new_frame, new_pick),
         **_some_lines(survey, lines) | {"line_start": start[lines], "line_end": end[lines]},
-        known=tuple(
-            replace(one, label=tuple(new_label[list(one.label)].tolist()))
-            for one in survey.known
-            if (new_label[list(one.label)] >= 0).all()
-        ),
+        known=tuple(one for old in survey.known if (one := old.relabelled(new_label)) is not None),
         **rows_of(survey, control, "c")
         | {"control_label": new_label[survey.control_label[control]]},
     )

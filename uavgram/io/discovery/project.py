@@ -26,7 +26,9 @@ _RESULTS = "results.json"
 _CALIBRATION, _CALIBRATED = "calibration.json", "camera.yaml"
 _LARGEST_CAMERA_BYTES = 1_000_000
 
-TableRole = Literal["picks", "lines", "known", "measure", "control", "check", "poses"]
+TableRole = Literal[
+    "picks", "lines", "known", "measure", "control", "control_lines", "check", "poses"
+]
 
 # Columns that tell a table, the most telling first.
 _TABLES: tuple[tuple[TableRole, frozenset[str]], ...] = (
@@ -37,6 +39,8 @@ _TABLES: tuple[tuple[TableRole, frozenset[str]], ...] = (
     ("poses", frozenset({"image", "latitude_deg", "longitude_deg", "height_m"})),
     ("control", frozenset({"label", "latitude_deg", "longitude_deg"})),
     ("control", frozenset({"label", "east_m", "north_m"})),
+    ("control_lines", frozenset({"name", "points", "start_east_m", "end_east_m"})),
+    ("control_lines", frozenset({"name", "points", "start_latitude_deg", "end_latitude_deg"})),
 )
 
 

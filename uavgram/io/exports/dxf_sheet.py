@@ -51,6 +51,7 @@ LAYERS = {
     "ellipses_95": ("ELLIPSES_95", 30),
     "ellipses_95_within_survey": ("ELLIPSES_95_WITHIN_SURVEY", 40),
     "known_lengths": ("KNOWN_LENGTHS", 6),
+    "control_lines": ("LINES_OF_KNOWN_POSITION", 200),
     "measured_areas": ("MEASURED_AREAS", 134),
     "measured_lines": ("MEASURED_LINES", 134),
     "points": ("POINTS", 7),

@@ -20,6 +20,7 @@ _LAYERS = {
     "ellipses_95": ("95 % ellipses", "ff007be0"),
     "ellipses_95_within_survey": ("95 % ellipses within the survey", "ff00c8ff"),
     "known_lengths": ("Known lengths", "ff7a12b0"),
+    "control_lines": ("Lines of known position", "ff9c27b0"),
     "measured_areas": ("Measured areas", "ff6b7900"),
     "measured_lines": ("Measured lines", "ff6b7900"),
     "points": ("Points", "ff00ffff"),

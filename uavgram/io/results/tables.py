@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from uavgram.io.results.codec import Json, Record, Table, encode, joined, numbers
+from uavgram.model.result.control_lines import ControlLineResults
 from uavgram.model.result.known import KnownResults
 from uavgram.model.result.profiles import COLUMNS, ProfileResults
 from uavgram.model.result.reliability import (
@@ -55,6 +56,7 @@ _RELATIVE = Table(
 )
 LINES = Table(LineResults, keys={"start": "from", "end": "to"})
 KNOWN = Table(KnownResults)
+CONTROL_LINES = Table(ControlLineResults, shape={"start_world_m": (3,), "end_world_m": (3,)})
 PICKS = Table(PickResults, keys={"pixel_px": ("u_px", "v_px")}, shape={"residual_px": (2,)})
 MEASUREMENTS = Table(MeasurementResults, shape={"interval_95": (2,)}, elsewhere=("correlation",))
 PROFILES = Table(

@@ -13,6 +13,7 @@ from uavgram.model.arrays import Bools
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message
 from uavgram.model.provenance import Provenance
+from uavgram.model.result.control_lines import NO_LINES_OF_POSITION, ControlLineResults
 from uavgram.model.result.error_budget import ErrorBudget
 from uavgram.model.result.known import NOTHING_KNOWN, KnownResults
 from uavgram.model.result.noise import Noise
@@ -94,6 +95,8 @@ class Result:
     points: PointResults
     lines: LineResults
     known: KnownResults = NOTHING_KNOWN
+    control_lines: ControlLineResults = NO_LINES_OF_POSITION
+    """Lines of known position; each has a row in `known` too."""
     picks: PickResults
     measurements: MeasurementResults
     profiles: ProfileResults = NO_PROFILES

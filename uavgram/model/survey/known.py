@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal, get_args
 
 import numpy as np
 
-from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays
+from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints
+from uavgram.model.survey.control_lines import ON_LINE, LinePosition
 from uavgram.model.survey.observations import MeasurementKind
 
 ConditionKind = Literal[
@@ -22,6 +24,7 @@ NOT_KNOWN = {
     "speed": "a speed says nothing of where the points are",
     "skid_speed": "a speed says nothing of where the points are",
     "profile": "it has no single value: give the heights or distances of its points",
+    ON_LINE: "give lines of known position in control_lines.csv (`control_lines` in the project)",
 }
 """Kinds of measurement that cannot be given as known, and why or what to do instead."""
 
@@ -57,6 +60,9 @@ class KnownThings(FrozenArrays):
         (N,) True: an observation; False: withheld, only judged.
     parameters
         (N,) numbers that a kind needs beside its points.
+    position
+        (N,) of points on a line of known position: where that lies; None of others. Or nothing at
+        all where there is no such line.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -66,11 +72,27 @@ class KnownThings(FrozenArrays):
     sigma: Annotated[Floats, "n"]
     adjust: Annotated[Bools, "n"]
     parameters: Annotated[tuple[tuple[tuple[str, float], ...], ...], "n"]
+    position: tuple[LinePosition | None, ...] = ()
 
     @property
     def gives_scale(self) -> bool:
         """Whether anything that is an observation says how large things are."""
         return any(self.thing(i, ()).gives_scale for i in np.flatnonzero(self.adjust).tolist())
+
+    def seen_thing(self, index: int, place: Mapping[str, int]) -> KnownThing | None:
+        """One of them, where it is seen whole: of a line of known position any point will do.
+
+        Parameters
+        ----------
+        index
+            Which.
+        place
+            Row of every label that is there.
+        """
+        points = self.points[index]
+        seen = tuple(place[label] for label in points if label in place)
+        is_line = bool(self.position) and self.position[index] is not None
+        return self.thing(index, seen) if len(seen) == len(points) or (is_line and seen) else None
 
     def thing(self, index: int, label: tuple[int, ...]) -> KnownThing:
         """One of them, with its points as rows of a survey's labels."""
@@ -82,6 +104,7 @@ class KnownThings(FrozenArrays):
             value=float(self.value[index]),
             sigma=float(self.sigma[index]),
             parameters=self.parameters[index],
+            position=self.position[index] if self.position else None,
         )
 
 
@@ -95,6 +118,9 @@ class KnownThing:
         Which it is among the project's: it keeps that number when others are left out.
     name, kind, value, sigma, parameters
         As in `KnownThings`; the value of a condition is NaN.
+    position
+        Of points on a line of known position: where that lies. Its own sigmas hold for a `sigma` of
+        `LinePosition.across_m`, and grow and shrink with that.
     label
         Its points, as rows of the survey's labels.
     """
@@ -106,15 +132,24 @@ class KnownThing:
     value: float
     sigma: float
     parameters: tuple[tuple[str, float], ...] = ()
+    position: LinePosition | None = None
+
+    def relabelled(self, new_label: Ints) -> KnownThing | None:
+        """The same with the labels' new rows (-1: gone); None where too many are gone for it."""
+        new = tuple(k for k in new_label[list(self.label)].tolist() if k >= 0)
+        whole = len(new) == len(self.label) or (self.position is not None and bool(new))
+        return replace(self, label=new) if whole else None
 
     @property
     def is_condition(self) -> bool:
         """Whether it has no value."""
-        return self.kind in CONDITIONS
+        return self.kind in CONDITIONS or self.position is not None
 
     @property
     def gives_scale(self) -> bool:
         """Whether it says how large anything is."""
+        if self.position is not None:
+            return True
         return self.unit != "deg" and bool(np.isfinite(self.value)) and self.value != 0.0
 
     @property
@@ -132,3 +167,19 @@ NO_KNOWN = KnownThings(
     adjust=np.empty(0, dtype=np.bool_),
     parameters=(),
 )
+
+LEAST_TURN_RAD = 0.1
+"""Lines whose directions differ by less count as parallel: along them nothing fixes a position."""
+
+
+def lines_place(things: Iterable[KnownThing]) -> bool:
+    """Whether lines of known position fix a plane figure of ground points on the map.
+
+    East, north and heading are three numbers: it takes three points on lines, not all parallel.
+    """
+    on_lines = [(one.position, len(one.label)) for one in things if one.position is not None]
+    if sum(count for _, count in on_lines) < 3:
+        return False
+    ahead = np.array([line.ends_m[1, :2] - line.ends_m[0, :2] for line, _ in on_lines])
+    turn = np.arctan2(ahead[:, 1], ahead[:, 0])
+    return bool((np.abs(np.sin(turn - turn[0])) > LEAST_TURN_RAD).any())

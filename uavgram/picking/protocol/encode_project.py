@@ -55,6 +55,15 @@ def photos_json(survey: LiveSurvey, sizes: tuple[PhotoSize, ...]) -> list[Json]:
     ]
 
 
+def control_lines_json(inputs: Inputs) -> list[Json]:
+    """Lines of known position, and the labels that were picked on each."""
+    lines = inputs.control_lines
+    return [
+        {"name": name, "points": list(points)}
+        for name, points in zip(lines.name, lines.points, strict=True)
+    ]
+
+
 def _seeds(posed: Posed | None) -> dict[str, Json]:
     """The seed poses: centres (e n u) with sigmas [m], sigma of the directions together [deg]."""
     if posed is None or posed.telemetry is None:

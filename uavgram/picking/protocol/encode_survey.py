@@ -24,6 +24,7 @@ from uavgram.picking.protocol.geodetic import places_on_earth
 from uavgram.pipeline.pick.live import Adjusted, Linearised
 from uavgram.stages.messages import in_order
 from uavgram.views.survey.verdict import named_picks
+from uavgram.views.wording import KNOWN_STATUS_WORDS
 
 Json = dict[str, Any]
 
@@ -100,6 +101,7 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
         "lines": _lines(adjusted),
         "measurements": _measurements(adjusted),
         "checks": _checks(adjusted),
+        "control_lines": _control_lines(result),
         "frames": _frames(result, index),
         "clock": _clock(result),
         "advice": _advice(adjusted),
@@ -249,6 +251,20 @@ def _checks(adjusted: Adjusted) -> list[Json]:
         }
         for i, label in enumerate(points.label)
     ]
+
+
+def _control_lines(result: Result) -> Json:
+    """By name how far what was picked on each line lies beside it, and how that fits."""
+    lines = result.control_lines
+    return {
+        name: {
+            "offset_m": number(lines.offset_m[i]),
+            "w": number(lines.w[i], 1),
+            "status": KNOWN_STATUS_WORDS[lines.status[i]],
+            "fits": lines.status[i] not in ("suspect", "removed"),
+        }
+        for i, name in enumerate(lines.name)
+    }
 
 
 def _advice(adjusted: Adjusted) -> Json | None:

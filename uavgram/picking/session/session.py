@@ -35,6 +35,7 @@ from uavgram.picking.protocol.encode_planned import planned_json
 from uavgram.picking.protocol.encode_project import (
     camera_json,
     clock_json,
+    control_lines_json,
     photos_json,
 )
 from uavgram.picking.protocol.encode_proposals import proposals_json
@@ -162,6 +163,7 @@ class PickSession:
             "control": list(inputs.control.label),
             "check": list(inputs.check.label),
             "planned": planned_json(inputs.planned, inputs.project.units),
+            "control_lines": control_lines_json(inputs),
             "expected": self._expected(),
             "recovered": self.recovered is not None,
             "messages": messages_json(

@@ -17,6 +17,7 @@ import numpy as np
 
 from uavgram.config.project import relative_paths
 from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.line_poses import line_poses
 from uavgram.estimation.measuring.error_budget import error_budget, shares
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
 from uavgram.estimation.measuring.shifts import shifts
@@ -41,6 +42,7 @@ from uavgram.pipeline.measure.judge import judge_survey
 from uavgram.pipeline.measure.mended import with_mends
 from uavgram.pipeline.measure.plates import plate_scale, with_sides
 from uavgram.pipeline.measure.pose import Posed, known_in_world, pose_frames
+from uavgram.pipeline.measure.position_lines import with_position_lines
 from uavgram.pipeline.versions import account_name, package_versions, stamp
 from uavgram.stages.assemble import Assembled, Observations, assemble
 from uavgram.stages.camera.assume import ASSUMED_CAMERA, UNKNOWN_CAMERA
@@ -116,6 +118,7 @@ def compute(
     counted = with_sides(counted, inputs.picks, plates)
     inputs = replace(inputs, lines=with_sides(inputs.lines, inputs.picks, plates))
     posed = posed or pose_frames(inputs)
+    inputs, line_messages = with_position_lines(inputs, posed.world)
     check, check_messages = known_in_world(inputs, inputs.check, posed.world)
     assembled, known_messages = _assembled(inputs, counted, posed, duplicates)
     world = _world(inputs.project, posed.world, assembled.survey.gauge)
@@ -134,6 +137,7 @@ def compute(
         *duplicates.messages,
         *posed.messages,
         *known_messages,
+        *line_messages,
         *check_messages,
         *_unjudged(inputs, world),
         *assembled.messages,
@@ -166,6 +170,7 @@ def compute(
         error_budget=shares(error_budget(adjustment.minimum.blocks, values)),
         lines=judged.lines,
         known=judged.known,
+        control_lines=judged.control_lines,
         picks=judged.picks,
         measurements=replace(measured.table, status=status),
         profiles=profiles(adjustment, inputs.requests),
@@ -191,6 +196,7 @@ def assembled_survey(inputs: Inputs, posed: Posed) -> Assembled:
     duplicates = duplicates_of(inputs)
     counted = _with_duplicates(inputs.lines, duplicates, adjust=False)
     counted = with_sides(counted, inputs.picks, inputs.project.targets)
+    inputs, _ = with_position_lines(inputs, posed.world)
     assembled, _ = _assembled(inputs, counted, posed, duplicates)
     survey, _ = find_headings(assembled.survey)
     return replace(assembled, survey=survey)
@@ -243,8 +249,11 @@ def refined_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tupl
     """The adjusted survey; a camera that stands another way in its mount is the first suspect."""
     mount = turned_mount(survey)
     if survey.telemetry is None and survey.gauge == "world":
-        # Nothing but known points places the frames: their first poses are from these.
-        survey = replace(survey, candidate_poses=known_point_poses(survey))
+        # Nothing but known points and lines places the frames: their first poses are from these.
+        by_points = known_point_poses(survey)
+        placed = {one.frame_id for one in by_points}
+        by_lines = (one for one in line_poses(survey) if one.frame_id not in placed)
+        survey = replace(survey, candidate_poses=(*by_points, *by_lines))
     try:
         refined, messages = refine(survey, options)
     except GeometryError as why:

@@ -49,6 +49,10 @@ LOOKS = {
         title="known lengths", colour=INK["used"], width_mm=0.5, dashed=True, label="text",
         by_status={status: INK[status] for status in ("suspect", "removed", "checked", "unseen")},
     ),
+    "control_lines": Look(
+        title="lines of known position", colour=INK["position"], width_mm=0.35, label="name",
+        by_status={status: INK[status] for status in ("suspect", "removed", "checked", "unseen")},
+    ),
     "ellipses_95_within_survey": Look(
         title="95 % ellipses within the survey", colour=INK["ellipse"], width_mm=0.3
     ),

@@ -19,6 +19,7 @@ from uavgram.io.photos.poses.read import FROM_PHOTOS
 from uavgram.io.photos.poses.sources import read_pose_sources
 from uavgram.io.photos.poses.tags import first_maker
 from uavgram.io.results.plan_json import read_plan
+from uavgram.io.tables.control_lines import CONTROL_LINES_COLUMNS, read_control_lines
 from uavgram.io.tables.csv_tables import own_columns
 from uavgram.io.tables.known import KNOWN_COLUMNS, read_known
 from uavgram.io.tables.known_points import read_known_points
@@ -35,6 +36,7 @@ from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_UNKNOWN, TIES_FILE, TIES_FOUND, Project
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.provenance import InputDigest
+from uavgram.model.survey.control_lines import NO_CONTROL_LINES, ControlLines
 from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 from uavgram.model.survey.ties import NO_TIES, TiePicks
@@ -78,6 +80,7 @@ class Inputs:
     known: KnownThings = NO_KNOWN
     requests: tuple[MeasurementRequest, ...]
     control: KnownPoints
+    control_lines: ControlLines = NO_CONTROL_LINES
     check: KnownPoints
     ties: TiePicks = NO_TIES
     planned: FlightPlanned | None = None
@@ -129,8 +132,11 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     ties_file = _existing(ties_path(project, path.absolute().parent))
     ties = read_ties(ties_file) if ties_file else NO_TIES
     planned = read_plan(project.plan) if project.plan else None
-    columns = _column_messages(picks_file, lines_file, measure_file, project.known, ties_file)
+    columns = _column_messages(
+        picks_file, lines_file, measure_file, project.known, ties_file, project.control_lines
+    )
     control = read_known_points(project.control) if project.control else NO_POINTS
+    control_lines = _control_lines(project, known)
     check = read_known_points(project.check) if project.check else NO_POINTS
     photos, photo_messages = read_photos(project.images, project.time)
     calibration, messages = _camera(project, photos)
@@ -145,7 +151,15 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     notes = () if log is None else log_messages(log)
     pose_files = [source for source in project.pose_sources if source != FROM_PHOTOS]
     named = (project.camera_file, picks_file, project.log, *pose_files, lines_file, measure_file)
-    named = (*named, project.known, project.control, project.check, ties_file, project.plan)
+    named = (
+        *named,
+        project.known,
+        project.control,
+        project.control_lines,
+        project.check,
+        ties_file,
+        project.plan,
+    )
     files = [str(path), *(f for f in named if f), *photos.path]
     return Inputs(
         project_path=str(path),
@@ -157,6 +171,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
         known=known,
         requests=requests,
         control=control,
+        control_lines=control_lines,
         check=check,
         ties=ties,
         planned=planned,
@@ -181,6 +196,18 @@ def ties_path(project: Project, folder: Path) -> Path | None:
     return folder / TIES_FILE if project.ties == TIES_FOUND else Path(project.ties)
 
 
+def _control_lines(project: Project, known: KnownThings) -> ControlLines:
+    """Lines of known position; results name them and known things in one list."""
+    if not project.control_lines:
+        return NO_CONTROL_LINES
+    lines = read_control_lines(project.control_lines)
+    for name in lines.name:
+        if name in known.name:
+            text = f"line {name!r} is called like a known thing in known.csv: rename one of them"
+            raise InputError(project.control_lines, text)
+    return lines
+
+
 def _existing(path: Path | None) -> str | None:
     """A file that may be missing, as tie points may still have to be found."""
     return str(path) if path is not None and path.is_file() else None
@@ -197,6 +224,7 @@ def duplicates_of(inputs: Inputs) -> Duplicates:
 def _column_messages(*files: str | None) -> Iterator[Message]:
     """Name the columns of picks, lengths and measurements that are not read."""
     columns_of = (PICKS_COLUMNS, LINES_COLUMNS, MEASURE_COLUMNS, KNOWN_COLUMNS, TIES_COLUMNS)
+    columns_of += (CONTROL_LINES_COLUMNS,)
     tables = zip(files, columns_of, strict=True)
     for file, columns in tables:
         if file and (own := own_columns(file, columns)):

@@ -8,6 +8,7 @@ from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message
+from uavgram.model.result.control_lines import ControlLineResults
 from uavgram.model.result.known import KnownResults
 from uavgram.model.result.reliability import ChecksOverall, Evidence, RemovalRecord
 from uavgram.model.result.result import GroupFactor
@@ -19,6 +20,7 @@ from uavgram.stages.judge import (
     Fit,
     TestedSurvey,
     fit_of,
+    judge_control_lines,
     judge_fit,
     judge_groups,
     judge_known,
@@ -44,6 +46,7 @@ class Judgement:
     picks: PickResults
     lines: LineResults
     known: KnownResults
+    control_lines: ControlLineResults
     line_checks: LineChecks
     point_checks: PointChecks
     groups: tuple[GroupFactor, ...]
@@ -94,6 +97,7 @@ def judge_survey(
         picks=picks,
         lines=line_results,
         known=known,
+        control_lines=judge_control_lines(refined.adjustment, inputs.known, known),
         line_checks=line_checks,
         point_checks=point_checks,
         groups=groups,

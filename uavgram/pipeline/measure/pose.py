@@ -237,6 +237,14 @@ def unposed(inputs: Inputs) -> Posed:
             f"{inputs.control.label[0]!r}."
         )
         messages = (Message("info", "origin-control", text),)
+    elif inputs.control_lines.kind == "geodetic" and len(inputs.control_lines.name):
+        start = inputs.control_lines.coordinates[0, 0]
+        place = Geodetic(float(start[0]), float(start[1]), float(np.nan_to_num(start[2])))
+        text = (
+            "Without a log there is no home: the world's origin is the start of the line "
+            f"{inputs.control_lines.name[0]!r}."
+        )
+        messages = (Message("info", "origin-control", text),)
     world = World(origin=place, height_datum=project.world.heights, gauge="world")
     return Posed(world=world, frames=frames, telemetry=None, messages=messages)
 

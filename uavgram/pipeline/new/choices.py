@@ -21,7 +21,9 @@ PROJECT = "project.yaml"
 PICKED = {"picks": PICKS_HEADER, "lines": LINES_HEADER, "measure": MEASURE_HEADER}
 """Tables that the picking page makes, and their columns."""
 
-_TABLES: tuple[TableRole, ...] = ("picks", "lines", "known", "measure", "control", "check")
+_TABLES: tuple[TableRole, ...] = (
+    *("picks", "lines", "known", "measure", "control", "control_lines", "check"),
+)
 
 
 @dataclass(frozen=True, kw_only=True)

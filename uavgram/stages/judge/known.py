@@ -14,6 +14,7 @@ from uavgram.estimation.survey.terms.known_terms import known_rows
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.result.known import NOTHING_KNOWN, KnownResults, KnownStatus
+from uavgram.model.survey.control_lines import ON_LINE
 from uavgram.model.survey.known import KnownThing, KnownThings
 from uavgram.stages.judge.lines import PICK_OR_CORRECT, no_pick_of
 from uavgram.stages.judge.tested_survey import TestedSurvey
@@ -75,13 +76,10 @@ def judge_known(
 
 
 def _seen(adjustment: Adjustment, known: KnownThings) -> list[KnownThing]:
-    """Those of which every point is among the adjusted ones."""
+    """Those of which every point is among the adjusted ones; of a line, any."""
     place = {label: k for k, label in enumerate(adjustment.survey.label)}
-    return [
-        known.thing(i, tuple(place[label] for label in points))
-        for i, points in enumerate(known.points)
-        if all(label in place for label in points)
-    ]
+    things = (known.seen_thing(i, place) for i in range(len(known.name)))
+    return [thing for thing in things if thing is not None]
 
 
 def _values(
@@ -101,12 +99,11 @@ def _values(
         if len(own) == 1:
             columns["adjusted_sigma"][at] = np.sqrt(max(joint[own[0], own[0]], 0.0))
         if at in withheld:
-            columns["w"][at] = _deviate(off, joint[np.ix_(own, own)], rows.sigma[own])
+            columns["w"][at] = _deviate(off, joint[np.ix_(own, own)] + rows.covariance(own))
 
 
-def _deviate(off: Floats, joint: Floats, sigma: Floats) -> float:
+def _deviate(off: Floats, whole: Floats) -> float:
     """Errors over their joint sigma; of several, the normal deviate as unlikely as chi-square."""
-    whole = joint + np.diag(sigma**2)
     if len(off) == 1:
         return float(off[0] / np.sqrt(whole[0, 0]))
     probability = upper_tail(float(off @ np.linalg.solve(whole, off)), len(off))
@@ -185,6 +182,8 @@ def _unseen(adjustment: Adjustment, known: KnownThings, i: int) -> Message:
 def _idle(known: KnownThings, i: int) -> Message:
     """It says nothing, as all of its points lie on the ground."""
     what = named_thing(known.kind[i], known.name[i], known.points[i])
+    if known.kind[i] == ON_LINE:
+        return _unplaced(known, i, what)
     return Message(
         "warning",
         "known-idle",
@@ -197,6 +196,22 @@ def _idle(known: KnownThings, i: int) -> Message:
             what,
             ending="Where some of them do not, write `free` for their height_m in picks.csv.",
         ),
+    )
+
+
+def _unplaced(known: KnownThings, i: int, what: str) -> Message:
+    """A line of known position in a world that has none."""
+    why = "nothing else says where on the map this survey lies, and such lines are too few for it"
+    way_out = (
+        "It takes three picked points on lines that are not all parallel (or the flight log, or "
+        "two control points)."
+    )
+    return Message(
+        "warning",
+        "known-idle",
+        f"The {what} is not used: {why}. {way_out}",
+        labels=known.points[i],
+        several=Several("{count} known things are not used", what, why, way_out),
     )
 
 

@@ -173,8 +173,9 @@ def _known(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     what = examined.names.known(row)
     how = f"{departure(thing, off)} (w = {suspicion.w:.1f})"
     alone = " Without it, everything else fits." if examined.refined.accused_alone else ""
+    given = "value" if thing.position is None else "coordinates"
     return (
-        f"The known {what} does not fit: {how}. Look at its value, at its points and at their "
+        f"The known {what} does not fit: {how}. Look at its {given}, at its points and at their "
         f"picks.{alone}",
         f"{what} {how}",
     )

@@ -19,6 +19,7 @@ from uavgram.estimation.reliability.test_statistics import (
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.terms.known_terms import known_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.reliability import Effects
 
@@ -80,6 +81,9 @@ class TestedSurvey:
 
         Those of the result: what stands out, tests take at its full weight.
         """
+        if kind == "known":  # some of these are correlated: whitened, they are mixed
+            problem = self.adjustment.problem
+            return known_rows(problem, self.adjustment.state, problem.known).value[:, None]
         residual = self.adjustment.minimum.blocks[kind].residual
         return np.asarray(residual * sigmas_of_readings(self.adjustment)[kind])
 

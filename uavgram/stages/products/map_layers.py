@@ -52,6 +52,7 @@ def features_of(result: Result, crs: str | None, unit_m: float = 1.0) -> Feature
             _ellipses("ellipses_95", points, points),
             _ellipses("ellipses_95_within_survey", points, points.relative),
             _known_lengths(result),
+            *([_control_lines(result)] if result.control_lines.name else []),
             _measured("measured_areas", "polygon", result),
             _measured("measured_lines", "line", result),
             *([verticals(points)] if points.is_off_ground.any() else []),
@@ -78,6 +79,12 @@ def reference_strips(result: Result) -> dict[int, Floats]:
         for i, (start, end) in enumerate(zip(lines.start, lines.end, strict=True))
         if start in rows and end in rows
     }
+
+
+def position_strips(result: Result) -> list[Floats]:
+    """(2, 3) ends in the world of each line of known position."""
+    lines = result.control_lines
+    return list(np.stack([lines.start_world_m, lines.end_world_m], axis=1))
 
 
 def measured_strips(result: Result) -> dict[int, list[Floats]]:
@@ -247,6 +254,23 @@ def _known_lengths(result: Result) -> Layer:
             "to": lines.end,
             "status": lines.status,
             **{name: _column(getattr(lines, name)) for name in LENGTH_COLUMNS},
+        },
+    )
+
+
+def _control_lines(result: Result) -> Layer:
+    lines = result.control_lines
+    return Layer(
+        name="control_lines",
+        kind="line",
+        vertices_m=tuple(position_strips(result)),
+        attributes={
+            "name": lines.name,
+            "points": tuple(";".join(points) for points in lines.points),
+            "status": lines.status,
+            "sigma_m": _column(lines.sigma_m),
+            "offset_m": _column(lines.offset_m),
+            "w": _column(lines.w),
         },
     )
 

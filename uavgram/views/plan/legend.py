@@ -151,6 +151,8 @@ def _signs(sheet: Sheet, result: Result, x: float, y: float) -> float:
     kinds = dict.fromkeys(words[status] for status in result.lines.status)
     inks = {words[status]: INK[status] for status in result.lines.status}
     rows += [(inks[kind], DASHES, kind) for kind in kinds]
+    if result.control_lines.name:
+        rows.append((INK["position"], DASHES, "line of known position"))
     for k, (ink, dashes, text) in enumerate(rows):
         at = y - k * 4.0
         (line,) = sheet.axes.plot([x, x + 7.0], [at, at], color=ink, linewidth=LINE_PT)

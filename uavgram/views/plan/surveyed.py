@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.stages.products.map_layers import measured_strips, reference_strips
+from uavgram.stages.products.map_layers import measured_strips, position_strips, reference_strips
 from uavgram.stages.products.measured_shapes import ENCLOSED
 from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, beside, only_at
 from uavgram.views.survey.top_view import INK
@@ -48,6 +48,9 @@ def draw_surveyed(sheet: Sheet, result: Result) -> None:
     _areas(sheet, result, measured)
     for i, strip in known.items():
         _cased(sheet, strip, INK[result.lines.status[i]], DASHES)
+    positions = list(zip(result.control_lines.name, position_strips(result), strict=True))
+    for (_, strip), status in zip(positions, result.control_lines.status, strict=True):
+        _cased(sheet, strip, INK["position" if status == "used" else status], DASHES, share=0.5)
     are_few = len(measured) <= MANY
     for strips in measured.values():
         for strip in strips:
@@ -69,6 +72,8 @@ def draw_surveyed(sheet: Sheet, result: Result) -> None:
         length, sigma = float(result.lines.length_m[i]), float(result.lines.sigma_m[i])
         text = f"{result.lines.name[i]}: {value_text(length, sigma, 'm', units)}"
         _name_strip(sheet, [strip], text, result.lines.status[i], ROUNDS)
+    for (name, strip), status in zip(positions, result.control_lines.status, strict=True):
+        _name_strip(sheet, [strip], name, "position" if status == "used" else status, ROUNDS)
     _names(sheet, result)
 
 

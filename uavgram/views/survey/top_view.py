@@ -9,7 +9,12 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.stages.products.map_layers import ellipse_outlines, measured_strips, reference_strips
+from uavgram.stages.products.map_layers import (
+    ellipse_outlines,
+    measured_strips,
+    position_strips,
+    reference_strips,
+)
 from uavgram.views.style import ABOVE, BELOW, hex_colour
 from uavgram.views.survey.departures import Departures, departures
 from uavgram.views.survey.drawing import longest_middle, nice_factor, uncovered
@@ -43,6 +48,7 @@ INK = {
     "removed": "#c62828",
     "checked": "#6a3fb5",
     "unseen": "#777777",
+    "position": "#8e24aa",
     "measured": "#00796b",
     "point": "#222222",
     "ellipse": "#e07b00",
@@ -196,7 +202,21 @@ def _lines(result: Result, sheet: _Sheet) -> list[Stroke]:
         )
         for i, strip in reference.items()
     ]
-    return measured + known
+    return measured + known + _lines_of_position(result, sheet)
+
+
+def _lines_of_position(result: Result, sheet: _Sheet) -> list[Stroke]:
+    """Lines of known position as they were stated; those that do not fit in red."""
+    bad = ("suspect", "removed")
+    return [
+        Stroke(
+            _points(sheet(strip)),
+            INK[status] if status in bad else INK["position"],
+            dashed=status != "used",
+            width=BOLD if status in bad else FINE,
+        )
+        for strip, status in zip(position_strips(result), result.control_lines.status, strict=True)
+    ]
 
 
 def _ellipses(result: Result, sheet: _Sheet, factor: int) -> list[Stroke]:
@@ -258,6 +278,8 @@ def _texts(result: Result, sheet: _Sheet, uneven: Departures | None) -> list[Tex
     texts = [text for _, text in sorted(words, key=lambda word: rank[word[0]])]
     if len(texts) > MANY_LINES:
         texts = texts[:MOST_MEASURED]
+    for name, strip in zip(result.control_lines.name, position_strips(result), strict=True):
+        texts.append(Text(*_at(sheet(longest_middle([strip]))), name, "known"))
     for i, strip in reference_strips(result).items():
         text = f"{result.lines.name[i]} {in_units(f'{result.lines.length_m[i]:.2f} m', units)}"
         texts.append(Text(*_at(sheet(longest_middle([strip]))), text, "known"))

@@ -13,6 +13,7 @@ import numpy as np
 
 from uavgram.estimation.survey.ground_below import ground_below
 from uavgram.geometry.ground import conditions, measurable
+from uavgram.geometry.ground.line_of_position import beside_line, joint_covariance
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.observations import MeasurementKind
@@ -116,6 +117,34 @@ def condition_departures(
     return conditions.Residuals(np.nan_to_num(value), np.nan_to_num(gradient))
 
 
+def line_departures(thing: KnownThing, world: Floats) -> tuple[conditions.Residuals, Floats]:
+    """By how much points lie beside their line of known position.
+
+    Parameters
+    ----------
+    thing
+        With a position.
+    world
+        (k, 3) its points.
+
+    Returns
+    -------
+    Residuals
+        (m,) point by point, and their gradients (m, k, 3).
+    covariance : (m, m)
+        Of what is known of them: all points share the errors of the line's ends.
+    """
+    line = thing.position
+    assert line is not None  # noqa: S101  (the caller asked)
+    beside = beside_line(world, line.ends_m, upwards=line.has_height)
+    k, axes = beside.value.shape
+    gradient = np.zeros((k, axes, k, 3))
+    gradient[np.arange(k), :, np.arange(k)] = beside.gradient
+    joint = joint_covariance(beside.by_ends, line.sigma_m, line.straightness_m)
+    residuals = conditions.Residuals(beside.value.ravel(), gradient.reshape(k * axes, k, 3))
+    return residuals, joint * (thing.sigma / line.across_m) ** 2
+
+
 def is_offset(thing: KnownThing) -> bool:
     """Whether a distance from a line is known to be zero."""
     return thing.kind == "line_distance" and thing.value == 0.0
@@ -142,6 +171,8 @@ def row_count(thing: KnownThing, *, on_ground: bool) -> int:
         Whether all of its points lie on the ground.
     """
     points, across = len(thing.label), 1 if on_ground else 2
+    if thing.position is not None:
+        return points * (1 + thing.position.has_height)
     if is_offset(thing):
         return across
     return {

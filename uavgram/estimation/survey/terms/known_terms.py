@@ -11,11 +11,13 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.terms.known_functions import (
     condition_departures,
     is_condition,
+    line_departures,
     measured_departure,
     refers_to_ground,
     row_count,
 )
 from uavgram.estimation.survey.unknowns import Layout, State
+from uavgram.geometry.ground.line_of_position import inverse_root
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.survey import Survey
@@ -58,6 +60,9 @@ class KnownRows(NamedTuple):
         (R, m) which unknowns.
     label, by_up
         (R, k) points of each row, and derivatives by how high each lies, the ground below it too.
+    joint
+        Rows that are correlated, with their covariance: those of points on one line of known
+        position. They are of one thing, so their columns are the same.
     """
 
     thing: Ints
@@ -67,13 +72,29 @@ class KnownRows(NamedTuple):
     columns: Ints
     label: Ints
     by_up: Floats
+    joint: tuple[tuple[Ints, Floats], ...] = ()
 
     def block(self) -> Block:
-        """As a group of observations of one number each."""
-        weight = 1.0 / self.sigma
+        """As a group of observations of one number each; correlated ones made independent."""
         return Block(
-            (self.value * weight)[:, None], self.columns, (self.gradient * weight[:, None])[:, None]
+            self.whitened(self.value)[:, None],
+            self.columns,
+            self.whitened(self.gradient)[:, None],
         )
+
+    def whitened(self, of_rows: Floats) -> Floats:
+        """Numbers (R, ...) of the rows over their standard deviations."""
+        scaled = of_rows / self.sigma.reshape(-1, *(1,) * (of_rows.ndim - 1))
+        for rows, covariance in self.joint:
+            scaled[rows] = inverse_root(covariance) @ of_rows[rows]
+        return np.asarray(scaled)
+
+    def covariance(self, rows: Ints) -> Floats:
+        """(r, r) covariance of what is known in the rows of one thing."""
+        for own, covariance in self.joint:
+            if np.array_equal(own, rows):
+                return covariance
+        return np.diag(self.sigma[rows] ** 2)
 
 
 def known_rows(places: Places, state: State, things: Sequence[KnownThing]) -> KnownRows:
@@ -107,23 +128,36 @@ def known_rows(places: Places, state: State, things: Sequence[KnownThing]) -> Kn
     gradient += np.einsum("rpi,rpij->rpj", found.by_foot, by_feet[row])
     return KnownRows(
         thing=row,
-        sigma=np.hypot(np.array([thing.sigma for thing in things])[row], found.rough),
+        sigma=_sigma(things, found),
         value=found.value,
         gradient=gradient.reshape(len(row), -1),
         columns=columns[row],
         label=label[row],
         by_up=found.by_point[..., 2] + found.by_foot[..., 2],
+        joint=found.joint,
     )
 
 
+def _sigma(things: Sequence[KnownThing], found: _Functions) -> Floats:
+    """(R,) standard deviation of each row."""
+    sigma = np.hypot(np.array([thing.sigma for thing in things])[found.thing], found.rough)
+    for rows, covariance in found.joint:
+        sigma[rows] = np.sqrt(np.diag(covariance))
+    return np.asarray(sigma)
+
+
 class _Functions(NamedTuple):
-    """Of R rows: thing (R,), value (R,), gradients (R, k, 3) by points and feet, roughness (R,)."""
+    """Of R rows: thing (R,), value (R,), gradients (R, k, 3) by points and feet, roughness (R,).
+
+    `joint` as in `KnownRows`.
+    """
 
     thing: Ints
     value: Floats
     by_point: Floats
     by_foot: Floats
     rough: Floats
+    joint: tuple[tuple[Ints, Floats], ...]
 
 
 def _functions(
@@ -135,7 +169,15 @@ def _functions(
     value, rough = np.zeros(len(row)), np.zeros(len(row))
     by_point, by_foot = np.zeros((2, len(row), world.shape[1], 3))
     alike: dict[tuple[str, int, bool, bool], list[int]] = {}
+    joint = []
     for i, thing in enumerate(things):
+        if thing.position is not None:
+            k = len(thing.label)
+            residual, covariance = line_departures(thing, world[i, :k])
+            rows = np.flatnonzero(row == i)
+            value[rows], by_point[rows, :k] = residual.value, residual.gradient
+            joint.append((rows, covariance))
+            continue
         flat = on_ground(survey, thing)
         key = thing.kind, len(thing.label), is_condition(thing), flat
         alike.setdefault(key, []).append(i)
@@ -152,7 +194,7 @@ def _functions(
             one = measured_departure(things[i], world[i, :count], survey, feet[i, :count])
             value[at], rough[at] = one.value, one.rough
             by_point[at, :count], by_foot[at, :count] = one.gradient, one.by_feet
-    return _Functions(row, value, by_point, by_foot, rough)
+    return _Functions(row, value, by_point, by_foot, rough, tuple(joint))
 
 
 def _located(points: tuple[Floats, Floats, Floats], label: Ints) -> tuple[Floats, Floats]:
@@ -179,6 +221,8 @@ def says_something(survey: Survey, thing: KnownThing) -> bool:
     its plane, and on that of a free gauge all are level.
     """
     label = list(thing.label)
+    if thing.position is not None:
+        return survey.gauge == "world"
     if refers_to_ground(thing):
         return bool((survey.is_free[label] | (survey.height_sigma_m[label] > 0)).any())
     if survey.off_ground[label].any():

@@ -74,6 +74,7 @@ export interface Adjusted {
   lines: Record<string, LengthFit | undefined>;
   measurements: Record<string, Measured | undefined>;
   checks: { label: string; error_m: Maybe[]; sigma_m: Maybe[] }[];
+  control_lines: Record<string, { offset_m: Maybe; w: Maybe; status: string; fits: boolean } | undefined>; // largest offset, to the left
   frames: Record<number, { status: string; sigma_m: Maybe[]; moved_m: Maybe; standing: Trust } | undefined>;
   clock: ClockOffset | null;
   advice: { start: string; end: string; length_m: Maybe; relative_sigma: number; relative_sigma_after: number } | null;
@@ -94,9 +95,10 @@ export interface Units { length: "m" | "ft" | "ft-in"; speed: "km/h" | "mph" | "
 export interface Standing { version: number; undo: number; redo: number }
 // What was planned to be laid and taped: labels of the ends, the length and the ways there in words.
 export interface PlannedLine { name: string; start: string; end: string; length: string; start_place: string; end_place: string }
+export interface ControlLine { name: string; points: string[] } // of known position; what is picked on it
 export interface InitialState extends Standing {
   t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null;
-  control: string[]; check: string[]; planned: PlannedLine[]; expected: Predicted[]; recovered: boolean; messages: Note[];
+  control: string[]; check: string[]; control_lines: ControlLine[]; planned: PlannedLine[]; expected: Predicted[]; recovered: boolean; messages: Note[];
   state: { picks: Pick[]; lines: Line[]; measurements: Measurement[] };
   live: FullLive | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;
 }

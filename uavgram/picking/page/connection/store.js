@@ -2,7 +2,7 @@
 
 import { useUnits } from "../elements/units.js";
 
-/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, Fit, Flight, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, PlannedLine, Predicted, Proposal, Proposals, Remark, ServerMessage, Standing } from "./protocol.js" */
+/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, ControlLine, Fit, Flight, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, PlannedLine, Predicted, Proposal, Proposals, Remark, ServerMessage, Standing } from "./protocol.js" */
 
 /**
  * @typedef {object} Store
@@ -14,6 +14,7 @@ import { useUnits } from "../elements/units.js";
  * @property {Camera | null} camera
  * @property {string[]} control
  * @property {string[]} check
+ * @property {ControlLine[]} controlLines
  * @property {Remark[]} opening
  * @property {boolean} recovered
  * @property {Clock | null} clock
@@ -53,6 +54,7 @@ export const store = {
   camera: null,
   control: [],
   check: [],
+  controlLines: [],
   opening: [],
   recovered: false,
   clock: null,
@@ -111,6 +113,7 @@ function begin({ project, units, photos, camera, control, check, recovered, cloc
     begun: true, project, photos, camera, control, check, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, lines, measurements,
     tilePx: message.tile_px,
     pickSigmaPx: message.pick_sigma_px,
+    controlLines: message.control_lines,
     opening: message.messages,
     picks: byKey(picks),
     found: byKey(message.proposals.found),

@@ -27,7 +27,7 @@ export function showMeasure(section, state, image, tools, side) {
   const measured = store.measurements.length > 0; // its values come first
   fill(section, [
     missingPart(), measured ? null : steps, plannedPart(tools), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), measured ? steps : null, ...proposalParts(state, image, tools), lengthsPart(tools),
-    advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), remarksPart(),
+    advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), linesOfPositionPart(), remarksPart(),
   ]);
 }
 
@@ -239,5 +239,19 @@ function knownPart(tools) {
         node("td", { title: label }, node("button", { class: "link", name: "name", "aria-label": `Pick ${label}`, onclick: () => tools.name(label) }, label)),
         node("td", {}, use), node("td", {}, `${picked.get(label) ?? 0}`),
         ...error_m.map((value, k) => node("td", { class: "value", title: value === null ? "" : withSigma(value, sigma_m[k], "m") }, fixed(inLength(value), 3))));
+    }))));
+}
+
+// Lines of known position: what is picked on each, and how far beside it that lies.
+function linesOfPositionPart() {
+  const lines = store.controlLines;
+  if (!lines.length) return null;
+  const found = adjusted()?.control_lines ?? {};
+  return keep("lines-of-position", [lines, found], () => titled("Lines of known position", node("p", { class: "dim" }, `Of the points picked on each, the one farthest beside it: ${lengthUnit() === "m" ? "metres" : "feet"} off.`),
+    table("Lines of known position", ["line", "points on it", "off", "w", ""], lines.map(({ name, points }) => {
+      const fit = found[name];
+      return node("tr", { "data-row": `line ${name}` },
+        node("td", { title: name }, node("span", { class: fit?.fits === false ? "bad" : null }, name)), node("td", {}, points.join(", ")),
+        node("td", { class: "value" }, fixed(inLength(fit?.offset_m ?? null), 3)), node("td", { class: "value" }, fixed(fit?.w ?? null, 1)), node("td", {}, fit?.status ?? ""));
     }))));
 }

@@ -10,12 +10,12 @@ import numpy as np
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.free_points import with_free_points
 from uavgram.estimation.first_poses.homography import Pose
+from uavgram.estimation.first_poses.known_height import known_height
 from uavgram.estimation.first_poses.network import (
     FirstValues,
     from_telemetry,
     length_poses,
     lines_per_frame,
-    placing,
 )
 from uavgram.estimation.first_poses.plane_network import PlaneNetwork, align_in_plane
 from uavgram.estimation.first_poses.prior_gate import (
@@ -221,7 +221,7 @@ def _grown(
     control = survey.gauge == "world"
     height = 0.0
     if control:
-        height = control_height(survey)
+        height = known_height(survey)
     lift = np.array([0.0, 0.0, height])
     values = []
     for poses in choices:
@@ -238,21 +238,10 @@ def _grown(
     if all(np.isnan(each.center).all() for each in values):
         raise GeometryError(
             "without a flight log a pose needs four control points in one frame, or two and three "
-            "known lengths: pick more of them, or give the log"
+            "known lengths, or six points on four lines of known position: pick more of them, or "
+            "give the log"
         )
     return values
-
-
-def control_height(survey: Survey) -> float:
-    """Height of the ground under control points; those whose own is not known count where all do.
-
-    Then it is the lowest: they stand on it or above it.
-    """
-    label, up = survey.control_label, survey.control_world_m[:, 2]
-    level = placing(survey)[label]
-    if not level.any():
-        return float(up.min())
-    return float(np.mean((up - survey.height_above_m[label])[level]))
 
 
 def _at_gauge(values: FirstValues) -> FirstValues:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from uavgram.estimation.first_poses.known_height import known_height
 from uavgram.estimation.first_poses.network import placing
 from uavgram.estimation.first_poses.tie_points import FEWEST_LABELS, seen_labels
 from uavgram.estimation.first_poses.tied.placing import levelled, moved
@@ -18,7 +19,6 @@ from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.pose import CandidatePoses
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.begin.starts import control_height
 
 
 def with_tied_frames(survey: Survey) -> tuple[Survey, frozenset[int]]:
@@ -117,5 +117,5 @@ def _at_control(survey: Survey, level: TiedPoses, point: Floats) -> TiedPoses | 
     scale, cosine, sine = abs(factor), factor.real / abs(factor), factor.imag / abs(factor)
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     shift = there.mean() - factor * here.mean()
-    up = control_height(survey)
+    up = known_height(survey)
     return moved(level, turn, scale, np.array([shift.real, shift.imag, up]))

@@ -33,9 +33,10 @@ def known_errors(survey: Survey, refined: Refined) -> dict[int, float]:
     adjustment = refined.adjustment
     things = []
     for thing in survey.known:
-        label = adjustment.label_rows(survey.label[k] for k in thing.label)
-        if (label >= 0).all():
-            things.append(replace(thing, label=tuple(label.tolist())))
+        label = np.full(len(survey.label), -1)
+        label[list(thing.label)] = adjustment.label_rows(survey.label[k] for k in thing.label)
+        if (seen := thing.relabelled(label)) is not None:
+            things.append(seen)
     if not things:
         return {}
     rows = known_rows(adjustment.problem, adjustment.state, things)

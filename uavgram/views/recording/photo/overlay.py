@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.result import Result
-from uavgram.stages.products.map_layers import measured_strips, reference_strips
+from uavgram.stages.products.map_layers import measured_strips, position_strips, reference_strips
 from uavgram.views.recording.photo.frame_picks import FramePicks
 from uavgram.views.recording.photo.sources import FOUND_PICKS, SIGHTINGS, log_found
 from uavgram.views.recording.photo.words import Word, log_names
@@ -56,6 +56,7 @@ OVERLAYS = (
     SIGHTINGS,
     "labels",
     "known_lengths",
+    "lines_of_known_position",
     "measured",
     *(f"{HEIGHTS}/{source}" for source in HEIGHT_COLOURS),
     "name",
@@ -157,7 +158,7 @@ class _Shape:
 
 
 def _shapes(result: Result) -> list[_Shape]:
-    """Known lengths, the suspect ones first, then measurements, the least certain first."""
+    """Known lengths, the suspect ones first; lines; measurements, the least certain first."""
     known, measured = reference_strips(result), measured_strips(result)
     shapes = []
     for row in sorted(known, key=lambda i: result.lines.status[i] not in ("suspect", "removed")):
@@ -165,6 +166,10 @@ def _shapes(result: Result) -> list[_Shape]:
         text = reference_text(result, row)
         entity = f"known_lengths/{status}"
         shapes.append(_Shape(entity, LINE_COLOURS[status], text, sampled(known[row])))
+    lines = result.control_lines
+    for name, status, strip in zip(lines.name, lines.status, position_strips(result), strict=True):
+        entity = f"lines_of_known_position/{status}"
+        shapes.append(_Shape(entity, LINE_COLOURS[status], name, sampled(strip)))
     for row in map(int, worst_first(result.measurements)):
         text, ends = measured_text(result, row), frozenset(result.measurements.points[row])
         standing = result.measurements.status[row]

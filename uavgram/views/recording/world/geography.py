@@ -8,7 +8,12 @@ import rerun as rr
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.stages.products.map_layers import footprints, measured_strips, reference_strips
+from uavgram.stages.products.map_layers import (
+    footprints,
+    measured_strips,
+    position_strips,
+    reference_strips,
+)
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.world.footprint_marks import closed
 from uavgram.views.recording.world.labels import line_width
@@ -49,6 +54,9 @@ def log_map(recorder: Recorder, result: Result) -> None:
     known = reference_strips(result)
     statuses = [result.lines.status[row] for row in known]
     log_lines("known_lengths", list(known.values()), [LINE_COLOURS[s] for s in statuses], 4.0)
+    statuses = list(result.control_lines.status)
+    colours = [LINE_COLOURS[status] for status in statuses]
+    log_lines("lines_of_known_position", position_strips(result), colours, 2.0)
     lat_lon = np.column_stack([points.latitude_deg, points.longitude_deg])
     dots = rr.GeoPoints(
         lat_lon=lat_lon[np.isfinite(lat_lon[:, 0])],

@@ -123,7 +123,8 @@ def _band(
 
 def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
     """Row, text and colour of each swatch; only of what can be seen."""
-    return [*_cameras_and_lines(result), *_heights(scene), *_found(result)]
+    on_lines = [(1, "line of known position", REFERENCE)] * bool(result.control_lines.name)
+    return [*_cameras_and_lines(result), *on_lines, *_heights(scene), *_found(result)]
 
 
 def _cameras_and_lines(result: Result) -> list[tuple[int, str, Rgb]]:

@@ -11,7 +11,7 @@ from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
-from uavgram.stages.products.map_layers import measured_strips, reference_strips
+from uavgram.stages.products.map_layers import measured_strips, position_strips, reference_strips
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.world.labels import MANY_LINES, Labels, line_width, survey_labels
@@ -132,6 +132,12 @@ def _reference_lines(recorder: Recorder, result: Result) -> None:
             f"survey/known_lengths/{status}",
             polylines(dashed if status == "checked" else strips, LINE_COLOURS[status], 5.0),
         )
+    by_status.clear()
+    for strip, status in zip(position_strips(result), result.control_lines.status, strict=True):
+        by_status.setdefault(status, []).append(strip)
+    for status, strips in by_status.items():
+        path = f"survey/lines_of_known_position/{status}"
+        recorder.static(path, polylines(strips, LINE_COLOURS[status], 2.0))
 
 
 def _dashes(strip: Floats, count: int = 15) -> list[Floats]:

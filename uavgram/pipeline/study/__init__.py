@@ -1,0 +1,1 @@
+"""Named studies: grids of simulations, and what they show."""

@@ -1,0 +1,65 @@
+"""Where lines of known position lie, and how far what was picked on them is from them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.geometry.ground.line_of_position import beside_line
+from uavgram.model.arrays import Floats
+from uavgram.model.result.control_lines import NO_LINES_OF_POSITION, ControlLineResults
+from uavgram.model.result.known import KnownResults
+from uavgram.model.survey.control_lines import LinePosition
+from uavgram.model.survey.known import KnownThings
+
+
+def judge_control_lines(
+    adjustment: Adjustment, known: KnownThings, judged: KnownResults
+) -> ControlLineResults:
+    """Lines of known position among everything known; none where the world has no place for them.
+
+    Parameters
+    ----------
+    adjustment
+        Of the survey.
+    known, judged
+        Everything known, and how it fits.
+    """
+    placed = [(i, line) for i, line in enumerate(known.position) if line is not None]
+    if not placed or adjustment.survey.gauge == "plane":
+        return NO_LINES_OF_POSITION
+    rows = [i for i, _ in placed]
+    ends = np.stack([_ends(adjustment, line) for _, line in placed])
+    return ControlLineResults(
+        name=tuple(known.name[i] for i in rows),
+        points=tuple(known.points[i] for i in rows),
+        start_world_m=ends[:, 0],
+        end_world_m=ends[:, 1],
+        has_height=np.array([line.has_height for _, line in placed]),
+        sigma_m=known.sigma[rows],
+        offset_m=np.array([_offset(adjustment, line, known.points[i]) for i, line in placed]),
+        w=judged.w[rows],
+        redundancy=judged.redundancy[rows],
+        mdb_m=judged.mdb[rows],
+        status=tuple(judged.status[i] for i in rows),
+    )
+
+
+def _ends(adjustment: Adjustment, line: LinePosition) -> Floats:
+    """(2, 3) ends; on the ground, as the first area has it, where no height is known."""
+    ends = line.ends_m.copy()
+    if not line.has_height:
+        state, none = adjustment.state, np.zeros(2, dtype=np.int64)
+        ground = adjustment.problem.ground.at(state.plane, state.relief, none, ends[:, :2])
+        ends[:, 2] = ground.height_m
+    return ends
+
+
+def _offset(adjustment: Adjustment, line: LinePosition, points: tuple[str, ...]) -> float:
+    label = adjustment.label_rows(points)
+    label = label[label >= 0]
+    if not len(label):
+        return float("nan")
+    world, _, _ = adjustment.problem.world_points(adjustment.state, label)
+    off = beside_line(world, line.ends_m, upwards=False).value[:, 0]
+    return float(off[np.abs(off).argmax()])
