@@ -108,3 +108,14 @@ def test_import_loads_nothing_heavy() -> None:
 def test_help_loads_nothing_heavy() -> None:
     code = "from uavgram.cli import main\nassert main(['--help']) == 0\nmain(['run', '--help'])"
     assert not loaded_by(code) & HEAVY
+
+
+def test_the_command_line_loads_no_pandas_for_arrow() -> None:
+    code = (
+        "import sys\nfrom uavgram.cli import main\nsys.argv = ['uavgram', '--version']\n"
+        "try:\n    main()\nexcept SystemExit:\n    pass\n"
+        "import pyarrow\nassert pyarrow.array([1, 2])[1].as_py() == 2"
+    )
+    loaded = loaded_by(code)
+    assert "pyarrow" in loaded
+    assert "pandas" not in loaded

@@ -17,6 +17,7 @@ from jinja2.runtime import Context
 from uavgram.model.result.result import Result
 from uavgram.model.units import METRIC
 from uavgram.views import wording
+from uavgram.views.compiled_templates import CompiledTemplates
 from uavgram.views.markdown import MOST_ROWS, plain
 from uavgram.views.unit_words import in_units, names_like_lengths
 from uavgram.views.units import column, units_of
@@ -80,6 +81,9 @@ def page_environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         finalize=_told,
+        # what is kept compiled must not hold what a filter made of a constant
+        optimized=False,
+        bytecode_cache=CompiledTemplates(),
     )
     environment.filters.update({word.__name__: word for word in WORDS})
     environment.filters["in_length_unit"] = in_length_unit

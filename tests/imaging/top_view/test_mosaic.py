@@ -185,3 +185,24 @@ def test_dark_ground_is_brightened_to_be_seen_and_says_so(grey: int, shown: int)
 
     assert texture.tone.is_identity == (grey == shown)
     assert np.abs(texture.rgb[texture.covered].astype(float) - shown).max() <= 10
+
+
+@pytest.mark.parametrize("cell", [16, 64, 256])
+def test_pixels_of_cells_are_those_of_each_place(cell: int) -> None:
+    result = synthetic_survey.build()
+    rows = np.flatnonzero(result.has_refined)[:1]
+    poses = result.frames.refined
+    sweep = np.array([[0.3, -0.2, 0.1, 0.004, -0.006, 0.003]])  # its rows are read one by one
+    cameras = Cameras(poses.center_world_m[rows], poses.world_from_camera[rows], sweep)
+    east, north = cameras.center_m[0, :2]
+    grid = Grid(result, float(east) - 30.0, float(north) + 30.0, 0.05, cell, (1200 // cell,) * 2)
+    i, j = (index.ravel() for index in np.indices(grid.shape))
+
+    found = grid.pixels_in_cells(cameras, 0, i, j)
+
+    within = np.arange(cell) + 0.5
+    row = np.repeat(i[:, None] * cell + within, cell, axis=1)
+    column = np.tile(j[:, None] * cell + within, cell)
+    exact = grid.pixels_in(cameras, 0, grid.world(column, row))
+    assert 0.1 < np.isfinite(exact).mean() < 0.9
+    np.testing.assert_allclose(found, exact, atol=0.02)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -89,3 +92,31 @@ def test_without_a_place_on_earth_it_holds_local_metres(adrift: Features, tmp_pa
 
     assert "local metres" in read_info(tmp_path / "local.gpkg", layer="points")["crs"]
     np.testing.assert_allclose(points_of(geometry)[:, 0], fields["east_m"], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "crs", ["EPSG:32632+5773", "ESRI:102032", "+proj=tmerc +lon_0=8.5 +ellps=bessel +units=m"]
+)
+def test_systems_beside_those_of_epsg_are_told_in_full(
+    features: Features, tmp_path: Path, crs: str
+) -> None:
+    write_geopackage(replace(features, crs=crs), tmp_path / "survey.gpkg")
+    told, _, _, _ = read(tmp_path / "survey.gpkg", layer="points")
+    known, expected = CRS.from_user_input(told["crs"]), CRS.from_user_input(crs)
+    assert known.equals(expected, ignore_axis_order=True) or known.to_proj4() == expected.to_proj4()
+
+
+def test_the_bounds_that_it_states_are_those_of_its_shapes(path: Path) -> None:
+    with closing(sqlite3.connect(path)) as file:
+        stated = {
+            name: bounds
+            for name, *bounds in file.execute(
+                "SELECT table_name, min_x, min_y, max_x, max_y FROM gpkg_contents"
+            )
+        }
+        assert file.execute("PRAGMA foreign_key_check").fetchall() == []
+        assert file.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+    for layer, _ in list_layers(path):
+        np.testing.assert_allclose(
+            stated[layer], read_info(path, layer=layer, force_total_bounds=True)["total_bounds"]
+        )

@@ -6,9 +6,9 @@ import os
 from collections.abc import Sequence
 
 import cv2
-import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels, read_reduced
+from uavgram.imaging.photos.shrink import shrunk
 from uavgram.imaging.photos.tone import automatic_tone, toned
 from uavgram.model.result.pictures import Picture, Region
 
@@ -40,7 +40,7 @@ def cut_out(path: str | os.PathLike[str], regions: Sequence[Region]) -> tuple[Pi
     stretch = None if tone.is_identity else (tone.black, tone.white, tone.gamma)
     pictures = []
     for region in regions:
-        part = _no_longer(_part(pixels, region), LONGEST_PX[region.subject])
+        part = shrunk(_part(pixels, region), LONGEST_PX[region.subject])
         shown = toned(part, tone)
         encoded = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
         pictures.append(
@@ -52,12 +52,3 @@ def cut_out(path: str | os.PathLike[str], regions: Sequence[Region]) -> tuple[Pi
 def _part(pixels: Pixels, region: Region) -> Pixels:
     rows = slice(region.top_px, region.top_px + region.height_px)
     return pixels[rows, region.left_px : region.left_px + region.width_px]
-
-
-def _no_longer(pixels: Pixels, longest_px: int) -> Pixels:
-    height, width = pixels.shape[:2]
-    share = longest_px / max(height, width)
-    if share >= 1.0:
-        return pixels
-    size = max(1, round(share * width)), max(1, round(share * height))
-    return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
+from uavgram.imaging.photos.shrink import shrunk
 from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, toned
 
 Pixels = NDArray[np.uint8]
@@ -81,7 +82,7 @@ def read_preview(
     height, width = pixels.shape[:2]
     # libjpeg's last column stands for a partial block: its pixels are `reduction` wide all the same
     covered = np.array([width, height], dtype=np.float64) * reduction
-    pixels = _no_wider(pixels, max_width_px)
+    pixels = shrunk(pixels, max_width_px, across_only=True)
     tone = automatic_tone(pixels)
     preview = _encoded(toned(pixels, tone), (float(covered[0]), float(covered[1])))
     return replace(preview, tone=tone), pixels
@@ -141,15 +142,7 @@ def decoded(path: str | os.PathLike[str], encoded: bytes, flags: int) -> Pixels:
 def preview_of(pixels: Pixels, max_width_px: int = MAX_WIDTH_PX) -> Preview:
     """Reduce a photo that is decoded already: (height, width) grey, or (height, width, 3) BGR."""
     height, width = pixels.shape[:2]
-    return _encoded(_no_wider(pixels, max_width_px), (float(width), float(height)))
-
-
-def _no_wider(pixels: Pixels, max_width_px: int) -> Pixels:
-    height, width = pixels.shape[:2]
-    if width <= max_width_px:
-        return pixels
-    size = max_width_px, max(1, round(height * max_width_px / width))
-    return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    return _encoded(shrunk(pixels, max_width_px, across_only=True), (float(width), float(height)))
 
 
 def _encoded(pixels: Pixels, covered_px: tuple[float, float]) -> Preview:

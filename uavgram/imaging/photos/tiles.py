@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels, read_reduced
+from uavgram.imaging.photos.shrink import half
 from uavgram.imaging.photos.tone import AS_IT_IS, Tone, toned
 
 TILE_PX = 512
@@ -189,19 +190,3 @@ def reduced(pixels: Pixels, level: int) -> Pixels:
     for _ in range(level):
         pixels = half(pixels)
     return pixels
-
-
-def half(pixels: Pixels) -> Pixels:
-    """Means of 2 x 2 pixels, odd edges repeated."""
-    even = evened(pixels)
-    size = even.shape[1] // 2, even.shape[0] // 2
-    # INTER_AREA at exactly one half is the mean of 2 x 2 pixels, rounded.
-    return np.asarray(cv2.resize(even, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-
-
-def evened(pixels: Pixels) -> Pixels:
-    """With the last row and column once more where the height or the width is odd."""
-    down, right = pixels.shape[0] % 2, pixels.shape[1] % 2
-    if not (down or right):
-        return pixels
-    return np.asarray(cv2.copyMakeBorder(pixels, 0, down, 0, right, cv2.BORDER_REPLICATE), np.uint8)

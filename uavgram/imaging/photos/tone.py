@@ -14,6 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from uavgram.imaging.photos.shrink import shrunk
+
 Values = NDArray[np.uint8]
 
 
@@ -111,11 +113,8 @@ def _stretched(values: Values) -> Tone:
 
 def _luminance(pixels: Values) -> Values:
     """Grey of a reduced copy: whatever size the picture came in, its curve is the same."""
-    height, width = pixels.shape[:2]
-    share = SMALL_PX / max(height, width, 1)
-    if share < 1.0 and min(height, width) > 1:
-        size = max(1, round(share * width)), max(1, round(share * height))
-        pixels = np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), np.uint8)
+    if min(pixels.shape[:2]) > 1:
+        pixels = shrunk(pixels, SMALL_PX)
     if pixels.ndim == 2 or not pixels.size:
         return pixels
     return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), np.uint8)

@@ -108,9 +108,7 @@ class Mosaic:
         within = np.arange(cell) + 0.5
         corner = corner_weights(grid, self._choice == frame)
         i, j, weight = weights_within(corner, within / cell)
-        row = np.repeat(i[:, None] * cell + within, cell, axis=1)
-        column = np.tile(j[:, None] * cell + within, cell)
-        pixel = grid.pixels_in(self._cameras, frame, grid.world(column, row))
+        pixel = grid.pixels_in_cells(self._cameras, frame, i, j)
         picture = _sample(pixels, self._reduction(frame, pixels.shape[1]), pixel, self._size_px)
         weight = np.where(np.isnan(pixel[..., 0]), 0.0, weight.reshape(pixel.shape[:-1]))
         shares = np.concatenate([weight[..., None] * picture, weight[..., None]], axis=-1)

@@ -16,6 +16,8 @@ LEAST_SINE = 0.342
 # Neighbouring frames fade into each other over this many pixels to each side of a seam, but over
 # one cell at least.
 FEATHER_PX = 32
+# Along a side of a cell, however large: so many places and the polynomial through them.
+MOST_NODES = 8
 # Sums of a box filter are not exactly zero where they should be.
 LEAST_WEIGHT = 1e-4
 # Corners of a cell: it is the frame's that shows all of them, sooner than one that shows some.
@@ -75,6 +77,39 @@ class Grid:
         size = np.array([camera.width_px, camera.height_px]) - 1
         inside = ((pixel >= 0) & (pixel <= size)).all(axis=-1) & (_sine(rays) > LEAST_SINE)
         return np.where(inside[..., None], pixel, np.nan)
+
+    def pixels_in_cells(self, cameras: Cameras, frame: int, i: Ints, j: Ints) -> Floats:
+        """(n, cell * cell, 2) original pixels of a frame, at the middles of all pixels of cells.
+
+        Within a cell a frame's pixels are almost those of an affine map: a few places along each
+        side say them all. Cells at the photo's edge are counted out pixel by pixel.
+
+        Parameters
+        ----------
+        cameras, frame
+            As for `pixels_in`.
+        i, j
+            (n,) row and column of each cell.
+        """
+        cell = self.cell_px
+        middles = np.arange(cell) + 0.5
+        nodes = np.linspace(0.5, cell - 0.5, min(2 + cell // 16, MOST_NODES))
+        found = self._in_cells(cameras, frame, i, j, nodes)
+        at_edge = np.isnan(found).any(axis=(1, 2, 3))
+        between = _lagrange(nodes, middles)
+        along = np.einsum("xk,nykc->nyxc", between, found[~at_edge], optimize=True)
+        pixel = np.empty((len(i), cell, cell, 2))
+        pixel[~at_edge] = np.einsum("yk,nkxc->nyxc", between, along, optimize=True)
+        pixel[at_edge] = self._in_cells(cameras, frame, i[at_edge], j[at_edge], middles)
+        return pixel.reshape(len(i), cell * cell, 2)
+
+    def _in_cells(self, cameras: Cameras, frame: int, i: Ints, j: Ints, places: Floats) -> Floats:
+        """(n, p, p, 2) pixels at p places [px] down and across each cell."""
+        row = np.broadcast_to(
+            (i[:, None] * self.cell_px + places)[:, :, None], (len(i), len(places), len(places))
+        )
+        column = np.broadcast_to((j[:, None] * self.cell_px + places)[:, None], row.shape)
+        return self.pixels_in(cameras, frame, self.world(column, row))
 
     def finest_pixel(self, cameras: Cameras, frame: int, preview_scale: float) -> float:
         """What a pixel of a frame's preview measures on the ground below it [m].
@@ -148,6 +183,15 @@ def weights_within(corner: Floats, share: Floats) -> tuple[Ints, Ints, Floats]:
         + corner[i + 1, j + 1][:, None, None] * down * right
     )
     return i, j, np.asarray(inside, dtype=np.float64)
+
+
+def _lagrange(nodes: Floats, at: Floats) -> Floats:
+    """(n, k) weights of values at k nodes, of the polynomial through them at n places."""
+    weights = np.ones((len(at), len(nodes)))
+    for k, node in enumerate(nodes):
+        for other in np.delete(nodes, k):
+            weights[:, k] *= (at - other) / (node - other)
+    return weights
 
 
 def _sine(rays: Floats) -> Floats:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.photos.tiles import evened, half
+from uavgram.imaging.photos.shrink import evened, half
 
 OPAQUE = 255
 

@@ -18,7 +18,7 @@ from uavgram.geometry.earth.map_projection import map_scale, projected_from_enu
 from uavgram.io.exports.dxf_points import add_point_block, draw_points
 from uavgram.io.exports.dxf_profiles import draw_profiles
 from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Place, Sheet, Words, half_size
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.maps.layers import HIDDEN, Features, Layer
 from uavgram.stages.products.text_places import around
 
@@ -217,7 +217,7 @@ def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:
     if np.linalg.norm(end - start) < 1e-6:
         return
     half = half_size(text, sheet.text_m)
-    place = sheet.places.take_near(lambda k: _along(start, end, half, k, sheet.text_m))
+    place = sheet.places.take_near(lambda rounds: _along(start, end, half, rounds, sheet.text_m))
     distance = _across(start, end) @ (place[:2] - start) - half[1]
     drawn = sheet.space.add_aligned_dim(
         p1=tuple(start),
@@ -235,33 +235,38 @@ def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:
             part.dxf.layer = layer
 
 
-def _offset(k: int) -> float:
-    """How far from what is measured the k-th dimension line runs, in heights of a letter."""
-    outwards = 2.5 + 1.5 * (k // 2)
-    return outwards if k % 2 == 0 else -outwards
-
-
 def _across(start: Floats, end: Floats) -> Floats:
     """Unit vector to the left of the way from start to end."""
     along = (end - start) / np.linalg.norm(end - start)
     return np.array([-along[1], along[0]])
 
 
-def _along(start: Floats, end: Floats, half: Floats, k: int, text_m: float) -> Floats:
-    """(c, 5) places for the text above the k-th dimension line, or crowded out beyond its ends."""
+def _along(start: Floats, end: Floats, half: Floats, rounds: Ints, text_m: float) -> Floats:
+    """(c, 5) places for the text above dimension lines, or crowded out beyond their ends.
+
+    Of each round one line, farther out every second time, on either side of what is measured.
+    """
     across, way = _across(start, end), end - start
-    turn = np.arctan2(way[1], way[0])
+    outwards = np.where(rounds % 2 == 0, 1.0, -1.0) * (2.5 + 1.5 * (rounds // 2)) * text_m
     beyond = 1.5 * half[0] / np.linalg.norm(way)
-    ends = (1.0 + beyond, -beyond) if k >= _CROWDED else ()
-    share = np.array([*_SHARES, *ends])[:, None]
-    middle = start + share * way + (_offset(k) * text_m + half[1]) * across
-    return np.column_stack([middle, np.broadcast_to([*half, turn], (len(middle), 3))])
+    share = np.array([*_SHARES, 1.0 + beyond, -beyond])
+    middle = start + share[:, None] * way + (outwards + half[1])[:, None, None] * across
+    there = (rounds >= _CROWDED)[:, None] | (np.arange(len(share)) < len(_SHARES))
+    places = np.empty((int(there.sum()), 5))
+    places[:, :2] = middle[there]
+    places[:, 2:] = [*half, np.arctan2(way[1], way[0])]
+    return places
 
 
 def _text(sheet: Sheet, at: Floats, text: str, layer: str) -> None:
     half = half_size(text, sheet.text_m)
     own = np.array([[at[0], at[1], *half, 0.0]])
-    place = sheet.places.take_near(lambda k: around(at[:2], half, 0.0, k - 1) if k else own)
+
+    def places(rounds: Ints) -> Floats:
+        outside = around(at[:2], half, 0.0, rounds[rounds > 0] - 1)
+        return np.concatenate([own, outside]) if rounds[0] == 0 else outside
+
+    place = sheet.places.take_near(places)
     sheet.space.add_text(text, height=sheet.text_m, dxfattribs={"layer": layer}).set_placement(
         (*place[:2].tolist(), float(at[2])), align=TextEntityAlignment.MIDDLE_CENTER
     )

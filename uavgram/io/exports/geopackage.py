@@ -4,23 +4,49 @@ from __future__ import annotations
 
 import sqlite3
 import struct
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing, contextmanager
+from collections.abc import Callable, Mapping
+from contextlib import closing
 from pathlib import Path
 from types import MappingProxyType
+from typing import NamedTuple
 from xml.etree.ElementTree import tostring
 
 import numpy as np
-from pyogrio import get_gdal_config_option, set_gdal_config_options
-from pyogrio.raw import write
+from pyproj import CRS
+from pyproj.exceptions import CRSError
 
 from uavgram.geometry.earth.map_projection import projected_from_enu
 from uavgram.io.exports.qgis_styles import Look, style_of
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.layers import Attribute, Features, Layer, placed
 
-_SYNCHRONOUS = "OGR_SQLITE_SYNCHRONOUS"
-_TYPES = {"point": "Point Z", "line": "LineString Z", "polygon": "Polygon Z"}
+# OGC 12-128r18 (GeoPackage 1.3), annex C; no more than its core and what layers of shapes need.
+_APPLICATION_ID, _USER_VERSION = 0x47504B47, 10300  # "GPKG", 1.3.0
+_CORE = f"""
+PRAGMA synchronous = OFF;  -- who hands the file on waits for the disk, once (`staged_output`)
+PRAGMA application_id = {_APPLICATION_ID};
+PRAGMA user_version = {_USER_VERSION};
+CREATE TABLE gpkg_spatial_ref_sys (
+    srs_name TEXT NOT NULL, srs_id INTEGER PRIMARY KEY, organization TEXT NOT NULL,
+    organization_coordsys_id INTEGER NOT NULL, definition TEXT NOT NULL, description TEXT
+);
+CREATE TABLE gpkg_contents (
+    table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE,
+    description TEXT DEFAULT '',
+    last_change DATETIME NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')),
+    min_x DOUBLE, min_y DOUBLE, max_x DOUBLE, max_y DOUBLE, srs_id INTEGER,
+    CONSTRAINT fk_gc_r_srs_id FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys(srs_id)
+);
+CREATE TABLE gpkg_geometry_columns (
+    table_name TEXT NOT NULL, column_name TEXT NOT NULL, geometry_type_name TEXT NOT NULL,
+    srs_id INTEGER NOT NULL, z TINYINT NOT NULL, m TINYINT NOT NULL,
+    CONSTRAINT pk_geom_cols PRIMARY KEY (table_name, column_name),
+    CONSTRAINT uk_gc_table_name UNIQUE (table_name),
+    CONSTRAINT fk_gc_tn FOREIGN KEY (table_name) REFERENCES gpkg_contents(table_name),
+    CONSTRAINT fk_gc_srs FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys (srs_id)
+);
+"""
+_TYPES = {"point": "POINT", "line": "LINESTRING", "polygon": "POLYGON"}
 _LOCAL = 'LOCAL_CS["local metres: x east, y north",UNIT["metre",1]]'
 # As QGIS makes it (QgsOgrProvider, "saveStyle").
 _STYLES = """
@@ -61,22 +87,96 @@ def write_geopackage(
         By which the column ``text`` of measured layers and known lengths says its numbers; left
         out, there is none.
     """
-    with _without_waiting():
-        for index, layer in enumerate(features.layers):
+    with closing(sqlite3.connect(path)) as file, file:
+        file.executescript(_CORE)
+        file.executemany(
+            "INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, '')", _everywhere()
+        )
+        system = _system_of(features.crs)
+        file.execute(
+            "INSERT OR IGNORE INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, '')", system
+        )
+        for layer in features.layers:
             attributes = layer.attributes | _texts(layer, words)
-            columns = list(attributes)
-            write(
-                path,
-                geometry=np.array([_wkb(layer, v) for v in _on_map(features, layer)], dtype=object),
-                field_data=[_field(attributes[key]) for key in columns],
-                fields=columns,
-                layer=layer.name,
-                driver="GPKG",
-                geometry_type=_TYPES[layer.kind],
-                crs=_LOCAL if features.crs is None else features.crs,
-                append=index > 0,
-            )
-    _write_styles(features, looks, path)
+            _write_layer(file, layer, _on_map(features, layer), attributes, system.srs_id)
+        _write_styles(file, features, looks)
+
+
+class _System(NamedTuple):
+    """A coordinate system, as the file's table of them has it."""
+
+    name: str
+    srs_id: int
+    organization: str
+    number: int
+    definition: str
+
+
+_OWN_SYSTEM = 100_000  # beyond what EPSG numbers
+
+
+def _everywhere() -> tuple[_System, ...]:
+    """What every such file must have (requirement 11)."""
+    return (
+        _System("undefined Cartesian", -1, "NONE", -1, "undefined"),
+        _System("undefined geographic", 0, "NONE", 0, "undefined"),
+        _system_of("EPSG:4326"),
+    )
+
+
+def _system_of(crs: str | None) -> _System:
+    """The system of all layers: EPSG's number of it, else only its definition."""
+    if crs is None:
+        return _System("local metres", _OWN_SYSTEM, "NONE", _OWN_SYSTEM, _LOCAL)
+    system = CRS.from_user_input(crs)
+    try:
+        definition = system.to_wkt("WKT1_GDAL")  # which every program reads
+    except CRSError:  # it is none that the older form can say
+        definition = system.to_wkt()
+    organization, number = system.to_authority() or ("NONE", "")
+    if organization != "EPSG" or not number.isdigit():
+        return _System(system.name, _OWN_SYSTEM, "NONE", _OWN_SYSTEM, definition)
+    return _System(system.name, int(number), organization, int(number), definition)
+
+
+def _write_layer(
+    file: sqlite3.Connection,
+    layer: Layer,
+    shapes: tuple[Floats, ...],
+    attributes: Mapping[str, Attribute],
+    srs_id: int,
+) -> None:
+    """One table of shapes and attributes, and where it is told of."""
+    fields = {key: _field(values) for key, values in attributes.items()}
+    columns = "".join(
+        f", {_quoted(key)} {'TEXT' if values and isinstance(values[0], str) else 'REAL'}"
+        for key, values in fields.items()
+    )
+    file.execute(
+        f"CREATE TABLE {_quoted(layer.name)} (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, "
+        f"geom {_TYPES[layer.kind]}{columns})"
+    )
+    there = [shape[:, :2] for shape in shapes if len(shape)]
+    corners = np.concatenate(there) if there else np.full((1, 2), np.nan)
+    file.execute(
+        "INSERT INTO gpkg_contents (table_name, data_type, identifier, min_x, min_y, max_x, max_y, "
+        "srs_id) VALUES (?, 'features', ?, ?, ?, ?, ?, ?)",
+        (layer.name, layer.name, *corners.min(axis=0), *corners.max(axis=0), srs_id),
+    )
+    file.execute(
+        "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 1, 0)",
+        (layer.name, _TYPES[layer.kind], srs_id),
+    )
+    marks = ", ".join("?" * (1 + len(fields)))
+    names = ", ".join(["geom", *map(_quoted, fields)])
+    rows = zip((_geometry(layer, s, srs_id) for s in shapes), *fields.values(), strict=True)
+    sql = f"INSERT INTO {_quoted(layer.name)} ({names}) VALUES ({marks})"  # noqa: S608 - quoted
+    file.executemany(sql, rows)
+
+
+def _quoted(name: str) -> str:
+    """A name of a table or a column in SQL."""
+    return '"' + name.replace('"', '""') + '"'
 
 
 def _texts(layer: Layer, words: Quantity | None) -> dict[str, Attribute]:
@@ -94,7 +194,7 @@ def _texts(layer: Layer, words: Quantity | None) -> dict[str, Attribute]:
     return {"text": tuple(told)}
 
 
-def _write_styles(features: Features, looks: Mapping[str, Look], path: Path) -> None:
+def _write_styles(file: sqlite3.Connection, features: Features, looks: Mapping[str, Look]) -> None:
     """The table in which QGIS looks for styles, and takes the default one of a layer."""
     styles = [
         (layer.name, "geom", layer.name, tostring(style_of(look, layer.kind), "unicode"))
@@ -103,34 +203,18 @@ def _write_styles(features: Features, looks: Mapping[str, Look], path: Path) -> 
     ]
     if not styles:
         return
-    with closing(sqlite3.connect(path)) as file, file:
-        file.execute("PRAGMA synchronous = OFF")
-        file.execute(_STYLES)
-        file.executemany(
-            "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, "
-            "f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner, "
-            "update_time) VALUES ('', '', ?, ?, ?, ?, '', 1, '', '', '1970-01-01T00:00:00.000Z')",
-            styles,
-        )
-        file.execute(
-            "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, "
-            "last_change) VALUES ('layer_styles', 'attributes', 'layer_styles', '', "
-            "'1970-01-01T00:00:00.000Z')"
-        )
-
-
-@contextmanager
-def _without_waiting() -> Iterator[None]:
-    """SQLite waits for the disk after every layer; one wait for the finished file is enough.
-
-    Who hands the file on does that (`staged_output`).
-    """
-    before = get_gdal_config_option(_SYNCHRONOUS)
-    set_gdal_config_options({_SYNCHRONOUS: "OFF"})
-    try:
-        yield
-    finally:
-        set_gdal_config_options({_SYNCHRONOUS: before})
+    file.execute(_STYLES)
+    file.executemany(
+        "INSERT INTO layer_styles (f_table_catalog, f_table_schema, f_table_name, "
+        "f_geometry_column, styleName, styleQML, styleSLD, useAsDefault, description, owner, "
+        "update_time) VALUES ('', '', ?, ?, ?, ?, '', 1, '', '', '1970-01-01T00:00:00.000Z')",
+        styles,
+    )
+    file.execute(
+        "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, "
+        "last_change) VALUES ('layer_styles', 'attributes', 'layer_styles', '', "
+        "'1970-01-01T00:00:00.000Z')"
+    )
 
 
 def _on_map(features: Features, layer: Layer) -> tuple[Floats, ...]:
@@ -141,18 +225,24 @@ def _on_map(features: Features, layer: Layer) -> tuple[Floats, ...]:
     return placed(layer.vertices_m, lambda enu: projected_from_enu(enu, origin, crs))
 
 
-def _field(values: Attribute) -> np.ndarray[tuple[int], np.dtype[np.object_ | np.float64]]:
+def _field(values: Attribute) -> list[str] | list[float]:
+    """A column; what is no number is none in SQL either (SQLite takes NaN for NULL)."""
     if values and isinstance(values[0], str):
-        return np.array(values, dtype=object)
-    return np.array(values, dtype=np.float64)
+        return [str(value) for value in values]
+    return [float(value) for value in values]
 
 
-def _wkb(layer: Layer, vertices: Floats) -> bytes | None:
-    """Well-known binary of one shape, little-endian; None where it has no place."""
+def _geometry(layer: Layer, vertices: Floats, srs_id: int) -> bytes | None:
+    """One shape, little-endian: head, its bounds, well-known binary; None where it has no place."""
     if not len(vertices):
         return None
     if layer.kind == "polygon":
         vertices = np.concatenate([vertices, vertices[:1]])
+    has_bounds = layer.kind != "point"
+    head = struct.pack("<2sBBi", b"GP", 0, 1 | has_bounds << 1, srs_id)
+    if has_bounds:
+        (west, south), (east, north) = vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)
+        head += struct.pack("<4d", west, east, south, north)
     counts = {"point": (), "line": (len(vertices),), "polygon": (1, len(vertices))}[layer.kind]
-    head = struct.pack(f"<B{1 + len(counts)}I", 1, _WKB_TYPES[layer.kind], *counts)
+    head += struct.pack(f"<B{1 + len(counts)}I", 1, _WKB_TYPES[layer.kind], *counts)
     return head + vertices.astype("<f8").tobytes()

@@ -6,10 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 
 ROUNDS = 200
 """How often a text is moved farther out before it stays where it would cover another."""
+
+_AT_ONCE = 6
+"""Rounds that are tried together at first."""
 
 
 class TextPlaces:
@@ -40,32 +43,32 @@ class TextPlaces:
         self.reserve(candidates[free[0]])
         return int(free[0])
 
-    def take_near(self, candidates: Callable[[int], Floats]) -> Floats:
+    def take_near(self, candidates: Callable[[Ints], Floats]) -> Floats:
         """Take the first free place of places that go farther and farther out.
 
         Parameters
         ----------
         candidates
-            Of a round, from 0 on: its (c, 5) places, the best first.
+            Of rounds (n,), each from 0 on: their (c, 5) places, the best first.
 
         Returns
         -------
         (5,) the place; after `ROUNDS` without a free one, the first of all.
         """
-        first, count = 0, 1
+        first, count = 0, _AT_ONCE
         while first < ROUNDS:  # more and more at a time: most texts have room at once
-            places = np.concatenate([candidates(k) for k in range(first, first + count)])
+            places = candidates(np.arange(first, min(first + count, ROUNDS)))
             if (which := self.take(places)) is not None:
                 return np.asarray(places[which])
             first, count = first + count, 2 * count
-        return np.asarray(candidates(0)[0])
+        return np.asarray(candidates(np.zeros(1, np.int64))[0])
 
     def reserve(self, place: Floats) -> None:
         """Keep a place (5,) free of all that is placed from now on."""
         self._taken = np.concatenate([self._taken, place[None]])
 
 
-def around(anchor: Floats, half: Floats, gap: float, ring: int) -> Floats:
+def around(anchor: Floats, half: Floats, gap: float, ring: int | Ints) -> Floats:
     """(8, 5) level places of a text around a point: right above first, then the other corners.
 
     Parameters
@@ -77,12 +80,16 @@ def around(anchor: Floats, half: Floats, gap: float, ring: int) -> Floats:
     gap
         Between point and text in the innermost ring.
     ring
-        From 0 on; each is one height of the text farther out.
+        From 0 on; each is one height of the text farther out. Of (n,) rings, (8n, 5) places.
     """
-    away = half + gap + 2.0 * ring * half[1]
-    corners = [(1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)]
-    middle = anchor + np.array(corners, np.float64) * away
+    away = half + gap + 2.0 * np.reshape(ring, (-1, 1, 1)) * half[1]
+    middle = (anchor + _CORNERS * away).reshape(-1, 2)
     return np.column_stack([middle, np.broadcast_to([*half, 0.0], (len(middle), 3))])
+
+
+_CORNERS = np.array(
+    [(1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)], np.float64
+)
 
 
 def overlaps(one: Floats, other: Floats) -> Bools:
@@ -91,28 +98,28 @@ def overlaps(one: Floats, other: Floats) -> Bools:
     Two convex shapes have none if and only if a line parts them; of rectangles, one that is
     parallel to a side (Ericson 2005, Real-Time Collision Detection, 4.4.1).
     """
-    reach = np.hypot(one[:, 2], one[:, 3])[:, None] + np.hypot(other[:, 2], other[:, 3])
-    x, y = (other[:, k] - one[:, None, k] for k in range(2))
-    near: Bools = x**2 + y**2 < reach**2
-    a, b = np.nonzero(near)
-    between, first, second = (x[a, b], y[a, b]), one[a], other[b]
-    near[a, b] = _meet(between, first, second) & _meet(between, second, first)
-    return near
+    # All places of one text have the same angle.
+    met = np.empty((len(one), len(other)), np.bool_)
+    for angle in np.unique(one[:, 4]):
+        rows = one[:, 4] == angle
+        met[rows] = _meet(one[rows], other, float(angle))
+    return met
 
 
-def _meet(between: tuple[Floats, Floats], own: Floats, other: Floats) -> Bools:
-    """(n,) whether rectangles (n, 5) overlap along both sides of the first ones.
-
-    Parameters
-    ----------
-    between
-        (n,) and (n,): from the middle of one to that of the other.
-    own, other
-        The rectangles.
-    """
-    (x, y), (cos, sin) = between, (np.cos(own[:, 4]), np.sin(own[:, 4]))
-    turn = other[:, 4] - own[:, 4]
-    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
-    along = np.abs(x * cos + y * sin) < own[:, 2] + other[:, 2] * c + other[:, 3] * s
-    across = np.abs(y * cos - x * sin) < own[:, 3] + other[:, 2] * s + other[:, 3] * c
-    return np.asarray(along & across, dtype=np.bool_)
+def _meet(one: Floats, other: Floats, angle: float) -> Bools:
+    """The same of rectangles (a, 5) that all have one angle, in whose axes all is counted."""
+    to_own = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turn = other[:, 4] - angle
+    cos, sin = np.cos(turn), np.sin(turn)
+    c, s = np.abs(cos), np.abs(sin)
+    (width, height), (w, h) = one[:, 2:4].T, other[:, 2:4].T
+    (own_x, own_y), (their_x, their_y) = (one[:, :2] @ to_own).T, (other[:, :2] @ to_own).T
+    x, y = own_x[:, None] - their_x, own_y[:, None] - their_y
+    met: Bools = np.abs(x) < width[:, None] + (w * c + h * s)
+    met &= np.abs(y) < height[:, None] + (w * s + h * c)
+    a, b = np.nonzero(met)  # few: along the sides of the others
+    x, y, cos, sin, c, s = x[a, b], y[a, b], cos[b], sin[b], c[b], s[b]
+    along = np.abs(x * cos + y * sin) < w[b] + width[a] * c + height[a] * s
+    across = np.abs(y * cos - x * sin) < h[b] + width[a] * s + height[a] * c
+    met[a, b] = along & across
+    return met
