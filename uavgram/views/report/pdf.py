@@ -12,6 +12,7 @@ from datetime import datetime
 from typing import Any, Literal
 
 from uavgram.errors import UavgramError
+from uavgram.views.report.parts import Part, take_apart
 
 Paper = Literal["a4", "letter"]
 """What it is to be printed on."""
@@ -83,15 +84,28 @@ def report_pdf(html: str, results: str, paper: Paper, name: str, made_utc: str) 
     sheet = _SHEET.format(size=_SIZES[paper], digest=digest, name=shown)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)  # it leaves its colour profile open
-        # nothing is loaded that is not in the page itself
-        inside = weasyprint.urls.URLFetcher(allowed_protocols=("data",))
-        page: bytes = weasyprint.HTML(string=html, url_fetcher=inside).write_pdf(
+        short, parts = take_apart(html)
+        inside = _fetcher(weasyprint, parts)
+        page: bytes = weasyprint.HTML(string=short, url_fetcher=inside).write_pdf(
             stylesheets=[weasyprint.CSS(string=sheet)],
             attachments=[attached],
             pdf_variant="pdf/a-3b",
             pdf_identifier=bytes.fromhex(digest)[:16],
         )
     return page
+
+
+def _fetcher(weasyprint: Any, parts: dict[str, Part]) -> Any:  # noqa: ANN401
+    """Hand out the page's own parts: nothing is loaded from elsewhere."""
+
+    class Inside(weasyprint.urls.URLFetcher):  # type: ignore[misc]
+        def fetch(self, url: str, headers: object = None) -> Any:  # noqa: ANN401
+            if url not in parts:
+                return super().fetch(url, headers)
+            kind, content = parts[url]
+            return weasyprint.urls.URLFetcherResponse(url, content, {"Content-Type": kind})
+
+    return Inside(allowed_protocols=())
 
 
 def _weasyprint() -> Any:  # noqa: ANN401
