@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +14,7 @@ from uavgram.model.result.pictures import Picture, Pictures, Region
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
+from uavgram.views.report.inline import Inline
 from uavgram.views.style import BAD, MEASURED, OBSERVED, REFERENCE, hex_colour
 from uavgram.views.survey.drawing import (
     project_from,
@@ -40,16 +39,6 @@ PICKED_BY: dict[Source, str] = {
     "match": "found by the program (matched)",
     "target": "found by the program (target)",
 }
-
-
-@dataclass(frozen=True)
-class Inline:
-    """A picture as an address that holds it; no text, in which lengths would be sought."""
-
-    jpeg: bytes
-
-    def __html__(self) -> str:
-        return f"data:image/jpeg;base64,{base64.b64encode(self.jpeg).decode()}"
 
 
 class Mark(NamedTuple):
