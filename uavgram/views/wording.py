@@ -421,4 +421,3 @@ def shapes_first(rows: MeasurementResults) -> tuple[int, ...]:
     """
     order = [int(i) for i in computed_first(rows)]
     return tuple(sorted(order, key=lambda i: rows.kind[i] == "coordinate"))
-

@@ -16,7 +16,7 @@ from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment, units_shown
 from uavgram.views.report.annex import annex
 from uavgram.views.report.brief import Brief, brief
-from uavgram.views.report.budget import budget_table
+from uavgram.views.report.budget import MOST_ROWS, budget_table
 from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.contents import with_contents
 from uavgram.views.report.gauge import gauge
@@ -72,7 +72,6 @@ from uavgram.views.wording import (
     shapes_first,
     worst_fit_first,
 )
-
 
 BESIDE_HEIGHT = 500.0
 """Of the top view where there is a plan on the ground too: the key plan then fits below it."""
@@ -159,6 +158,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             three_sigma=THREE_SIGMA,
             suspect_w=line_limits(result),
             weakest=weakest_links(result),
+            most_weakest=MOST_ROWS,
             picks=worst_fit_first(result.picks.w),
             camera=learnt_camera(result.camera, result.shared.intrinsics),
             priors=prior_rows(result),
@@ -174,7 +174,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
 
 
 def _plans(result: Result, pictures: Pictures, first: Brief) -> dict[str, object]:
-    """What is drawn from above: the plan, the one of the first page, and where photos were taken."""
+    """What is drawn from above: plans, the first page's too, and where photos were taken."""
     plan, small = top_view(result), top_view(result, first.plan_height)
     ground = backdrop(plan, pictures)
     return {

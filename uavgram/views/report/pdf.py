@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib
+import logging
 import warnings
 from datetime import datetime
 from typing import Any, Literal
@@ -82,6 +83,8 @@ def report_pdf(html: str, results: str, paper: Paper, name: str, made_utc: str) 
     )
     shown = name.translate({ord(c): " " for c in '"\\\n'})
     sheet = _SHEET.format(size=_SIZES[paper], digest=digest, name=shown)
+    # styles of screens, which it passes over, are no news to who asked for a report
+    logging.getLogger("weasyprint").setLevel(logging.ERROR)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)  # it leaves its colour profile open
         short, parts = take_apart(html)

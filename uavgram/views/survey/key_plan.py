@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import takewhile
 
 import numpy as np
 
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import footprints, shown_poses
 from uavgram.views.survey.drawing import uncovered
@@ -15,14 +16,16 @@ from uavgram.views.survey.sheet import WIDTH, GridLine, Sheet, grid_lines, lay_s
 from uavgram.views.survey.top_view import Text
 from uavgram.views.units import round_bar, units_of
 
-MOST_HEIGHT = 350.0
+MOST_HEIGHT = 380.0
 MOST_FOOTPRINTS = 40
 """Of more photos only the cameras are drawn."""
 MOST_NAMES = 80
 ROOM = 0.08
 """Around what is drawn, as a share of its extent."""
-REACH = 0.5
+REACH = 0.15
 """Footprints count for the extent so far beyond cameras and points, as a share of theirs."""
+LEAST_PREFIX = 3
+"""Names of photos are shown without what all begin with, where that is so long or longer."""
 ARROW = 30.0
 """Of a look straight ahead; shorter, the steeper it goes down."""
 LEAST_ARROW = 5.0
@@ -60,6 +63,8 @@ class KeyPlan:
         Photos, and points on the ground.
     texts
         Names of photos and of points that do not cover each other.
+    prefix
+        What names of all photos begin with, which is left out of the texts.
     unnamed
         How many photos have no name for want of room.
     grid, bar, bar_text, north_known
@@ -71,6 +76,7 @@ class KeyPlan:
     cameras: tuple[Camera, ...]
     dots: tuple[tuple[float, float], ...]
     texts: tuple[Text, ...]
+    prefix: str
     unnamed: int
     grid: tuple[GridLine, ...]
     bar: float
@@ -89,7 +95,9 @@ def key_plan(result: Result) -> KeyPlan | None:
     centers, points = poses.center_world_m, result.points.position_world_m
     sheet = lay_sheet(*_extent(np.concatenate([centers[:, :2], points[:, :2]]), rings), MOST_HEIGHT)
     cameras = tuple(_cameras(sheet, centers, poses.world_from_camera[:, :, 2], adjusted))
-    texts = _texts(result, sheet, rows, cameras)
+    names = tuple(result.frames.frame_id[row].rpartition(".")[0] for row in rows)
+    prefix = _common_prefix(names)
+    texts = _texts(result, sheet, tuple(name[len(prefix) :] for name in names), cameras)
     units = units_of(result)
     bar_m, bar_text = round_bar(WIDTH / sheet.scale / 6, units)
     return KeyPlan(
@@ -98,6 +106,7 @@ def key_plan(result: Result) -> KeyPlan | None:
         cameras=cameras,
         dots=tuple((float(x), float(y)) for x, y in sheet(points)),
         texts=texts,
+        prefix=prefix,
         unnamed=len(rows) - sum(text.kind == "photo" for text in texts),
         grid=tuple(grid_lines(sheet, units)),
         bar=bar_m * sheet.scale,
@@ -128,17 +137,19 @@ def _cameras(sheet: Sheet, centers: Floats, forward: Floats, adjusted: Bools) ->
             unit = along / length
             across = np.array([-unit[1], unit[0]])
             arrow = _svg(np.stack([np.array([x, y]), tip]))
-            head = _svg(np.stack([tip + HEAD * unit, tip + HEAD * across / 2, tip - HEAD * across / 2]))
+            head = _svg(
+                np.stack([tip + HEAD * unit, tip + HEAD * across / 2, tip - HEAD * across / 2])
+            )
         yield Camera(float(x), float(y), arrow, head, bool(is_adjusted))
 
 
 def _texts(
-    result: Result, sheet: Sheet, rows: Ints, cameras: tuple[Camera, ...]
+    result: Result, sheet: Sheet, names: tuple[str, ...], cameras: tuple[Camera, ...]
 ) -> tuple[Text, ...]:
     """Names of photos, then of points, where there is room."""
     texts = [
-        Text(one.x, one.y - NAME_ABOVE, result.frames.frame_id[row].rpartition(".")[0], "photo")
-        for row, one in zip(rows, cameras, strict=True)
+        Text(one.x, one.y - NAME_ABOVE, name, "photo")
+        for name, one in zip(names, cameras, strict=True)
     ]
     texts += [
         Text(float(x), float(y) + LABEL_BELOW, label, "label")
@@ -155,6 +166,14 @@ def _texts(
         replace(texts[i], x=float(anchors[i, 0]))
         for i in uncovered(anchors, half, LINE_HEIGHT, MOST_NAMES)
     )
+
+
+def _common_prefix(names: tuple[str, ...]) -> str:
+    """What all names begin with; empty where that is short, or a name would be left with none."""
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
+    prefix = "".join(letters[0] for letters in alike)
+    short = len(prefix) < LEAST_PREFIX or len(names) == 1
+    return "" if short or prefix in names else prefix
 
 
 def _svg(drawn: Floats) -> str:
