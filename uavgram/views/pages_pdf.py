@@ -6,11 +6,13 @@ WeasyPrint lays it out. It is an extra (``uavgram[pdf]``), as it needs libraries
 from __future__ import annotations
 
 import importlib
+import logging
 import warnings
 from typing import Any
 
 from uavgram.errors import UavgramError
 from uavgram.model.maps.plan import Paper
+from uavgram.views.page_parts import Part, take_apart
 
 PAPER_SIZES: dict[Paper, str] = {"a4": "A4", "letter": "letter"}
 """As style sheets call them."""
@@ -36,13 +38,29 @@ def page_pdf(html: str, sheet: str, name: str, **options: object) -> bytes:
         WeasyPrint, or a library of the system that it needs, is missing.
     """
     weasyprint = weasyprint_for(name)
+    # styles of screens, which it passes over, are no news to who asked for a page
+    logging.getLogger("weasyprint").setLevel(logging.ERROR)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ResourceWarning)  # it leaves its colour profile open
-        inside = weasyprint.urls.URLFetcher(allowed_protocols=("data",))
-        page: bytes = weasyprint.HTML(string=html, url_fetcher=inside).write_pdf(
+        short, parts = take_apart(html)
+        inside = _fetcher(weasyprint, parts)
+        page: bytes = weasyprint.HTML(string=short, url_fetcher=inside).write_pdf(
             stylesheets=[weasyprint.CSS(string=sheet)], **options
         )
     return page
+
+
+def _fetcher(weasyprint: Any, parts: dict[str, Part]) -> Any:  # noqa: ANN401
+    """Hand out the page's own parts: nothing is loaded from elsewhere."""
+
+    class Inside(weasyprint.urls.URLFetcher):  # type: ignore[misc]
+        def fetch(self, url: str, headers: object = None) -> Any:  # noqa: ANN401
+            if url not in parts:
+                return super().fetch(url, headers)
+            kind, content = parts[url]
+            return weasyprint.urls.URLFetcherResponse(url, content, {"Content-Type": kind})
+
+    return Inside(allowed_protocols=())
 
 
 def weasyprint_for(name: str) -> Any:  # noqa: ANN401

@@ -412,3 +412,13 @@ def computed_first(measurements: MeasurementResults) -> Ints:
     """(M,) the same order, with what could not be computed at the end: for pages."""
     order = worst_first(measurements)
     return order[np.argsort(np.isnan(measurements.value[order]), kind="stable")]
+
+
+def shapes_first(rows: MeasurementResults) -> tuple[int, ...]:
+    """Rows as `computed_first` has them, but places on the earth last.
+
+    A coordinate holds the metres of the drone's receiver, which no length has: at the head of a
+    table it would look as if everything were as bad.
+    """
+    order = [int(i) for i in computed_first(rows)]
+    return tuple(sorted(order, key=lambda i: rows.kind[i] == "coordinate"))

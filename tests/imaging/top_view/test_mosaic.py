@@ -72,7 +72,8 @@ def test_the_mosaic_shows_the_ground_where_it_is() -> None:
     assert edge == pytest.approx(-29, abs=1.5 * texture.pixel_size_m)
 
 
-def test_each_spot_comes_from_the_frame_most_above_it() -> None:
+def test_each_spot_comes_from_the_frame_most_above_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mosaic, "gains_between", lambda _, count: np.ones(count))
     result = synthetic_survey.build(clean=True)
     texture = ground_texture(result, previews(result, paint=lambda i: (12 * i, 60, 60)))
     at = spots(texture)[8::16, 8::16]
@@ -97,6 +98,24 @@ def test_frames_fade_into_each_other_at_seams() -> None:
     assert red[covered].max() == 200
     assert red[covered].min() == 0
     assert np.quantile(step, 0.999) < 20  # a hard seam steps by 200
+
+
+def test_photos_of_other_exposures_give_one_ground() -> None:
+    result = synthetic_survey.build()
+    exposure = [1.0, 0.72, 1.2]
+    plain, uneven = Mosaic(result, previews(result), SCALE), Mosaic(result, previews(result), SCALE)
+    for k, (name, photo) in enumerate(previews(result).items()):
+        pixels = decode_preview(photo)[..., ::-1]
+        plain.add(name, pixels)
+        lit = np.clip(pixels * exposure[k % 3], 0, 255).astype(np.uint8)
+        uneven.add(name, lit)
+    wanted, made = plain.texture(), uneven.texture()
+    assert wanted is not None
+    assert made is not None
+    both = wanted.covered & (wanted.rgb.max(axis=-1) < 200) & (wanted.rgb.min(axis=-1) > 20)
+    ratio = made.rgb[both].astype(float).mean(axis=-1) / wanted.rgb[both].mean(axis=-1)
+
+    assert np.percentile(ratio, [10, 90]) / np.median(ratio) == pytest.approx([1, 1], abs=0.05)
 
 
 def test_a_sloping_plane_is_met_at_its_slope() -> None:

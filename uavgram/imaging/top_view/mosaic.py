@@ -10,11 +10,13 @@ import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, toned
+from uavgram.imaging.top_view.gains import Light, gains_between, light_at
 from uavgram.imaging.top_view.mosaic_grid import (
     Cameras,
     Grid,
     choose,
     corner_weights,
+    gain_field,
     weights_within,
 )
 from uavgram.model.arrays import Bools, Floats
@@ -27,6 +29,10 @@ MARGIN = 0.35
 # Frames times cells when choosing the frame of each cell: about a second of projections.
 CHOICE_BUDGET = 4_000_000
 CELL_PX = 16
+# Photos are compared in brightness at so many places along the longer side, or a few more.
+NODES = 64
+# Width to which a photo is reduced for that.
+LIGHT_PX = 200
 # Of the pixels that say whether the ground is too dark to be seen.
 TONE_STEP_PX = 4
 
@@ -59,6 +65,8 @@ class GroundTexture:
 
 class Mosaic:
     """Warps photos onto the adjusted ground plane, each spot from the frame most above it.
+
+    Photos are evened out in brightness, each by one factor, so that seams do not show.
 
     Which frame shows which spot follows from the poses alone, so the photos may come one by one,
     in any order, and need not stay in memory: here are sums only, whose size is that of the mosaic.
@@ -98,6 +106,8 @@ class Mosaic:
             lines, columns, cell = *self._grid.shape, self._grid.cell_px
             # weighted red, green and blue, and the weight
             self._sums = np.zeros((lines, cell, columns, cell, 4), dtype=np.float32)
+            self._nodes = _nodes(self._grid)
+            self._light: dict[int, Light] = {}
 
     def add(self, frame_id: str, pixels: Pixels) -> None:
         """Blend in the (height, width, 3) BGR pixels of one preview; each frame may come once."""
@@ -111,8 +121,16 @@ class Mosaic:
         pixel = grid.pixels_in_cells(self._cameras, frame, i, j)
         picture = _sample(pixels, self._reduction(frame, pixels.shape[1]), pixel, self._size_px)
         weight = np.where(np.isnan(pixel[..., 0]), 0.0, weight.reshape(pixel.shape[:-1]))
+        self._light[frame] = self._light_of(frame, pixels)
         shares = np.concatenate([weight[..., None] * picture, weight[..., None]], axis=-1)
         self._sums[i, :, j] += shares.reshape(-1, cell, cell, 4)
+
+    def _light_of(self, frame: int, pixels: Pixels) -> Light:
+        """How bright a preview is at the nodes that it shows."""
+        pixel = self._grid.pixels_in(self._cameras, frame, self._nodes)
+        at = np.flatnonzero(np.isfinite(pixel[:, 0]))
+        reduction = max(pixels.shape[1] // LIGHT_PX, 1)  # a node stands for what is around it
+        return light_at(at, _sample(pixels, reduction, pixel[at, None], self._size_px)[:, 0])
 
     def _reduction(self, frame: int, width_px: int) -> int:
         """How many pixels of a preview of this width make one of the mosaic; at least 1."""
@@ -129,6 +147,8 @@ class Mosaic:
         if not covered.any():
             return None
         rgb = total[..., :3] / np.maximum(total[..., 3:], np.finfo(np.float32).tiny)
+        gains = gains_between(self._light, len(self._cameras.center_m))
+        rgb *= gain_field(grid, self._choice, gains)[..., None]
         plain = np.minimum(np.round(rgb), 255).astype(np.uint8)
         some = np.s_[::TONE_STEP_PX, ::TONE_STEP_PX]
         tone = automatic_tone(plain[some][covered[some]][:, None, ::-1])
@@ -152,6 +172,13 @@ def _lay_grid(result: Result, cameras: Cameras, preview_scale: float, max_size_p
     columns, lines = np.maximum(np.ceil(size / cell), 1).astype(int)
     shape = (int(lines), int(columns))
     return replace(grid, pixel_size_m=pixel_size, cell_px=cell, shape=shape)
+
+
+def _nodes(grid: Grid) -> Floats:
+    """(n, 3) places all over the ground."""
+    step = max(max(grid.shape) * grid.cell_px // NODES, 1)
+    row, column = (np.arange(0.5, count * grid.cell_px, step) for count in grid.shape)
+    return grid.world(*np.meshgrid(column, row)).reshape(-1, 3)
 
 
 def _extent(result: Result, cameras: Cameras) -> tuple[Floats, Floats]:

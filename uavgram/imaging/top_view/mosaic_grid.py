@@ -194,6 +194,35 @@ def _lagrange(nodes: Floats, at: Floats) -> Floats:
     return weights
 
 
+def gain_field(grid: Grid, choice: Ints, gains: Floats) -> Floats:
+    """(H, W) factor of each pixel: of the frames that it is blended of, in their shares.
+
+    Parameters
+    ----------
+    grid
+        The cells.
+    choice
+        (R, C) the frame of each; -1 for none.
+    gains
+        (N,) of the frames.
+    """
+    around = np.zeros((2, *np.add(grid.shape, 1)))
+    for frame in np.unique(choice[choice >= 0]):
+        share = corner_weights(grid, choice == frame)
+        around += share * np.array([gains[frame], 1.0])[:, None, None]
+    down, across = (_between_corners(count, grid.cell_px) for count in grid.shape)
+    weighted, weight = np.einsum("hr,krc,wc->khw", down, around, across, optimize=True)
+    field = np.ones(weight.shape)
+    np.divide(weighted, weight, out=field, where=weight > LEAST_WEIGHT)
+    return field
+
+
+def _between_corners(cells: int, cell_px: int) -> Floats:
+    """(cells * cell_px, cells + 1) shares of the corners in pixels between them, linear."""
+    at = (np.arange(cells * cell_px) + 0.5) / cell_px
+    return np.maximum(1.0 - np.abs(at[:, None] - np.arange(cells + 1.0)), 0.0)
+
+
 def _sine(rays: Floats) -> Floats:
     """(...) sine of the angle at which (..., 3) rays from above meet level ground."""
     return np.asarray(-rays[..., 2] / np.linalg.norm(rays, axis=-1), dtype=np.float64)

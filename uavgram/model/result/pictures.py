@@ -55,6 +55,30 @@ class Picture:
 
 
 @dataclass(frozen=True, kw_only=True)
+class GroundPicture:
+    """The ground from straight above, put together from photos.
+
+    Attributes
+    ----------
+    jpeg
+        White where no photo shows the ground.
+    west_m, north_m
+        World coordinates of the north-western corner.
+    width_m, height_m
+        On the ground.
+    brightened
+        Whether it is shown brighter than the photos are.
+    """
+
+    jpeg: bytes = field(repr=False)
+    west_m: float
+    north_m: float
+    width_m: float
+    height_m: float
+    brightened: bool
+
+
+@dataclass(frozen=True, kw_only=True)
 class Pictures:
     """All that a report shows of the photos.
 
@@ -64,10 +88,13 @@ class Pictures:
         The overview first, then points and measurements by their rows.
     left_out
         Names of points and measurements of which no picture is shown.
+    ground
+        Below the plan; None where photos show none of it.
     """
 
     shown: tuple[Picture, ...] = ()
     left_out: tuple[str, ...] = ()
+    ground: GroundPicture | None = None
 
 
 NO_PICTURES = Pictures()

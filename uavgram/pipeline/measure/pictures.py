@@ -5,9 +5,12 @@ from __future__ import annotations
 from itertools import groupby
 
 from uavgram.imaging.photos.cutouts import cut_out
-from uavgram.model.result.pictures import Picture, Pictures, Region
+from uavgram.imaging.top_view.ground_cut import cut_ground
+from uavgram.imaging.top_view.mosaic import GroundTexture
+from uavgram.model.result.pictures import GroundPicture, Picture, Pictures, Region
 from uavgram.model.result.result import Result
 from uavgram.stages.products.picture_plan import picture_plan
+from uavgram.views.report import shown_ground
 
 MOST_BYTES = 9_000_000
 """Of all pictures together. As text in report.html they are a third more: it stays below 15 MB."""
@@ -38,6 +41,12 @@ def report_pictures(result: Result) -> Pictures:
         else:
             left_out.append(_name(result, picture.region))
     return Pictures(shown=tuple(shown), left_out=tuple(left_out))
+
+
+def ground_picture(result: Result, texture: GroundTexture | None) -> GroundPicture | None:
+    """Cut out what lies below the report's plans; None where photos show none of it."""
+    corners = shown_ground(result)
+    return None if texture is None or corners is None else cut_ground(texture, *corners)
 
 
 def _frame(region: Region) -> int:

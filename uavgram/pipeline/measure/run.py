@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from enum import Enum
 from pathlib import Path
 from typing import Literal
@@ -21,7 +22,7 @@ from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.exports import exports
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.journal import Journal
-from uavgram.pipeline.measure.pictures import report_pictures
+from uavgram.pipeline.measure.pictures import ground_picture, report_pictures
 from uavgram.pipeline.measure.tie_points import are_missing, pose_before_ties, with_ties_found
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
@@ -113,7 +114,7 @@ def _write_outputs(
     with journal.step("write recording.rrd"):
         texture = write_review(result, folder / "recording.rrd", progress, ties)
     with journal.step("cut the report's pictures out of the photos"):
-        pictures = report_pictures(result)
+        pictures = replace(report_pictures(result), ground=ground_picture(result, texture))
     writers: dict[str, Callable[[Path], None]] = {
         **exports(result, texture),
         "report.html": lambda path: write_report(result, path, pictures),

@@ -19,7 +19,7 @@ POINT_SHARE, LEAST_POINT_PX, MOST_POINT_PX = 0.1, 150, 360
 ROOM = 0.25
 """Around the points of a measurement, as a share of their extent."""
 FLATTEST = 0.7
-"""No part around a measurement is lower, or narrower, than this share of its longer side."""
+"""No part around a measurement is lower than this share of its width; none is higher than wide."""
 
 
 class PicturePlan(NamedTuple):
@@ -172,7 +172,7 @@ def _around(result: Result, subject: Subject, row: int, frame: int, pixel_px: Fl
     extent = high - low
     room = ROOM * extent.max()
     size = np.maximum(extent + 2 * room, least)
-    size = np.maximum(size, FLATTEST * size.max())
+    size = np.maximum(size, [size[1], FLATTEST * size[0]])
     even = 2.0 * np.ceil(size / 2.0)  # is reduced at a fraction of the cost
     size = np.minimum(even, photo).astype(int)
     start = np.round((low + high) / 2 - size / 2).astype(int)

@@ -30,12 +30,26 @@ class Pose(NamedTuple):
     correlations: tuple[str, ...]
 
 
+SHORT = {
+    "plane height": "plane",
+    "slope east": "slope E",
+    "slope north": "slope N",
+    "readout time": "readout",
+}
+"""What stands over a column of a parameter whose name is long."""
+
+
 class Matrix(NamedTuple):
-    """Correlations: a title, names of the columns, and rows with theirs."""
+    """Correlations: a title, names of the parameters, and rows with theirs."""
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, tuple[str, ...]], ...]
+
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """Short names of the columns."""
+        return tuple(SHORT.get(name, name) for name in self.columns)
 
 
 class Residuals(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -10,24 +11,33 @@ import numpy as np
 from uavgram.model.case import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.views.report.checks import checks_summary
+from uavgram.views.survey.accuracy import accuracy_words
 from uavgram.views.survey.sources import measured_alone
-from uavgram.views.wording import computed_first
+from uavgram.views.survey.verdict import verdict_words
+from uavgram.views.wording import shapes_first
 
 MOST_ROWS = 8
 """Measurements on the first page; the least certain ones, where there are more."""
 
 LEAST_ROWS = 3
 
-PLAN, LEAST_PLAN = 290.0, 260.0
-"""Height of the plan beside as many measurements, one reason and no case; and at the least."""
+PAGE_MM, UNIT_MM = 236.0, 182.0 / 900.0
+"""What a printed page has for the text and the plan (letter is the lower); a unit of a drawing."""
 
-ROW, REASON = 24.0, 45.0
-"""What a row of measurements or of the case, and a reason, take of the page, in the same units."""
+LEAST_PLAN, MOST_PLAN = 290.0, 640.0
+"""Height of the plan, in units of its drawing."""
+
+HEAD_MM, ROW_MM, LINE_MM, GAP_MM = 24.0, 6.5, 5.3, 3.0
+"""Of title and legend; of a row of a table; of a line of text; around a paragraph."""
+
+LINE, STRONG_LINE = 92, 72
+"""Letters of a line."""
 
 MOST_REASONS = 3
 """Of the verdict, beside the first; warnings tell them all."""
 
 MOST_NAMES = 8
+LIMITS = "What was checked, and what was not. "
 
 
 class Brief(NamedTuple):
@@ -43,6 +53,8 @@ class Brief(NamedTuple):
         Of the plan, in units of its drawing: what the measurements leave of the page.
     reasons, reasons_more
         Of the verdict beside the first, and how many are not shown.
+    accuracy
+        How well distances are known, and places on the earth.
     limits
         Sentences on what was not checked, or cannot be relied on.
     """
@@ -53,26 +65,38 @@ class Brief(NamedTuple):
     plan_height: float
     reasons: tuple[str, ...]
     reasons_more: int
+    accuracy: str
     limits: tuple[str, ...]
 
 
 def brief(result: Result) -> Brief:
-    """Choose what stands on the first page."""
-    order = [int(i) for i in computed_first(result.measurements)]
+    """Choose what stands on the first page: lengths and angles before places on the earth."""
+    order = shapes_first(result.measurements)
     case = case_from_options(result.provenance.options)
     others = [reason.text for reason in result.verdict.reasons[1:]]
     reasons = others[:MOST_REASONS]
     count = min(len(order), max(LEAST_ROWS, MOST_ROWS - len(reasons) - len(case) // 2))
-    taken = ROW * (count - MOST_ROWS + len(case)) + REASON * (len(reasons) - 1)
+    accuracy, limits = accuracy_words(result), tuple(_limits(result))
+    words = verdict_words(result)
+    left_mm = PAGE_MM - HEAD_MM - ROW_MM * (1 + count + len(case))
+    left_mm -= _text_mm(words.sentence, STRONG_LINE) + sum(_text_mm(text) for text in reasons)
+    left_mm -= sum(_text_mm(text) for text in (words.scale, words.counts, accuracy))
+    left_mm -= _text_mm(LIMITS + " ".join(limits)) + GAP_MM * (len(order) > count)
     return Brief(
         case=case,
         rows=tuple(order[:count]),
         more=len(order[count:]),
-        plan_height=max(PLAN - taken, LEAST_PLAN),
+        plan_height=min(max(left_mm / UNIT_MM, LEAST_PLAN), MOST_PLAN),
         reasons=tuple(reasons),
         reasons_more=len(others[MOST_REASONS:]),
-        limits=tuple(_limits(result)),
+        accuracy=accuracy,
+        limits=limits,
     )
+
+
+def _text_mm(text: str, letters: int = LINE) -> float:
+    """What a paragraph takes of a page."""
+    return math.ceil(len(text) / letters) * LINE_MM + GAP_MM if text else 0.0
 
 
 def _limits(result: Result) -> list[str]:

@@ -84,6 +84,9 @@ WORDS = {
     ),
 }
 
+MOST_ROWS = 40
+"""Measurements whose budget is printed: the least certain ones; results.json has them all."""
+
 FELT = 0.0005
 """Share that rounds to 0.1 %: what is less is not drawn."""
 
@@ -114,12 +117,15 @@ class BudgetTable(NamedTuple):
         Name and colour of each, in the order of the bars and of the columns.
     rows
         The least certain measurement first.
+    more
+        How many measurements are not shown.
     summary
         For each source that is the largest of some measurement, a sentence.
     """
 
     sources: tuple[tuple[str, str], ...]
     rows: tuple[BudgetRow, ...]
+    more: int
     summary: tuple[str, ...]
 
 
@@ -142,8 +148,9 @@ def budget_table(result: Result) -> BudgetTable | None:
                 largest=sources[int(np.argmax(share[i]))],
                 shares=[number(100 * part, 1) for part in share[i]],
             )
-            for i in shown
+            for i in shown[:MOST_ROWS]
         ),
+        more=len(shown[MOST_ROWS:]),
         summary=_summary(ErrorBudget(source=sources, share=share[shown])),
     )
 

@@ -12,4 +12,6 @@ def with_contents(html: str) -> str:
     """The page with a list of its sections at the place for it; the PDF adds numbers of pages."""
     rows = [f'<li><a href="#{name}">{words}</a></li>' for name, words in _HEADING.findall(html)]
     listed = "\n".join(rows)
-    return html.replace(PLACE, f'<nav class="contents">\n<ol>\n{listed}\n</ol>\n</nav>', 1)
+    title = '<p class="title"><b>Contents</b></p>'
+    nav = f'<nav class="contents">\n{title}\n<ol>\n{listed}\n</ol>\n</nav>'
+    return html.replace(PLACE, nav, 1)

@@ -15,11 +15,12 @@ from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment, units_shown
 from uavgram.views.report.annex import annex
-from uavgram.views.report.brief import brief
-from uavgram.views.report.budget import budget_table
+from uavgram.views.report.brief import Brief, brief
+from uavgram.views.report.budget import MOST_ROWS, budget_table
 from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.contents import with_contents
 from uavgram.views.report.gauge import gauge
+from uavgram.views.report.ground import backdrop
 from uavgram.views.report.known import known_table
 from uavgram.views.report.measured import (
     alternative_tables,
@@ -34,6 +35,7 @@ from uavgram.views.report.pictures import gallery
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.drawing import largest_sigmas
 from uavgram.views.survey.key_facts import key_facts
+from uavgram.views.survey.key_plan import key_plan
 from uavgram.views.survey.limits import line_limits
 from uavgram.views.survey.profiles import profile_drawings
 from uavgram.views.survey.reliability import (
@@ -63,13 +65,16 @@ from uavgram.views.wording import (
     NOT_UNIQUE,
     WHY_TO_NEIGHBOURS,
     WHY_TWO_ELLIPSES,
-    computed_first,
     height_text,
     interval,
     measurement_text,
     place,
+    shapes_first,
     worst_fit_first,
 )
+
+BESIDE_HEIGHT = 500.0
+"""Of the top view where there is a plan on the ground too: the key plan then fits below it."""
 
 
 def write_report(
@@ -125,7 +130,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             annex=annex(result),
             brief=first,
             facts=key_facts(result),
-            measured=computed_first(result.measurements),
+            measured=shapes_first(result.measurements),
             not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
             relief=relief_notes(result),
             shift_text=shift_text,
@@ -140,8 +145,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             alternatives=alternative_tables(result),
             profiles=profile_drawings(result),
             gallery=gallery(result, pictures),
-            view=top_view(result),
-            small_view=top_view(result, first.plan_height),
+            **_plans(result, pictures, first),
             ink=INK,
             place=place(result),
             why_to_neighbours=WHY_TO_NEIGHBOURS,
@@ -154,6 +158,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             three_sigma=THREE_SIGMA,
             suspect_w=line_limits(result),
             weakest=weakest_links(result),
+            most_weakest=MOST_ROWS,
             picks=worst_fit_first(result.picks.w),
             camera=learnt_camera(result.camera, result.shared.intrinsics),
             priors=prior_rows(result),
@@ -166,6 +171,22 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             **units_shown(result),
         )
     )
+
+
+def _plans(result: Result, pictures: Pictures, first: Brief) -> dict[str, object]:
+    """What is drawn from above: plans, the first page's too, and where photos were taken."""
+    plan, small = top_view(result), top_view(result, first.plan_height)
+    ground = backdrop(plan, pictures)
+    return {
+        "plan_view": plan,
+        "view": plan if ground is None else top_view(result, BESIDE_HEIGHT),
+        "small_view": small,
+        "ground": ground,
+        "small_ground": backdrop(small, pictures),
+        "brightened": pictures.ground is not None and pictures.ground.brightened,
+        "key": key_plan(result),
+        "units_word": "metres" if units_of(result).length == "m" else "feet",
+    }
 
 
 def _made_by(result: Result) -> dict[str, object]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,8 +14,15 @@ from uavgram.model.result.pictures import Picture, Pictures, Region
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
+from uavgram.views.report.inline import Inline
 from uavgram.views.style import BAD, MEASURED, OBSERVED, REFERENCE, hex_colour
-from uavgram.views.survey.drawing import project_from, sampled, uncovered, visible_runs
+from uavgram.views.survey.drawing import (
+    project_from,
+    sampled,
+    thinned,
+    uncovered,
+    visible_runs,
+)
 from uavgram.views.survey.sources import measured_alone
 from uavgram.views.survey.verdict import STATUS_WORDS
 from uavgram.views.units import round_bar, units_of
@@ -25,6 +30,8 @@ from uavgram.views.wording import measurement_text, number, size_text
 
 WIDTHS = {"overview": 900.0, "measurement": 440.0, "point": 210.0}
 """Of a picture on the page: marks are drawn as large as they are on a drawing of this width."""
+DRAWN_OFF = 0.3
+"""A bent line is drawn so exactly, in the same unit."""
 LETTER = 6.0
 """Width of a letter of a name, in the same unit."""
 PICKED_BY: dict[Source, str] = {
@@ -32,16 +39,6 @@ PICKED_BY: dict[Source, str] = {
     "match": "found by the program (matched)",
     "target": "found by the program (target)",
 }
-
-
-@dataclass(frozen=True)
-class Inline:
-    """A picture as an address that holds it; no text, in which lengths would be sought."""
-
-    jpeg: bytes
-
-    def __html__(self) -> str:
-        return f"data:image/jpeg;base64,{base64.b64encode(self.jpeg).decode()}"
 
 
 class Mark(NamedTuple):
@@ -270,7 +267,8 @@ def _lines(result: Result, region: Region) -> Iterator[tuple[str, str]]:
     poses = row_poses(result, region.frame)
     for strip, colour in strips:
         for run in visible_runs(project_from(result, poses, sampled(strip))):
-            yield " ".join(f"{x:.1f},{y:.1f}" for x, y in run), hex_colour(colour)
+            kept = thinned(run, DRAWN_OFF * region.width_px / WIDTHS[region.subject])
+            yield " ".join(f"{x:.1f},{y:.1f}" for x, y in kept), hex_colour(colour)
 
 
 def _bar(result: Result, region: Region) -> Bar | None:

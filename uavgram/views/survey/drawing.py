@@ -168,6 +168,27 @@ def visible_runs(pixel: Floats) -> list[Floats]:
     return [run for run in runs if len(run) >= 2]
 
 
+def thinned(run: Floats, off_px: float) -> Floats:
+    """(k, 2) as few evenly chosen points of a (m, 2) polyline as draw it that exactly.
+
+    Parameters
+    ----------
+    run
+        Two points or more.
+    off_px
+        No point left out lies farther from the place that the drawn line has for it.
+    """
+    rows = np.arange(len(run))
+    for count in 2 ** np.arange(1, 32):
+        if count >= len(run):
+            break
+        kept = np.linspace(0, len(run) - 1, count).round().astype(np.int64)
+        drawn = np.stack([np.interp(rows, kept, run[kept, k]) for k in range(2)], axis=-1)
+        if np.linalg.norm(drawn - run, axis=1).max() <= off_px:
+            return np.asarray(run[kept])
+    return run
+
+
 def uncovered(anchors: Floats, half_widths: Floats, height: float, most: int) -> Ints:
     """Rows of texts, taken in order, that cover none taken before.
 

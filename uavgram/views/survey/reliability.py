@@ -7,7 +7,7 @@ import numpy as np
 from uavgram.model.result.reliability import Effects, PriorResults, RemovalRecord
 from uavgram.model.result.result import Result
 from uavgram.views.survey.limits import prior_limits
-from uavgram.views.wording import UNIT_WORDS, chance, number
+from uavgram.views.wording import UNIT_WORDS, chance, computed_first, number
 
 MOST_PRIORS = 20
 """Priors that are shown: those with the largest test statistics."""
@@ -23,12 +23,16 @@ LARGE = 1000.0
 
 
 def weakest_links(result: Result) -> list[dict[str, str]]:
-    """For each measurement, the undetected error that moves it most, and what nothing checks."""
+    """For each measurement, the undetected error that moves it most, and what nothing checks.
+
+    The least certain one first.
+    """
     if result.evidence is None:
         return []
     rows, links = result.measurements, result.evidence.weakest
     table = []
-    for i, name in enumerate(rows.name):
+    for i in computed_first(rows):
+        name = rows.name[i]
         if not np.isfinite(rows.value[i]):
             continue
         unit = UNIT_WORDS.get(rows.unit[i], rows.unit[i])

@@ -18,14 +18,18 @@ from uavgram.stages.products.map_layers import (
 from uavgram.views.style import ABOVE, BELOW, hex_colour
 from uavgram.views.survey.departures import Departures, departures
 from uavgram.views.survey.drawing import longest_middle, nice_factor, uncovered
+from uavgram.views.survey.sheet import (
+    MOST_HEIGHT,
+    WIDTH,
+    GridLine,
+    Sheet,
+    grid_lines,
+    lay_sheet,
+)
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import INCH_M, round_bar, units_of, value_text
 from uavgram.views.wording import number, worst_first
 
-# Width of the drawing in its own units; letters are 11 of them high.
-WIDTH = 900.0
-MARGIN = 60.0
-LEAST_HEIGHT, MOST_HEIGHT = 260.0, 1000.0
 LINE_HEIGHT = 14.0
 # Half the width of a letter, by CSS class, in the widest of the usual fonts; and around a text.
 HALF_LETTER = {"measured": 3.9, "known": 3.5, "name": 3.5, "off_plane": 3.2, "off_ground": 3.2}
@@ -85,6 +89,10 @@ class TopView:
     ----------
     width, height
         Of the drawing.
+    sheet
+        From the world to it.
+    grid
+        Lines at round distances from the origin.
     lines, ellipses
         Strokes in drawing order.
     dots
@@ -109,6 +117,8 @@ class TopView:
 
     width: float
     height: float
+    sheet: Sheet
+    grid: tuple[GridLine, ...]
     lines: tuple[Stroke, ...]
     ellipses: tuple[Stroke, ...]
     dots: tuple[tuple[float, float], ...]
@@ -124,21 +134,6 @@ class TopView:
     north_known: bool
 
 
-@dataclass(frozen=True, eq=False)
-class _Sheet:
-    """North up: x = MARGIN + (east - west) * scale, y = top - north."""
-
-    west_m: float
-    north_m: float
-    scale: float
-
-    def __call__(self, world_m: Floats) -> Floats:
-        """(..., 2) drawing coordinates of (..., 2 or 3) world positions."""
-        east, north = world_m[..., 0], world_m[..., 1]
-        x = MARGIN + (east - self.west_m) * self.scale
-        return np.stack([x, MARGIN + (self.north_m - north) * self.scale], axis=-1)
-
-
 def top_view(result: Result, most_height: float = MOST_HEIGHT) -> TopView | None:
     """Lay out the drawing, not higher than that; None where there is no point to draw."""
     position = result.points.position_world_m
@@ -151,19 +146,15 @@ def top_view(result: Result, most_height: float = MOST_HEIGHT) -> TopView | None
     # room for the ellipses too, unless they would leave none for the points
     room = min(factor * float(major.max()), MOST_ROOM * extent_m)
     low, high = low - room, high + room
-    size = np.maximum(high - low, 1.0)
-    scale = min((WIDTH - 2 * MARGIN) / size[0], (most_height - 2 * MARGIN) / size[1])
-    sheet = _Sheet(
-        west_m=float(low[0] - ((WIDTH - 2 * MARGIN) / scale - size[0]) / 2),
-        north_m=float(high[1]),
-        scale=float(scale),
-    )
+    sheet = lay_sheet(low, high, most_height)
     units = units_of(result)
     bar_m, bar_text = round_bar(extent_m / 5, units)
     uneven = departures(result)
     return TopView(
         width=WIDTH,
-        height=float(max(size[1] * scale + 2 * MARGIN, LEAST_HEIGHT)),
+        height=sheet.height,
+        sheet=sheet,
+        grid=tuple(grid_lines(sheet, units)),
         lines=tuple(_lines(result, sheet)),
         ellipses=tuple(_ellipses(result, sheet, factor)),
         dots=tuple((float(x), float(y)) for x, y in sheet(position)),
@@ -184,7 +175,7 @@ def _points(drawn: Floats) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn)
 
 
-def _lines(result: Result, sheet: _Sheet) -> list[Stroke]:
+def _lines(result: Result, sheet: Sheet) -> list[Stroke]:
     strips = [strip for some in measured_strips(result).values() for strip in some]
     width = BOLD if len(strips) <= MANY_LINES else THIN
     measured = [
@@ -219,7 +210,7 @@ def _lines_of_position(result: Result, sheet: _Sheet) -> list[Stroke]:
     ]
 
 
-def _ellipses(result: Result, sheet: _Sheet, factor: int) -> list[Stroke]:
+def _ellipses(result: Result, sheet: Sheet, factor: int) -> list[Stroke]:
     within = result.points.relative
     center = result.points.position_world_m[:, :2]
     outlines = ellipse_outlines(center, within.ellipse_95_m, within.ellipse_azimuth_rad, factor)
@@ -227,20 +218,20 @@ def _ellipses(result: Result, sheet: _Sheet, factor: int) -> list[Stroke]:
 
 
 def _off_plane(
-    result: Result, sheet: _Sheet, uneven: Departures
+    result: Result, sheet: Sheet, uneven: Departures
 ) -> Iterator[tuple[float, float, str]]:
     spots = sheet(result.points.position_world_m[uneven.rows])
     for (x, y), colour in zip(spots, uneven.colours, strict=True):
         yield float(x), float(y), hex_colour(colour)
 
 
-def _diamonds(result: Result, sheet: _Sheet) -> Iterator[str]:
+def _diamonds(result: Result, sheet: Sheet) -> Iterator[str]:
     corners = DIAMOND * np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
     for spot in sheet(result.points.position_world_m[result.points.is_off_ground]):
         yield _points(spot + corners)
 
 
-def _over_ground(result: Result, sheet: _Sheet) -> Iterator[Text]:
+def _over_ground(result: Result, sheet: Sheet) -> Iterator[Text]:
     """Heights of points over the ground [m], the highest first."""
     points = result.points
     off, spots = np.flatnonzero(points.is_off_ground), sheet(points.position_world_m)
@@ -252,7 +243,7 @@ def _over_ground(result: Result, sheet: _Sheet) -> Iterator[Text]:
         yield Text(*at, sign + text, "off_ground")
 
 
-def _off_their_plane(result: Result, sheet: _Sheet, uneven: Departures) -> Iterator[Text]:
+def _off_their_plane(result: Result, sheet: Sheet, uneven: Departures) -> Iterator[Text]:
     """How far points lie off their plane [cm or in], the farthest first."""
     small_m = 0.01 if units_of(result).length == "m" else INCH_M
     spots = sheet(result.points.position_world_m[uneven.rows])
@@ -262,7 +253,7 @@ def _off_their_plane(result: Result, sheet: _Sheet, uneven: Departures) -> Itera
         yield Text(float(spots[k, 0]), float(spots[k, 1]) + NUMBER_BELOW, text, "off_plane")
 
 
-def _texts(result: Result, sheet: _Sheet, uneven: Departures | None) -> list[Text]:
+def _texts(result: Result, sheet: Sheet, uneven: Departures | None) -> list[Text]:
     """What there is room for: measured values first (the least certain), then known lengths.
 
     Then names of points, how high they stand over the ground, and how far the ground lies off its

@@ -1,0 +1,43 @@
+"""A part of the ground as a picture to print."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from uavgram.imaging.top_view.mosaic import GroundTexture
+from uavgram.model.arrays import Floats
+from uavgram.model.result.pictures import GroundPicture
+
+MOST_PX = 1200
+"""On the longer side: 170 for an inch of a page that is as wide as that."""
+QUALITY = 82
+
+
+def cut_ground(texture: GroundTexture, low_m: Floats, high_m: Floats) -> GroundPicture | None:
+    """The ground from a south-western to a north-eastern corner (2,); None where none is shown."""
+    size = texture.pixel_size_m
+    rows, columns = texture.covered.shape
+    corner = np.array([texture.west_m, texture.north_m])
+    first = np.floor((np.array([low_m[0], -high_m[1]]) - corner * [1, -1]) / size).astype(int)
+    last = np.ceil((np.array([high_m[0], -low_m[1]]) - corner * [1, -1]) / size).astype(int)
+    left, top = np.clip(first, 0, [columns, rows])
+    right, bottom = np.clip(last, 0, [columns, rows])
+    covered = texture.covered[top:bottom, left:right]
+    if not covered.any():
+        return None
+    shown = np.where(covered[..., None], texture.rgb[top:bottom, left:right], 255).astype(np.uint8)
+    share = min(1.0, MOST_PX / max(shown.shape[:2]))
+    if share < 1.0:
+        wanted = [max(1, round(side * share)) for side in shown.shape[1::-1]]
+        shown = np.asarray(cv2.resize(shown, wanted, interpolation=cv2.INTER_AREA), np.uint8)
+    quality = [int(cv2.IMWRITE_JPEG_QUALITY), QUALITY]
+    encoded = cv2.imencode(".jpg", np.ascontiguousarray(shown[..., ::-1]), quality)[1]
+    return GroundPicture(
+        jpeg=bytes(encoded.tobytes()),
+        west_m=float(texture.west_m + left * size),
+        north_m=float(texture.north_m - top * size),
+        width_m=float((right - left) * size),
+        height_m=float((bottom - top) * size),
+        brightened=not texture.tone.is_identity,
+    )

@@ -1,0 +1,31 @@
+"""How well places are known, told so that nobody takes the receiver's metres for the lengths'."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.model.result.result import Result
+from uavgram.views.units import spread_text, units_of
+
+
+def accuracy_words(result: Result) -> str:
+    """``Distances between neighbouring points are known to about 1 cm ...``: both accuracies."""
+    points, units = result.points, units_of(result)
+    near = points.neighbour_sigma_m
+    told = []
+    if np.isfinite(near).any():
+        one = spread_text(float(np.nanmedian(near)), "m", units)
+        told.append(f"Distances between neighbouring points are known to about ± {one}.")
+    if not points.label:
+        return ""
+    if result.world.gauge == "plane" or result.world.origin is None:
+        told.append("Nothing ties this survey to the earth: north is arbitrary, lengths hold.")
+    else:
+        sigma = np.sqrt(np.trace(points.covariance_m2, axis1=1, axis2=2) / 2)
+        place = spread_text(float(np.median(sigma)), "m", units)
+        told.append(
+            f"Where the survey as a whole lies on the earth is known to about ± {place} (east, "
+            "north): such an error shifts everything together, and changes no length, area or "
+            "angle."
+        )
+    return " ".join(told)

@@ -1,0 +1,180 @@
+"""The key plan: where each photo was taken and what ground it shows, from above."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import takewhile
+
+import numpy as np
+
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.result.result import Result
+from uavgram.stages.products.map_layers import footprints, shown_poses
+from uavgram.views.survey.drawing import uncovered
+from uavgram.views.survey.sheet import WIDTH, GridLine, Sheet, grid_lines, lay_sheet
+from uavgram.views.survey.top_view import Text
+from uavgram.views.units import round_bar, units_of
+
+MOST_HEIGHT = 380.0
+MOST_FOOTPRINTS = 40
+"""Of more photos only the cameras are drawn."""
+MOST_NAMES = 80
+ROOM = 0.08
+"""Around what is drawn, as a share of its extent."""
+REACH = 0.15
+"""Footprints count for the extent so far beyond cameras and points, as a share of theirs."""
+LEAST_PREFIX = 3
+"""Names of photos are shown without what all begin with, where that is so long or longer."""
+ARROW = 30.0
+"""Of a look straight ahead; shorter, the steeper it goes down."""
+LEAST_ARROW = 5.0
+"""A camera that looks down more steeply than that shows has none."""
+HEAD = 4.5
+NAME_HALF, LABEL_HALF, LINE_HEIGHT = 3.1, 2.8, 12.0
+NAME_ABOVE, LABEL_BELOW = 9.0, 12.0
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera: its place, its arrow as SVG points and head, and whether it was adjusted.
+
+    `arrow` and `head` are empty where it looks down.
+    """
+
+    x: float
+    y: float
+    arrow: str
+    head: str
+    adjusted: bool
+
+
+@dataclass(frozen=True)
+class KeyPlan:
+    """Everything the template draws.
+
+    Attributes
+    ----------
+    height
+        Of the drawing.
+    footprints
+        SVG points of the border of the ground that each adjusted photo shows.
+    cameras, dots
+        Photos, and points on the ground.
+    texts
+        Names of photos and of points that do not cover each other.
+    prefix
+        What names of all photos begin with, which is left out of the texts.
+    unnamed
+        How many photos have no name for want of room.
+    grid, bar, bar_text, north_known
+        As of the top view.
+    """
+
+    height: float
+    footprints: tuple[str, ...]
+    cameras: tuple[Camera, ...]
+    dots: tuple[tuple[float, float], ...]
+    texts: tuple[Text, ...]
+    prefix: str
+    unnamed: int
+    grid: tuple[GridLine, ...]
+    bar: float
+    bar_text: str
+    north_known: bool
+
+
+def key_plan(result: Result) -> KeyPlan | None:
+    """Lay out the drawing; None where no photo has a pose."""
+    rows, poses = shown_poses(result)
+    if not len(rows):
+        return None
+    adjusted = result.has_refined[rows]
+    rings = footprints(result) if int(adjusted.sum()) <= MOST_FOOTPRINTS else {}
+    rings = {frame: ring for frame, ring in rings.items() if result.has_refined[frame]}
+    centers, points = poses.center_world_m, result.points.position_world_m
+    sheet = lay_sheet(*_extent(np.concatenate([centers[:, :2], points[:, :2]]), rings), MOST_HEIGHT)
+    cameras = tuple(_cameras(sheet, centers, poses.world_from_camera[:, :, 2], adjusted))
+    names = tuple(result.frames.frame_id[row].rpartition(".")[0] for row in rows)
+    prefix = _common_prefix(names)
+    texts = _texts(result, sheet, tuple(name[len(prefix) :] for name in names), cameras)
+    units = units_of(result)
+    bar_m, bar_text = round_bar(WIDTH / sheet.scale / 6, units)
+    return KeyPlan(
+        height=sheet.height,
+        footprints=tuple(_svg(sheet(ring)) for ring in rings.values()),
+        cameras=cameras,
+        dots=tuple((float(x), float(y)) for x, y in sheet(points)),
+        texts=texts,
+        prefix=prefix,
+        unnamed=len(rows) - sum(text.kind == "photo" for text in texts),
+        grid=tuple(grid_lines(sheet, units)),
+        bar=bar_m * sheet.scale,
+        bar_text=bar_text,
+        north_known=result.world.gauge == "world",
+    )
+
+
+def _extent(places: Floats, rings: dict[int, Floats]) -> tuple[Floats, Floats]:
+    """Corners (2,) of the ground to be drawn: an oblique photo may show more than is of use."""
+    low, high = places.min(axis=0), places.max(axis=0)
+    reach = REACH * max(float((high - low).max()), 1.0)
+    if rings:
+        shown = np.concatenate(list(rings.values()))[:, :2]
+        low = np.minimum(low, np.maximum(shown.min(axis=0), low - reach))
+        high = np.maximum(high, np.minimum(shown.max(axis=0), high + reach))
+    room = ROOM * max(float((high - low).max()), 1.0)
+    return low - room, high + room
+
+
+def _cameras(sheet: Sheet, centers: Floats, forward: Floats, adjusted: Bools) -> Iterator[Camera]:
+    """Arrows are the level part of the unit vector along the optical axis."""
+    for (x, y), axis, is_adjusted in zip(sheet(centers), forward, adjusted, strict=True):
+        along = ARROW * axis[:2] * [1.0, -1.0]
+        length, arrow, head = float(np.linalg.norm(along)), "", ""
+        if length > LEAST_ARROW:
+            tip = np.array([x, y]) + along
+            unit = along / length
+            across = np.array([-unit[1], unit[0]])
+            arrow = _svg(np.stack([np.array([x, y]), tip]))
+            head = _svg(
+                np.stack([tip + HEAD * unit, tip + HEAD * across / 2, tip - HEAD * across / 2])
+            )
+        yield Camera(float(x), float(y), arrow, head, bool(is_adjusted))
+
+
+def _texts(
+    result: Result, sheet: Sheet, names: tuple[str, ...], cameras: tuple[Camera, ...]
+) -> tuple[Text, ...]:
+    """Names of photos, then of points, where there is room."""
+    texts = [
+        Text(one.x, one.y - NAME_ABOVE, name, "photo")
+        for name, one in zip(names, cameras, strict=True)
+    ]
+    texts += [
+        Text(float(x), float(y) + LABEL_BELOW, label, "label")
+        for label, (x, y) in zip(
+            result.points.label, sheet(result.points.position_world_m), strict=True
+        )
+    ]
+    half = np.array(
+        [(NAME_HALF if t.kind == "photo" else LABEL_HALF) * len(t.text) + 2 for t in texts]
+    )
+    anchors = np.reshape([(text.x, text.y) for text in texts], (-1, 2))
+    anchors[:, 0] = np.clip(anchors[:, 0], half, np.maximum(WIDTH - half, half))
+    return tuple(
+        replace(texts[i], x=float(anchors[i, 0]))
+        for i in uncovered(anchors, half, LINE_HEIGHT, MOST_NAMES)
+    )
+
+
+def _common_prefix(names: tuple[str, ...]) -> str:
+    """What all names begin with; empty where that is short, or a name would be left with none."""
+    alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
+    prefix = "".join(letters[0] for letters in alike)
+    short = len(prefix) < LEAST_PREFIX or len(names) == 1
+    return "" if short or prefix in names else prefix
+
+
+def _svg(drawn: Floats) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn)

@@ -1,0 +1,97 @@
+"""A drawing seen from above, north up: world metres to its own units, and the grid behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.units import Units
+from uavgram.views.units import column, round_bar
+
+WIDTH = 900.0
+"""Of every drawing, in its own units; letters are 11 of them high."""
+MARGIN = 60.0
+LEAST_HEIGHT, MOST_HEIGHT = 260.0, 840.0
+MOST_STEP = 140.0
+"""Between lines of the grid; at least two fifths of that."""
+EDGE = 4.0
+"""Between the side of a drawing and what is written along it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """North up: x = MARGIN + (east - west) * scale, y = MARGIN + (north_m - north) * scale.
+
+    Attributes
+    ----------
+    west_m, north_m
+        World coordinates of the corner of what is inside the margins.
+    scale
+        Units of the drawing for a metre.
+    height
+        Of the drawing.
+    """
+
+    west_m: float
+    north_m: float
+    scale: float
+    height: float
+
+    def __call__(self, world_m: Floats) -> Floats:
+        """(..., 2) drawing coordinates of (..., 2 or 3) world positions."""
+        east, north = world_m[..., 0], world_m[..., 1]
+        x = MARGIN + (east - self.west_m) * self.scale
+        return np.stack([x, MARGIN + (self.north_m - north) * self.scale], axis=-1)
+
+    @property
+    def extent_m(self) -> tuple[Floats, Floats]:
+        """South-west and north-east corner (2,) of the ground that the whole drawing covers."""
+        west, north = self.west_m - MARGIN / self.scale, self.north_m + MARGIN / self.scale
+        size = np.array([WIDTH, self.height]) / self.scale
+        return np.array([west, north - size[1]]), np.array([west + size[0], north])
+
+
+def lay_sheet(low_m: Floats, high_m: Floats, most_height: float = MOST_HEIGHT) -> Sheet:
+    """Lay the ground from corner (2,) to corner into a drawing not higher than that."""
+    size = np.maximum(high_m - low_m, 1.0)
+    scale = float(min((WIDTH - 2 * MARGIN) / size[0], (most_height - 2 * MARGIN) / size[1]))
+    height = float(max(size[1] * scale + 2 * MARGIN, LEAST_HEIGHT))
+    return Sheet(
+        west_m=float(low_m[0] - ((WIDTH - 2 * MARGIN) / scale - size[0]) / 2),
+        north_m=float(high_m[1]),
+        scale=scale,
+        height=height,
+    )
+
+
+@dataclass(frozen=True)
+class GridLine:
+    """A line of the grid: its ends, and its name with where that stands."""
+
+    x1: float
+    y1: float
+    x2: float
+    y2: float
+    x: float
+    y: float
+    text: str
+
+
+def grid_lines(sheet: Sheet, units: Units) -> Iterator[GridLine]:
+    """Lines at round numbers of metres or feet from the origin, named along two sides."""
+    low, high = sheet.extent_m
+    step_m = round_bar(MOST_STEP / sheet.scale, units)[0]
+    unit = column(units)
+    for axis, name in enumerate("EN"):
+        first, last = np.ceil(low[axis] / step_m), np.floor(high[axis] / step_m)
+        for count in np.arange(first, last + 1):
+            at = sheet(np.full(2, count * step_m))[axis]
+            text = f"{name} {count * step_m * unit.factor + 0.0:g}"
+            if axis == 0:
+                yield GridLine(at, 0.0, at, sheet.height, at, 10.0, text)
+            else:
+                half = 2.8 * len(text)
+                yield GridLine(0.0, at, WIDTH, at, EDGE + half, at - 3.0, text)
