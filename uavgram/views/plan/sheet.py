@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
+from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.textpath import TextPath
 
@@ -97,7 +98,9 @@ class Sheet:
         dashes
             Lengths of dashes and gaps in widths of the line; by default it is whole.
         """
-        (line,) = self.axes.plot(*drawn.T, color=colour, linewidth=width_pt, zorder=4)
+        # not by plot(), which takes most of the time to find limits that are known
+        line = Line2D(*drawn.T, color=colour, linewidth=width_pt, zorder=4)
+        self.axes.add_artist(line)
         line.get_path().should_simplify = False
         line.set_solid_capstyle("butt")
         if dashes:
