@@ -22,6 +22,11 @@ from uavgram.model.maps.layers import Attribute, Features, Layer, placed
 _SYNCHRONOUS = "OGR_SQLITE_SYNCHRONOUS"
 _TYPES = {"point": "Point Z", "line": "LineString Z", "polygon": "Polygon Z"}
 _LOCAL = 'LOCAL_CS["local metres: x east, y north",UNIT["metre",1]]'
+# GDAL before 3.7, which long-lived systems have, warns of newer versions.
+_VERSION = {"VERSION": "1.3"}
+_NUMBERS = ("value", "sigma", "lower_95", "upper_95", "w")
+_UNITS = ("_m", "_m2", "_deg", "_s")
+"""Columns of numbers: by their names, and by their units."""
 # As QGIS makes it (QgsOgrProvider, "saveStyle").
 _STYLES = """
 CREATE TABLE layer_styles (
@@ -68,15 +73,25 @@ def write_geopackage(
             write(
                 path,
                 geometry=np.array([_wkb(layer, v) for v in _on_map(features, layer)], dtype=object),
-                field_data=[_field(attributes[key]) for key in columns],
+                field_data=[_field(key, attributes[key]) for key in columns],
                 fields=columns,
                 layer=layer.name,
                 driver="GPKG",
                 geometry_type=_TYPES[layer.kind],
                 crs=_LOCAL if features.crs is None else features.crs,
                 append=index > 0,
+                dataset_options=_VERSION,
+                layer_options={"DESCRIPTION": _heights(features)},
             )
     _write_styles(features, looks, path)
+
+
+def _heights(features: Features) -> str:
+    """What a coordinate system of maps does not say."""
+    if features.origin is None:
+        return "metres; heights above the plane of the ground"
+    above = "mean sea level" if features.height_datum == "msl" else "the WGS 84 ellipsoid"
+    return f"heights in metres above {above}"
 
 
 def _texts(layer: Layer, words: Quantity | None) -> dict[str, Attribute]:
@@ -141,10 +156,14 @@ def _on_map(features: Features, layer: Layer) -> tuple[Floats, ...]:
     return placed(layer.vertices_m, lambda enu: projected_from_enu(enu, origin, crs))
 
 
-def _field(values: Attribute) -> np.ndarray[tuple[int], np.dtype[np.object_ | np.float64]]:
-    if values and isinstance(values[0], str):
-        return np.array(values, dtype=object)
-    return np.array(values, dtype=np.float64)
+def _field(
+    name: str, values: Attribute
+) -> np.ndarray[tuple[int], np.dtype[np.object_ | np.float64]]:
+    """A column; of a layer without shapes too, a program that fills it finds text or numbers."""
+    if values:
+        return np.array(values, dtype=object if isinstance(values[0], str) else np.float64)
+    is_number = name in _NUMBERS or name.endswith(_UNITS)
+    return np.zeros(0, dtype=np.float64 if is_number else object)
 
 
 def _wkb(layer: Layer, vertices: Floats) -> bytes | None:
