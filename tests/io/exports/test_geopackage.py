@@ -86,6 +86,38 @@ def test_missing_numbers_are_null_not_a_number_to_sort_by(path: Path, result: Re
     np.testing.assert_array_equal(fields["length_m"], result.lines.length_m)
 
 
+def test_a_layer_without_shapes_has_the_columns_of_one_that_has_some(
+    features: Features, tmp_path: Path
+) -> None:
+    empty = [
+        replace(
+            layer, vertices_m=(), above_ground_m=(), attributes=dict.fromkeys(layer.attributes, ())
+        )
+        for layer in features.layers
+    ]
+    for name, layers in (("full", features.layers), ("empty", tuple(empty))):
+        write_geopackage(replace(features, layers=layers), tmp_path / f"{name}.gpkg")
+
+    assert sum(map(len, features.layers)) > 50
+    for layer in features.layers:
+        full, none = (
+            read_info(tmp_path / f"{name}.gpkg", layer=layer.name) for name in ("full", "empty")
+        )
+        assert none["features"] == 0
+        assert dict(zip(none["fields"], none["dtypes"], strict=True)) == dict(
+            zip(full["fields"], full["dtypes"], strict=True)
+        )
+
+
+def test_older_programs_can_read_it_and_it_says_what_heights_are_above(path: Path) -> None:
+    with closing(sqlite3.connect(path)) as file:
+        (version,) = file.execute("PRAGMA user_version").fetchone()
+        told = file.execute("SELECT DISTINCT description FROM gpkg_contents").fetchall()
+
+    assert version == 10300  # GDAL 3.6 warns of 1.4
+    assert told == [("heights in metres above mean sea level",)]
+
+
 def test_without_a_place_on_earth_it_holds_local_metres(adrift: Features, tmp_path: Path) -> None:
     write_geopackage(adrift, tmp_path / "local.gpkg")
     geometry, fields = columns(tmp_path / "local.gpkg", "points")

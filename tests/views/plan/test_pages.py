@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pikepdf
 import pytest
 import synthetic_survey
+from matplotlib.artist import Artist
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.patches import Polygon
 from PIL import Image
 
 from uavgram.model.arrays import Floats
@@ -17,9 +21,11 @@ from uavgram.model.maps.raster import GroundRaster
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.stages.products.plan_sheets import lay_plan, surveyed_extent
+from uavgram.views.plan.legend import draw_legend
 from uavgram.views.plan.pages import GroundPicture, PlanContent, PlanFiles, plan_pages
-from uavgram.views.plan.sheet import MM_OF_POINT
-from uavgram.views.plan.surveyed import clipped
+from uavgram.views.plan.sheet import INK as BLACK
+from uavgram.views.plan.sheet import MM_OF_POINT, Sheet
+from uavgram.views.plan.surveyed import clipped, draw_grid
 from uavgram.views.survey.top_view import INK
 
 TINY_MM = 0.1
@@ -27,10 +33,11 @@ TINY_MM = 0.1
 
 @dataclass(frozen=True)
 class Page:
-    """What is on a page: its size [mm], and strokes by colour [mm]."""
+    """What is on a page: its size [mm], strokes by colour [mm], and where points are marked."""
 
     size_mm: tuple[float, float]
     strokes: dict[str, list[Floats]]
+    marks_mm: Floats
 
 
 def content(result: Result, paper: Paper = "a4", scale: int | None = None) -> PlanContent:
@@ -45,29 +52,38 @@ def content(result: Result, paper: Paper = "a4", scale: int | None = None) -> Pl
     )
 
 
-def strokes_of(page: pikepdf.Page) -> dict[str, list[Floats]]:
+def drawn_on(page: pikepdf.Page) -> tuple[dict[str, list[Floats]], Floats]:
+    """Strokes by colour, and middles of filled circles in the colour of points [mm]."""
     found: dict[str, list[Floats]] = {}
+    marks: list[Floats] = []
     path: list[tuple[float, float]] = []
-    colour, stack, turn = "", [], pikepdf.Matrix()
+    colours, stack, turn, is_round = {"RG": "", "rg": ""}, [], pikepdf.Matrix(), False
     for instruction in pikepdf.parse_content_stream(page):
         operands, name = instruction.operands, str(instruction.operator)
         if name == "q":
-            stack.append((colour, turn))
+            stack.append((colours.copy(), turn))
         elif name == "Q":
-            colour, turn = stack.pop()
+            colours, turn = stack.pop()
         elif name == "cm":
             turn = pikepdf.Matrix(*map(float, operands)) @ turn
-        elif name in ("RG", "G"):
-            parts = [round(255 * float(part)) for part in operands] * (3 if name == "G" else 1)
-            colour = "#" + "".join(f"{part:02x}" for part in parts)
-        elif name in ("m", "l"):
-            point = turn.transform((float(operands[0]), float(operands[1])))
-            path = [point] if name == "m" else [*path, point]
-        elif name in ("S", "s", "n", "f", "B", "W"):
-            if name == "S":
-                found.setdefault(colour, []).append(MM_OF_POINT * np.array(path))
-            path = [] if name != "W" else path
-    return found
+        elif name in ("RG", "G", "rg", "g"):
+            colours["RG" if name.isupper() else "rg"] = colour_of(operands)
+        elif name in ("m", "l", "c"):
+            point = turn.transform((float(operands[-2]), float(operands[-1])))
+            path, is_round = ([point] if name == "m" else [*path, point]), name == "c"
+        elif name in ("S", "s", "n", "f", "B"):
+            drawn = MM_OF_POINT * np.array(path)
+            if name == "S" and path:  # lines off the page have lost their vertices
+                found.setdefault(colours["RG"], []).append(drawn)
+            elif name == "B" and is_round and colours["rg"] == INK["point"]:
+                marks.append((drawn.min(axis=0) + drawn.max(axis=0)) / 2)
+            path = []
+    return found, np.array(marks).reshape(-1, 2)
+
+
+def colour_of(operands: Iterable[object]) -> str:
+    parts = [round(255 * float(str(part))) for part in operands]
+    return "#" + "".join(f"{part:02x}" for part in (parts * 3)[:3])
 
 
 def pages_of(pdf: bytes) -> list[Page]:
@@ -78,9 +94,11 @@ def pages_of(pdf: bytes) -> list[Page]:
                     MM_OF_POINT * float(page.mediabox[2]),
                     MM_OF_POINT * float(page.mediabox[3]),
                 ),
-                strokes=strokes_of(page),
+                strokes=drawn[0],
+                marks_mm=drawn[1],
             )
             for page in file.pages
+            if (drawn := drawn_on(page))
         ]
 
 
@@ -125,24 +143,53 @@ def test_a_plan_of_one_sheet_has_one_page_of_its_paper(made: PlanFiles) -> None:
     assert sorted(page.size_mm) == pytest.approx((210.0, 297.0), abs=0.01)
 
 
-def test_sheets_of_a_larger_scale_follow_an_overview(result: Result) -> None:
-    wanted = content(result, "letter", 250)
-    pages = pages_of(plan_pages(wanted).pdf)
-    frame = wanted.plan.frame_mm
-    seen = 0
+def joined(pages: list[Page]) -> Floats:
+    """Marks of points on sheets that were cut and joined as the plan says."""
+    marks = []
+    corner, row_start = np.zeros(2), np.zeros(2)
+    for page in pages:
+        inked = page.strokes[BLACK]
+        low, high = next(
+            (line.min(axis=0), line.max(axis=0))
+            for line in inked
+            if len(line) == 5 and np.ptp(line, axis=0).min() > 99
+        )
+        cuts = [line for line in inked if len(line) == 2]
+        right = [cut[0, 0] for cut in cuts if abs(np.ptp(cut[:, 1]) - (high - low)[1]) < 0.01]
+        below = [cut[0, 1] for cut in cuts if abs(np.ptp(cut[:, 0]) - (high - low)[0]) < 0.01]
+        inside = ((low <= page.marks_mm) & (page.marks_mm <= high)).all(axis=1)
+        marks.append(page.marks_mm[inside] - low + corner)
+        if right:  # the cut edge lies on the left edge of the next frame
+            corner = corner + np.array([right[0] - low[0], 0.0])
+        elif below:  # and on the upper edge of the frames below
+            corner = row_start = row_start + np.array([0.0, below[0] - high[1]])
+    return np.concatenate(marks)
 
-    assert len(pages) == 1 + len(wanted.plan.sheets) == 5
-    for page, sheet in zip(pages[1:], wanted.plan.sheets, strict=True):
-        assert sorted(page.size_mm) == pytest.approx((215.9, 279.4), abs=0.01)
-        drawn = [line for line in page.strokes[INK["measured"]] if len(line) == 2]
-        for strips in measured_strips(result).values():
-            for strip in strips:
-                level = wanted.plan.on_paper(sheet, strip)
-                low, high = np.array(frame[:2]), np.array(frame[:2]) + frame[2:]
-                if len(strip) == 2 and ((low < level) & (level < high)).all():
-                    assert min(np.abs(line - level).max() for line in drawn) < TINY_MM
-                    seen += 1
-    assert seen
+
+@pytest.mark.parametrize(("paper", "scale", "share"), [("a4", 100, 0.4), ("letter", 200, 1.0)])
+def test_lengths_on_joined_sheets_are_those_of_the_survey(
+    result: Result, paper: Paper, scale: int, share: float
+) -> None:
+    low, high = surveyed_extent(result)
+    middle, half = (low + high) / 2, share * (high - low) / 2
+    wanted = content(result, paper, scale)
+    wanted = replace(wanted, plan=lay_plan((middle - half, middle + half), paper, scale))
+    pages = pages_of(plan_pages(wanted).pdf)[1:]
+    marks = joined(pages)
+    size = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}[paper]
+    place = result.points.position_world_m[:, :2]
+    place = place[(np.abs(place - middle) < half).all(axis=1)]
+    true_mm = np.linalg.norm(place[:, None] - place, axis=-1) * 1000.0 / scale
+    # one of the points is the first mark: it is that by which the others find theirs
+    shifts = marks[0] - result.points.position_world_m[:, :2] * 1000.0 / scale
+    moved = place * 1000.0 / scale + shifts[:, None]
+    far = np.linalg.norm(moved[:, :, None] - marks, axis=-1)
+    drawn = marks[far[far.min(axis=2).sum(axis=1).argmin()].argmin(axis=1)]
+
+    assert len(pages) > 3
+    assert all(sorted(page.size_mm) == pytest.approx(size, abs=0.01) for page in pages)
+    assert len(place) > 5
+    assert np.linalg.norm(drawn[:, None] - drawn, axis=-1) == pytest.approx(true_mm, abs=TINY_MM)
 
 
 def test_equal_input_gives_equal_bytes(made: PlanFiles, result: Result) -> None:
@@ -173,6 +220,36 @@ def test_a_picture_lies_where_its_raster_says(result: Result) -> None:
     share = np.flatnonzero(on_map.any(axis=0)).min() / on_map.shape[1]
     (first, _), (last, _), _ = drawn.map_corners_m
     assert first + share * (last - first) == pytest.approx(raster.west_m, abs=0.15)
+    with pikepdf.open(io.BytesIO(drawn.pdf)) as file:
+        (stored,) = file.pages[0].get_images().values()
+
+        assert file.check_pdf_syntax() == []
+        assert stored.Filter == "/DCTDecode"
+        found = np.asarray(pikepdf.PdfImage(stored).as_pil_image()).astype(int)
+    assert found.shape == (10, 20, 3)
+    assert np.abs(found - [255, 0, 0]).max() < 8
+
+
+@pytest.mark.parametrize(("paper", "scale"), [("a4", None), ("letter", 200), ("letter", 1000)])
+def test_texts_beside_the_frame_are_clear_of_each_other_and_of_north(
+    result: Result, paper: Paper, scale: int | None
+) -> None:
+    wanted = content(result, paper, scale)
+    plan = wanted.plan
+    sheet = Sheet(plan, plan.sheets[-1])
+    draw_grid(sheet, result)
+    draw_legend(sheet, result, "overview of 100 sheets 1:5000", wanted.notes, "SHA-256 " * 9)
+    renderer = FigureCanvasAgg(sheet.figure).get_renderer()
+    arrow = [one for one in sheet.axes.patches if isinstance(one, Polygon)][:1]
+    drawn: list[Artist] = [*sheet.axes.texts, *arrow]
+    boxes = [one.get_window_extent(renderer) for one in drawn]
+    px = sheet.figure.dpi / 25.4
+
+    for box, one in zip(boxes, drawn, strict=True):
+        assert box.x0 > 5 * px, one
+        assert box.x1 < (plan.paper_mm[0] - 5) * px, one
+    pairs = [(a, b) for k, a in enumerate(boxes) for b in boxes[:k] if a.overlaps(b)]
+    assert pairs == []
 
 
 def test_a_line_is_cut_at_the_frame() -> None:

@@ -21,6 +21,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.maps.layers import Attribute, Features, Layer, placed
 
 # OGC 12-128r18 (GeoPackage 1.3), annex C; no more than its core and what layers of shapes need.
+# GDAL before 3.7, which long-lived systems have, warns of newer versions.
 _APPLICATION_ID, _USER_VERSION = 0x47504B47, 10300  # "GPKG", 1.3.0
 _CORE = f"""
 PRAGMA synchronous = OFF;  -- who hands the file on waits for the disk, once (`staged_output`)
@@ -48,6 +49,9 @@ CREATE TABLE gpkg_geometry_columns (
 """
 _TYPES = {"point": "POINT", "line": "LINESTRING", "polygon": "POLYGON"}
 _LOCAL = 'LOCAL_CS["local metres: x east, y north",UNIT["metre",1]]'
+_NUMBERS = ("value", "sigma", "lower_95", "upper_95", "w")
+_UNITS = ("_m", "_m2", "_deg", "_s")
+"""Columns of numbers: by their names, and by their units."""
 # As QGIS makes it (QgsOgrProvider, "saveStyle").
 _STYLES = """
 CREATE TABLE layer_styles (
@@ -98,7 +102,12 @@ def write_geopackage(
         )
         for layer in features.layers:
             attributes = layer.attributes | _texts(layer, words)
-            _write_layer(file, layer, _on_map(features, layer), attributes, system.srs_id)
+            shapes = _on_map(features, layer)
+            _write_layer(file, layer, shapes, attributes, system.srs_id)
+            file.execute(
+                "UPDATE gpkg_contents SET description = ? WHERE table_name = ?",
+                (_heights(features), layer.name),
+            )
         _write_styles(file, features, looks)
 
 
@@ -149,8 +158,7 @@ def _write_layer(
     """One table of shapes and attributes, and where it is told of."""
     fields = {key: _field(values) for key, values in attributes.items()}
     columns = "".join(
-        f", {_quoted(key)} {'TEXT' if values and isinstance(values[0], str) else 'REAL'}"
-        for key, values in fields.items()
+        f", {_quoted(key)} {_kind(key, values)}" for key, values in attributes.items()
     )
     file.execute(
         f"CREATE TABLE {_quoted(layer.name)} (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, "
@@ -177,6 +185,14 @@ def _write_layer(
 def _quoted(name: str) -> str:
     """A name of a table or a column in SQL."""
     return '"' + name.replace('"', '""') + '"'
+
+
+def _heights(features: Features) -> str:
+    """What a coordinate system of maps does not say."""
+    if features.origin is None:
+        return "metres; heights above the plane of the ground"
+    above = "mean sea level" if features.height_datum == "msl" else "the WGS 84 ellipsoid"
+    return f"heights in metres above {above}"
 
 
 def _texts(layer: Layer, words: Quantity | None) -> dict[str, Attribute]:
@@ -230,6 +246,13 @@ def _field(values: Attribute) -> list[str] | list[float]:
     if values and isinstance(values[0], str):
         return [str(value) for value in values]
     return [float(value) for value in values]
+
+
+def _kind(name: str, values: Attribute) -> str:
+    """Type of a column; of a layer without shapes too, a program that fills it finds it right."""
+    if values:
+        return "TEXT" if isinstance(values[0], str) else "REAL"
+    return "REAL" if name in _NUMBERS or name.endswith(_UNITS) else "TEXT"
 
 
 def _geometry(layer: Layer, vertices: Floats, srs_id: int) -> bytes | None:

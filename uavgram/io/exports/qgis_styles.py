@@ -13,6 +13,10 @@ _GEOMETRY: dict[ShapeKind, str] = {"point": "0", "line": "1", "polygon": "2"}
 # QgsPalLayerSettings.Placement: around a point, along a line, horizontal in an area.
 _PLACEMENT: dict[ShapeKind, str] = {"point": "0", "line": "2", "polygon": "4"}
 
+# QgsLabeling.LinePlacementFlag: above, below, as the map lies; and how far texts may go beyond the
+# ends of lines: otherwise short lines, or crowded ones, have none.
+_BESIDE_LINE, _BEYOND_MM = str(2 + 4 + 8), "40"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
@@ -138,7 +142,8 @@ def _labels(parent: Element, look: Look, kind: ShapeKind) -> None:
     )  # fmt: skip
     SubElement(
         settings, "placement", placement=_PLACEMENT[kind], dist="1", distUnits="MM",
-        placementFlags="10", geometryGeneratorType="PointGeometry",
+        placementFlags=_BESIDE_LINE, overrunDistance=_BEYOND_MM, overrunDistanceUnit="MM",
+        geometryGeneratorType="PointGeometry",
     )  # fmt: skip
     SubElement(settings, "rendering", obstacle="1", drawLabels="1", scaleVisibility="0")
 

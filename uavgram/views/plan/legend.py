@@ -1,39 +1,29 @@
-"""The strip below the plan: scale, north, what the signs mean, and what a reader must know."""
+"""The strip beside the plan: scale, north, what the signs mean, and what a reader must know."""
 
 from __future__ import annotations
-
-import textwrap
 
 import numpy as np
 from matplotlib.patches import Polygon, Rectangle
 
-from uavgram.model.arrays import Floats
-from uavgram.model.maps.plan import Plan, PlanSheet
+from uavgram.model.maps.plan import Plan
 from uavgram.model.result.result import Result
+from uavgram.views.plan.notes import fitted, plan_notes
 from uavgram.views.plan.sheet import INK as BLACK
-from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, plain
+from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, only_at, plain
 from uavgram.views.plan.surveyed import DASHES, DIAMOND_MM, LINE_PT
 from uavgram.views.survey.top_view import INK
-from uavgram.views.survey.verdict import headline
-from uavgram.views.units import round_bar, spread_text, units_of
+from uavgram.views.units import round_bar, units_of
 
-TEXT_PT, TITLE_PT, FOOT_PT = 6.0, 11.0, 5.0
-BAR_MM = 50.0
-SIGNS_MM, NOTES_MM = 60.0, 106.0
+TITLE_PT, TEXT_PT, FOOT_PT, NUMBER_PT = 11.0, 6.0, 5.0, 11.0
+BAR_MM, NORTH_MM = 50.0, 59.0
+"""Most length of the scale bar, and where north stands, right of what the bar can take."""
+
+SIGNS_MM, NOTES_MM = 66.0, 113.0
 """Where the columns below a frame begin, from its left."""
 
-LETTER_MM = 1.1
-"""Of a line of notes, the usual width of a letter."""
-
-INDEX_MM = 22.0
-
-LEANS = (
-    "Picture: the photos, laid onto the plane of the ground. What stands above the ground leans "
-    "away from the camera and is not where it seems: only its surveyed points are in their place."
-)
-ACTUAL_SIZE = (
-    'Print at "actual size" (100 %) and hold a ruler to the scale bar: it says how long it must be.'
-)
+BELOW_TITLE_MM = 22.0
+INDEX_MM = 21.0
+FOOT_MM = 6.5
 
 
 def draw_legend(
@@ -55,49 +45,29 @@ def draw_legend(
         One line at the very bottom.
     """
     left, bottom, across, up = sheet.plan.frame_mm
-    told = (headline(result), ACTUAL_SIZE, LEANS, *notes)
-    index = INDEX_MM + 4.0 if len(sheet.plan.sheets) > 1 else 0.0
+    told = (*plan_notes(result, sheet), *notes)
     if sheet.plan.paper_mm[0] < sheet.plan.paper_mm[1]:
         top = bottom - 3.0
         _title(sheet, result, title, left, top)
+        _index(sheet, left, top - BELOW_TITLE_MM)
         _signs(sheet, result, left + SIGNS_MM, top - 1.5)
-        _paragraphs(sheet, told, left + NOTES_MM, top - 1.5, across - NOTES_MM - index)
-        _index(sheet, left + across - INDEX_MM, top - 1.0)
+        size = across - NOTES_MM, top - 1.5 - FOOT_MM - 2.0
+        _paragraphs(sheet, told, (left + NOTES_MM, top - 1.5), size)
     else:
         left, top = left + across + 5.0, bottom + up
         right = sheet.plan.paper_mm[0] - sheet.plan.frame_mm[0]
         _title(sheet, result, title, left, top)
-        below = _signs(sheet, result, left, top - 26.0)
-        below = _paragraphs(sheet, told, left, below - 2.0, right - left)
-        _index(sheet, left, below - 2.0)
-    _write(sheet, sheet.plan.frame_mm[0], 6.5, foot, FOOT_PT, colour=QUIET)
+        below = _index(sheet, left, top - BELOW_TITLE_MM - 2.0)
+        below = _signs(sheet, result, left, below)
+        _paragraphs(sheet, told, (left, below - 2.0), (right - left, below - 2.0 - bottom))
+    _write(sheet, sheet.plan.frame_mm[0], FOOT_MM, foot, FOOT_PT, colour=QUIET)
 
 
 def _title(sheet: Sheet, result: Result, title: str, left: float, top: float) -> None:
     _write(sheet, left, top - 2.5, result.name, TITLE_PT, weight="bold")
     _write(sheet, left, top - 8.0, f"Plan 1:{sheet.plan.scale}, {title}", 7.0)
     _scale_bar(sheet, result, left, top - 14.0)
-    _north(sheet, left + 53.0, top - 14.5)
-
-
-def accuracy_note(result: Result) -> str:
-    """``Places on earth: about 2.1 m. Distances between neighbours: about 1 cm ...``."""
-    points, units = result.points, units_of(result)
-    near = points.neighbour_sigma_m
-    told = []
-    if np.isfinite(near).any():
-        one = spread_text(float(np.nanmedian(near)), "m", units)
-        told.append(f"Distances between neighbouring points are known to ± {one}.")
-    if result.world.gauge == "plane" or result.world.origin is None:
-        told.append("Nothing ties this survey to the earth: north is arbitrary, lengths hold.")
-    else:
-        sigma = np.sqrt(np.trace(points.covariance_m2, axis1=1, axis2=2) / 2)
-        place = spread_text(float(np.median(sigma)), "m", units)
-        told.append(
-            f"The place of the whole survey on earth is known to ± {place} (east, north): an error "
-            "of it shifts the grid, and changes no length."
-        )
-    return " ".join(told)
+    _north(sheet, left + NORTH_MM, top - 15.0)
 
 
 def _write(
@@ -143,7 +113,7 @@ def _signs(sheet: Sheet, result: Result, x: float, y: float) -> float:
     ]
     words = {
         "used": "known length, used",
-        "checked": "known length, withheld",
+        "checked": "known length, kept for checking",
         "suspect": "known length that does not fit",
         "removed": "known length that does not fit",
         "unseen": "known length, not seen",
@@ -173,21 +143,24 @@ def _signs(sheet: Sheet, result: Result, x: float, y: float) -> float:
     return at - 3.0
 
 
-def _paragraphs(sheet: Sheet, told: tuple[str, ...], x: float, y: float, width_mm: float) -> float:
-    """Write them below each other; where they end."""
-    for text in told:
-        for line in textwrap.wrap(text, max(int(width_mm / LETTER_MM), 20)):
-            _write(sheet, x, y, line, TEXT_PT)
-            y -= 2.6
-        y -= 0.7
-    return y
+def _paragraphs(
+    sheet: Sheet, told: tuple[str, ...], corner: tuple[float, float], size: tuple[float, float]
+) -> None:
+    """Write them below each other from an upper left corner on, in a width and height."""
+    note = fitted(told, size)
+    x, y = corner
+    for lines in note.paragraphs:
+        for line in lines:
+            _write(sheet, x, y, line, note.size_pt)
+            y -= note.line_mm
+        y -= note.gap_mm
 
 
-def _index(sheet: Sheet, x: float, y: float) -> None:
-    """All sheets, small; this one is filled. One alone needs none."""
+def _index(sheet: Sheet, x: float, y: float) -> float:
+    """All sheets, small, this one filled; one alone needs none. Where it ends."""
     plan = sheet.plan
     if len(plan.sheets) == 1:
-        return
+        return y
     side = min(INDEX_MM / plan.columns, INDEX_MM / plan.rows)
     for one in plan.sheets:
         face = "#c9d3df" if one.number == sheet.sheet.number else PAPER
@@ -197,31 +170,23 @@ def _index(sheet: Sheet, x: float, y: float) -> None:
         )
         middle = corner[0] + side / 2, corner[1] + side / 2
         _write(sheet, *middle, str(one.number), min(6.0, 1.6 * side), align="center")
+    return y - plan.rows * side - 4.0
 
 
 def outline_sheets(sheet: Sheet, tiled: Plan) -> None:
     """On an overview: where the sheets of the tiled plan lie, with their numbers."""
+    left, bottom, _, up = sheet.plan.frame_mm
     for one in tiled.sheets:
+        west, south = one.west_m, one.south_m
         corners = np.array(
             [
-                [one.west_m, one.south_m], [one.east_m, one.south_m], [one.east_m, one.north_m],
-                [one.west_m, one.north_m], [one.west_m, one.south_m],
+                [west, south], [one.east_m, south], [one.east_m, one.north_m],
+                [west, one.north_m], [west, south],
             ]
         )  # fmt: skip
         drawn = sheet.on_paper(corners)
+        sheet.line(drawn, PAPER, 6 * THIN_PT)
         sheet.line(drawn, BLACK, 2 * THIN_PT)
-        _sheet_number(sheet, one, (drawn[0] + drawn[2]) / 2)
-
-
-def _sheet_number(sheet: Sheet, one: PlanSheet, middle: Floats) -> None:
-    text = sheet.axes.text(
-        float(middle[0]),
-        float(middle[1]),
-        str(one.number),
-        fontsize=16,
-        color=BLACK,
-        alpha=0.6,
-        ha="center",
-        va="center",
-    )
-    text.set_clip_path(sheet.frame)
+        corner = np.maximum(drawn[3], [left, -np.inf])
+        corner = np.minimum(corner, [np.inf, bottom + up])
+        sheet.name(str(one.number), BLACK, NUMBER_PT, only_at(corner + np.array([4.0, -4.0])))

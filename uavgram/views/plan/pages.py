@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
@@ -11,7 +12,6 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.patches import Rectangle
 from PIL import Image
 
@@ -20,8 +20,9 @@ from uavgram.model.arrays import Floats
 from uavgram.model.maps.plan import Plan, PlanSheet
 from uavgram.model.maps.raster import GroundRaster
 from uavgram.model.result.result import Result
-from uavgram.views.plan.legend import accuracy_note, draw_legend, outline_sheets
-from uavgram.views.plan.sheet import INK, PAPER, QUIET, THIN_PT, Sheet, beside
+from uavgram.views.plan.jpeg_pages import JpegPages
+from uavgram.views.plan.legend import draw_legend, outline_sheets
+from uavgram.views.plan.sheet import INK, PAPER, QUIET, THIN_PT, Sheet, only_at
 from uavgram.views.plan.surveyed import draw_grid, draw_surveyed
 
 PNG_DPI = 200
@@ -100,7 +101,7 @@ def plan_pages(content: PlanContent) -> PlanFiles:
     made = datetime.fromisoformat(content.result.provenance.created_utc)
     pdf = io.BytesIO()
     metadata = {"Title": f"{content.result.name}: plan", "CreationDate": made, "ModDate": made}
-    with rc_context(_FONTS), PdfPages(pdf, metadata=metadata) as pages:
+    with rc_context(_FONTS), JpegPages(pdf, metadata=metadata) as pages:
         sheets = _sheets(content)
         first = next(sheets)
         first.figure.savefig(pages, format="pdf")
@@ -160,7 +161,7 @@ def _finished(content: PlanContent, sheet: Sheet, title: str) -> Sheet:
     left, bottom, across, up = sheet.plan.frame_mm
     edge = Rectangle((left, bottom), across, up, fill=False, edgecolor=INK, linewidth=0.8, zorder=9)
     sheet.axes.add_patch(edge)
-    notes = (accuracy_note(result), *content.notes)
+    notes = content.notes
     if sheet.left_out:
         notes += (
             f"Texts for which there was no room: {sheet.left_out}. A larger scale (--plan-scale) "
@@ -190,29 +191,33 @@ def _show(sheet: Sheet, picture: GroundPicture) -> None:
 
 
 def _seams(sheet: Sheet) -> None:
-    """Where the next sheets begin, and which they are: cut there, and lay one on the other."""
+    """Where to cut, right and below, and in the strips that sheets share: which is the next one."""
     plan, one = sheet.plan, sheet.sheet
     left, bottom, across, up = plan.frame_mm
-    overlap = plan.overlap_mm
-    middle = np.array([left + across / 2, bottom + up / 2])
-    sides = {
-        (1, 0): np.array(
-            [[left + across - overlap, bottom], [left + across - overlap, bottom + up]]
-        ),
-        (-1, 0): np.array([[left + overlap, bottom], [left + overlap, bottom + up]]),
-        (0, 1): np.array([[left, bottom + overlap], [left + across, bottom + overlap]]),
-        (0, -1): np.array([[left, bottom + up - overlap], [left + across, bottom + up - overlap]]),
-    }
-    for (columns, rows), seam in sides.items():
-        next_to = [
-            other
-            for other in plan.sheets
-            if (other.column - one.column, other.row - one.row) == (columns, rows)
-        ]
-        for other in next_to:
-            sheet.line(seam, PAPER, 4 * THIN_PT)
-            sheet.line(seam, INK, 2 * THIN_PT, (6.0, 2.0, 1.0, 2.0))
-            at = seam.mean(axis=0)
-            outwards = (at - middle) / np.linalg.norm(at - middle)
-            number = at + outwards * overlap / 2
-            sheet.name(f"sheet {other.number}", QUIET, 7.0, beside(number, -2.0, 4))
+    right, top, strip = left + across, bottom + up, plan.overlap_mm
+    for other in plan.sheets:
+        beside = other.column - one.column, other.row - one.row
+        if beside == (1, 0):
+            _cut(sheet, np.array([[right - strip, bottom], [right - strip, top]]))
+        elif beside == (0, 1):
+            _cut(sheet, np.array([[left, bottom + strip], [right, bottom + strip]]))
+        middle = {
+            (1, 0): (right - strip / 2, bottom + up / 2),
+            (-1, 0): (left + strip / 2, bottom + up / 2),
+            (0, 1): (left + across / 2, bottom + strip / 2),
+            (0, -1): (left + across / 2, top - strip / 2),
+        }.get(beside)
+        if middle is not None:
+            turn = math.pi / 2 if beside[0] else 0.0
+            sheet.name(f"sheet {other.number}", QUIET, 7.0, only_at(np.array(middle), turn))
+
+
+def _cut(sheet: Sheet, drawn: Floats) -> None:
+    """A line to cut along, with marks outside the frame; no text lies across it."""
+    sheet.reserve(drawn.mean(axis=0), np.maximum(np.ptp(drawn, axis=0) / 2, 0.3))
+    sheet.line(drawn, PAPER, 6 * THIN_PT)
+    sheet.line(drawn, INK, 2 * THIN_PT, (6.0, 3.0))
+    way = (drawn[1] - drawn[0]) / np.linalg.norm(drawn[1] - drawn[0])
+    for end, outwards in ((drawn[0], -way), (drawn[1], way)):
+        mark = end + outwards * np.array([[0.3], [1.5]])
+        sheet.axes.plot(*mark.T, color=INK, linewidth=2 * THIN_PT)

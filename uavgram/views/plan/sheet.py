@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
+from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.textpath import TextPath
 
@@ -28,9 +29,9 @@ Rounds = Callable[[Floats], list[Floats]]
 """Of half a text's width and height, its (c, 5) places round by round; the best first."""
 
 
-def only_at(middle: Floats) -> Rounds:
-    """A text stands at (2,) its place, or nowhere."""
-    return lambda half: [np.array([[*middle, *half, 0.0]])]
+def only_at(middle: Floats, turn: float = 0.0) -> Rounds:
+    """A text stands at (2,) its place, turned by an angle [rad], or nowhere."""
+    return lambda half: [np.array([[*middle, *half, turn]])]
 
 
 def beside(spot: Floats, gap_mm: float, most: int) -> Rounds:
@@ -97,7 +98,9 @@ class Sheet:
         dashes
             Lengths of dashes and gaps in widths of the line; by default it is whole.
         """
-        (line,) = self.axes.plot(*drawn.T, color=colour, linewidth=width_pt, zorder=4)
+        # not by plot(), which takes most of the time to find limits that are known
+        line = Line2D(*drawn.T, color=colour, linewidth=width_pt, zorder=4)
+        self.axes.add_artist(line)
         line.get_path().should_simplify = False
         line.set_solid_capstyle("butt")
         if dashes:
@@ -182,11 +185,12 @@ def plain(text: str) -> str:
 
 def half_text(text: str, size_pt: float) -> Floats:
     """(2,) half the width and height that a text takes [mm]."""
-    return np.array([_width_mm(text, size_pt) + 0.8, _LINE * size_pt * MM_OF_POINT]) / 2
+    return np.array([width_mm(text, size_pt) + 0.8, _LINE * size_pt * MM_OF_POINT]) / 2
 
 
 @lru_cache(maxsize=2048)
-def _width_mm(text: str, size_pt: float) -> float:
+def width_mm(text: str, size_pt: float) -> float:
+    """Width of a text [mm]."""
     if not text.strip():
         return 0.0
     path = TextPath((0.0, 0.0), plain(text), size=size_pt, prop=FontProperties())

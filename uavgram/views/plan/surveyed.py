@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, position_strips, reference_strips
 from uavgram.stages.products.measured_shapes import ENCLOSED
-from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, beside, only_at
+from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Rounds, Sheet, beside, only_at
 from uavgram.views.survey.top_view import INK
 from uavgram.views.units import column, round_bar, units_of, value_text
 from uavgram.views.wording import measurement_text, number, worst_first
@@ -23,11 +23,17 @@ DASHES = (4.0, 2.5)
 GRID_MM = 50.0
 """Most paper between two lines of the grid."""
 
+GRID_ASIDE_MM = 2.6
+"""Of the frame, its numbers stand outside."""
+
 CROSS_MM = 2.0
 """Of the grid's crosses, half the width."""
 
 MANY = 25
 """More measurements than these are drawn thin, and named only where there is room beside them."""
+
+DOUBT = " ?"
+"""After a value that is contradicted, or another one in another solution that fits as well."""
 
 DIAMOND_MM = 1.4
 ROUNDS = 12
@@ -56,18 +62,16 @@ def draw_surveyed(sheet: Sheet, result: Result) -> None:
         for strip in strips:
             _cased(sheet, strip, INK["measured"], share=1.0 if are_few else 0.5)
     _points(sheet, result)
-    units, rows = units_of(result), result.measurements
+    units, rows, doubt = units_of(result), result.measurements, is_doubtful(result)
     for k in worst_first(rows):
         if strips := measured.get(int(k), []):
             row = measurement_text(rows, int(k), units)
-            doubt = " ?" if row.others or rows.status[k] in ("doubtful", "contradicted") else ""
-            _name_strip(
-                sheet,
-                strips,
-                f"{row.name}: {row.value}{doubt}",
-                "measured",
-                ROUNDS if are_few else 1,
-            )
+            text = f"{row.name}: {row.value}{DOUBT if doubt[k] else ''}"
+            most = ROUNDS if are_few else 1
+            if rows.kind[k] in ENCLOSED:
+                _name_area(sheet, strips, text, most)
+            else:
+                _name_strip(sheet, strips, text, "measured", most)
     for i, strip in known.items():
         length, sigma = float(result.lines.length_m[i]), float(result.lines.sigma_m[i])
         text = f"{result.lines.name[i]}: {value_text(length, sigma, 'm', units)}"
@@ -77,23 +81,35 @@ def draw_surveyed(sheet: Sheet, result: Result) -> None:
     _names(sheet, result)
 
 
+def is_doubtful(result: Result) -> Bools:
+    """(M,) whether a measured value stands with a question mark."""
+    rows, units = result.measurements, units_of(result)
+    return np.array(
+        [
+            status in ("doubtful", "contradicted") or bool(measurement_text(rows, k, units).others)
+            for k, status in enumerate(rows.status)
+        ],
+        dtype=np.bool_,
+    )
+
+
 def draw_grid(sheet: Sheet, result: Result) -> float:
-    """Draw the grid of local metres, or feet, as crosses with numbers at the rim; its step [m]."""
+    """Draw the grid of local metres, or feet: crosses, numbers outside the frame; its step [m]."""
     plan, units = sheet.plan, units_of(result)
     step, _ = round_bar(GRID_MM * plan.scale / 1000.0, units)
     one = column(units)
     places = max(0, -math.floor(math.log10(step * one.factor) + 1e-9))
-    ground, (left, bottom, _, _) = sheet.sheet, plan.frame_mm
+    ground, (left, bottom, _, up) = sheet.sheet, plan.frame_mm
     for axis, (low, high) in enumerate(
         ((ground.west_m, ground.east_m), (ground.south_m, ground.north_m))
     ):
         for k in range(math.ceil(low / step), math.floor(high / step) + 1):
             at = float(sheet.on_paper(np.full(2, k * step))[axis])
-            text = (
-                f"{'E' if axis == 0 else 'N'} {number(k * step * one.factor, places)} {one.symbol}"
-            )
-            anchor = np.array([at, bottom + 2.0] if axis == 0 else [left + 7.0, at])
-            sheet.name(text, QUIET, GRID_PT, only_at(anchor))
+            sheet.axes.text(
+                *((at, bottom + up + GRID_ASIDE_MM) if axis == 0 else (left - GRID_ASIDE_MM, at)),
+                f"{'EN'[axis]} {number(k * step * one.factor, places)} {one.symbol}",
+                fontsize=GRID_PT, color=QUIET, ha="center", va="center", rotation=90.0 * axis,
+            )  # fmt: skip
     _crosses(sheet, step)
     return step
 
@@ -163,6 +179,17 @@ def _names(sheet: Sheet, result: Result) -> None:
             )  # fmt: skip
 
 
+def _name_area(sheet: Sheet, strips: list[Floats], text: str, most: int) -> None:
+    """In the middle of what its points enclose; beside its longest side where that is off."""
+    middle = sheet.on_paper(np.concatenate([strip[1:] for strip in strips]).mean(axis=0))
+    if sheet.inside(middle):
+        near = beside(middle, 0.0, most)
+        rounds: Rounds = lambda half: [*only_at(middle)(half), *near(half)]  # noqa: E731
+        sheet.name(text, INK["measured"], MEASURED_PT, rounds)
+    else:
+        _name_strip(sheet, strips, text, "measured", most)
+
+
 def _name_strip(sheet: Sheet, strips: list[Floats], text: str, ink: str, most: int) -> None:
     """Along the longest part that this sheet shows; where that is too short, around its middle."""
     size_pt = MEASURED_PT if ink == "measured" else KNOWN_PT
@@ -194,7 +221,9 @@ def _name_strip(sheet: Sheet, strips: list[Floats], text: str, ink: str, most: i
 
     place = sheet.name(text, INK[ink], size_pt, rounds)
     if place is not None and np.linalg.norm(place[:2] - middle) > place[2] + 4.0:
-        sheet.line(np.stack([middle, place[:2]]), INK[ink], THIN_PT)
+        leader = np.stack([middle, place[:2]])
+        sheet.line(leader, PAPER, 4 * THIN_PT)
+        sheet.line(leader, INK[ink], 1.5 * THIN_PT)
 
 
 def clipped(

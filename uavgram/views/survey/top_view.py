@@ -196,7 +196,7 @@ def _lines(result: Result, sheet: Sheet) -> list[Stroke]:
     return measured + known + _lines_of_position(result, sheet)
 
 
-def _lines_of_position(result: Result, sheet: _Sheet) -> list[Stroke]:
+def _lines_of_position(result: Result, sheet: Sheet) -> list[Stroke]:
     """Lines of known position as they were stated; those that do not fit in red."""
     bad = ("suspect", "removed")
     return [

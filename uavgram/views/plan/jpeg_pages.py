@@ -1,0 +1,55 @@
+"""Pages of a PDF with pictures as JPEG: as Matplotlib stores them they are ten times as large.
+
+Matplotlib has no option for it (its issue 25130), so two of its methods are replaced. Were they
+called otherwise one day, the pictures would be stored without loss again.
+"""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.backends.backend_pdf import Name, PdfFile, PdfPages
+from PIL import Image
+
+from uavgram.imaging.photos.preview import Pixels
+
+QUALITY = 88
+"""Of libjpeg: on paper, nobody sees a difference."""
+
+
+class JpegPages(PdfPages):
+    """`PdfPages` whose pictures in colour are stored as JPEG."""
+
+    def _ensure_file(self) -> PdfFile:
+        if self._file is None:
+            self._file = _JpegFile(self._filename, metadata=self._metadata)
+        return self._file
+
+
+class _JpegFile(PdfFile):
+    def _writeImg(self, data: Pixels, id: int, smask: Any = None) -> None:  # noqa: A002, ANN401, N802
+        """Store (H, W, 3) RGB without opacity as JPEG, all else as Matplotlib does."""
+        height, width, bands = data.shape
+        if bands != 3 or smask is not None:
+            super()._writeImg(data, id, smask)
+            return
+        stored = io.BytesIO()
+        Image.fromarray(data).save(stored, format="jpeg", quality=QUALITY)
+        with rc_context({"pdf.compression": 0}):  # it is compressed already
+            self.beginStream(
+                id,
+                self.reserveObject("length of image stream"),
+                {
+                    "Type": Name("XObject"),
+                    "Subtype": Name("Image"),
+                    "Width": width,
+                    "Height": height,
+                    "ColorSpace": Name("DeviceRGB"),
+                    "BitsPerComponent": 8,
+                    "Filter": Name("DCTDecode"),
+                },
+            )
+            self.currentstream.write(stored.getvalue())
+            self.endStream()

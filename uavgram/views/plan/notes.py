@@ -1,0 +1,139 @@
+"""Sentences beside the plan, and how they are set into their place."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.model.case import case_from_options
+from uavgram.model.result.result import Result
+from uavgram.views.plan.sheet import Sheet, width_mm
+from uavgram.views.plan.surveyed import DOUBT, is_doubtful
+from uavgram.views.survey.verdict import headline
+from uavgram.views.units import column, spread_text, units_of
+
+TEXT_PT, LEAST_PT = 7.0, 4.5
+"""Letters of the notes: as large as have room, between these."""
+
+_LINE_MM, _GAP = 0.43, 0.35
+"""Between lines, for each point of the letters; and between paragraphs, as a share of that."""
+
+LEANS = (
+    "Picture: the photos, laid onto the plane of the ground. Objects above the ground lean "
+    "away from the camera and are not where they seem: only surveyed points are in their place."
+)
+ACTUAL_SIZE = (
+    'Print at "actual size" (100 %) and hold a ruler to the scale bar: it says how long it must be.'
+)
+JOIN = (
+    "To join the sheets: cut along the dashed lines, right and below, and lay each cut edge onto "
+    "the frame of the next sheet."
+)
+
+
+class Note(NamedTuple):
+    """Lines of each paragraph, and how they are set: letters [pt], distances [mm]."""
+
+    paragraphs: tuple[tuple[str, ...], ...]
+    size_pt: float
+    line_mm: float
+    gap_mm: float
+
+    @property
+    def height_mm(self) -> float:
+        """What all of it takes."""
+        return sum(len(lines) * self.line_mm + self.gap_mm for lines in self.paragraphs)
+
+
+def plan_notes(result: Result, sheet: Sheet) -> tuple[str, ...]:
+    """What every plan says, the verdict first.
+
+    Parameters
+    ----------
+    result
+        Whose plan it is.
+    sheet
+        One of it, with all that it shows.
+    """
+    case = "; ".join(f"{word}: {text}" for word, text in case_from_options(_options(result)))
+    told = [case, headline(result), accuracy_note(result), LEANS, _grid_note(result)]
+    if is_doubtful(result).any():
+        told.append(f"{DOUBT.strip()} after a value: it is in doubt, the report says why.")
+    told.append(ACTUAL_SIZE)
+    if len(sheet.plan.sheets) > 1:
+        told.append(JOIN)
+    return tuple(filter(None, told))
+
+
+def _options(result: Result) -> tuple[tuple[str, object], ...]:
+    return result.provenance.options
+
+
+def accuracy_note(result: Result) -> str:
+    """``Lengths: neighbouring points are known to ± 1 cm ... Places on earth: ± 2 m ...``."""
+    points, units = result.points, units_of(result)
+    near = points.neighbour_sigma_m
+    told = []
+    if np.isfinite(near).any():
+        one = spread_text(float(np.nanmedian(near)), "m", units)
+        told.append(f"Lengths: points are known to ± {one} from their neighbours.")
+    if result.world.gauge == "plane" or result.world.origin is None:
+        told.append("Nothing ties this survey to the earth: north is arbitrary, lengths hold.")
+    else:
+        sigma = np.sqrt(np.trace(points.covariance_m2, axis1=1, axis2=2) / 2)
+        place = spread_text(float(np.median(sigma)), "m", units)
+        told.append(
+            f"Places on earth: ± {place} (east, north). An error of those shifts the whole plan "
+            "with its grid, and changes no length."
+        )
+    return " ".join(told)
+
+
+def _grid_note(result: Result) -> str:
+    origin = result.world.origin
+    if origin is None:
+        return ""
+    unit = "metres" if column(units_of(result)).symbol == "m" else "feet"
+    return (
+        f"Grid: {unit} east (E) and north (N) of latitude {origin.latitude_deg:.7f}°, "
+        f"longitude {origin.longitude_deg:.7f}°."
+    )
+
+
+def fitted(told: tuple[str, ...], size_mm: tuple[float, float]) -> Note:
+    """Break sentences into lines, with the largest letters that have room.
+
+    Parameters
+    ----------
+    told
+        A paragraph each.
+    size_mm
+        Width and height of their place.
+    """
+    for size_pt in np.arange(TEXT_PT, LEAST_PT, -0.25).tolist():
+        note = _set(told, size_mm[0], size_pt)
+        if note.height_mm <= size_mm[1]:
+            return note
+    return _set(told, size_mm[0], LEAST_PT)
+
+
+def _set(told: tuple[str, ...], across_mm: float, size_pt: float) -> Note:
+    paragraphs = tuple(_lines(text, across_mm / size_pt) for text in told)
+    line = _LINE_MM * size_pt
+    return Note(paragraphs, size_pt, line, _GAP * line)
+
+
+def _lines(text: str, across: float) -> tuple[str, ...]:
+    """Of a text with letters of one point."""
+    space = width_mm("a a", 1.0) - 2 * width_mm("a", 1.0)
+    lines: list[list[str]] = []
+    room = 0.0
+    for word in text.split():
+        need = space + width_mm(word, 1.0)
+        if not lines or need > room:
+            lines.append([])
+            room = across + space
+        lines[-1].append(word)
+        room -= need
+    return tuple(" ".join(line) for line in lines)
