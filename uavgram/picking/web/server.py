@@ -20,7 +20,7 @@ from uavgram.errors import UavgramError
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
-from uavgram.picking.protocol.encode_units import in_project_units, names_to_keep
+from uavgram.picking.protocol.encode_units import in_project_units, lengths_of, names_to_keep
 from uavgram.picking.protocol.parse import LONGEST_MESSAGE, parse_message
 from uavgram.picking.session.project import Keep, OpenProject, Run
 from uavgram.picking.session.session import PickSession
@@ -136,10 +136,9 @@ class PickServer:
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while waiting in self._pages:
                 message = await waiting.get()
-                units = self.picking.survey.inputs.project.units
-                await page.send_json(
-                    in_project_units(message, units, names_to_keep(self.picking.state))
-                )
+                state, units = self.picking.state, self.picking.survey.inputs.project.units
+                keep, exact = names_to_keep(state), lengths_of(message, state)
+                await page.send_json(in_project_units(message, units, keep, exact))
             await page.close(TRY_AGAIN_LATER)  # it missed something: it is to begin anew
 
     async def _answered(self, text: str, own: asyncio.Queue[Json]) -> Json:
