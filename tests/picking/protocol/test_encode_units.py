@@ -47,7 +47,11 @@ def test_sentences_tell_what_was_typed_and_not_what_its_rounded_metres_are() -> 
     exact = lengths_of(message, state)
 
     for units, text, words in (
-        (Units(length="ft", speed="mph"), "taped 10.500 ft, found 10.530 ft; D1 is 7.25 ft", "10.00 ft"),
+        (
+            Units(length="ft", speed="mph"),
+            "taped 10.500 ft, found 10.530 ft; D1 is 7.25 ft",
+            "10.00 ft",
+        ),
         (IMPERIAL, "taped 10 ft 6 in, found 10 ft 6 3/8 in; D1 is 7 ft 3 in", "10 ft 0 in"),
     ):
         first, button, other = in_project_units(message, units, (), exact)["why"]

@@ -25,6 +25,7 @@ from uavgram.picking.protocol.parse import LONGEST_MESSAGE, parse_message
 from uavgram.picking.session.project import Keep, OpenProject, Run
 from uavgram.picking.session.session import PickSession
 from uavgram.picking.storage.tables import Tables
+from uavgram.picking.web.ending import ended_in_order
 from uavgram.picking.web.guard import Guard, Pace
 from uavgram.picking.web.malloc import give_back_large_blocks
 from uavgram.picking.web.patience import PatientProtocol
@@ -273,5 +274,5 @@ def serve(
             server_header=False,
         )
         told = left_in(Path(survey.inputs.project.output), Door(bound, guard[0].secret))
-        with told, contextlib.suppress(KeyboardInterrupt):  # the way to end it
+        with ended_in_order(), told, contextlib.suppress(KeyboardInterrupt):  # the way to end it
             uvicorn.Server(config).run(sockets=[door])

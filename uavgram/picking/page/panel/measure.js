@@ -25,7 +25,7 @@ export function showMeasure(section, state, image, tools, side) {
   const steps = firstStepsPart(state);
   const measured = store.measurements.length > 0; // its values come first
   fill(section, [
-    missingPart(), measured ? null : steps, hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), measured ? steps : null, ...proposalParts(state, image, tools), lengthsPart(tools),
+    steps && !store.picks.size ? null : missingPart(), measured ? null : steps, hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), measured ? steps : null, ...proposalParts(state, image, tools), lengthsPart(tools),
     advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), remarksPart(),
   ]);
 }
