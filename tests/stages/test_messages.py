@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from uavgram.model.message import Message, Several
+from uavgram.model.remedy import Correction, Remedy
 from uavgram.model.survey.mend import Cause
 from uavgram.stages.messages import IDENTIFIED, MOST_LISTED, in_order, without_the_innocent
 
@@ -35,6 +36,27 @@ def test_several_of_a_kind_are_one_message_with_a_list_by_reason() -> None:
     )
     assert message.frames == ("a.jpg", "b.jpg", "c.jpg")
     assert (message.level, message.code) == ("warning", "frame-left-out")
+
+
+def test_several_lengths_are_read_again_together_and_removed_together() -> None:
+    def off(name: str) -> Message:
+        read, out = (
+            Remedy(action=act, words=name, corrections=(Correction(action=act, length=name),))
+            for act in ("read", "remove-length")
+        )
+        several = Several("{count} lengths do not fit", name)
+        message = Message("warning", "line-suspect", "off", several=several, lengths=(name,))
+        return replace(message, mend=read, instead=(out,))
+
+    (told,) = in_order(off("L1"), off("L2"))
+
+    assert told.mend is not None
+    assert told.mend.words == "Read these 2 lengths again"
+    assert [one.words for one in told.instead] == ["Remove these 2 lengths"]
+    rival = replace(off("L3"), instead=(*off("L3").instead, *off("P1").instead))
+    (unclear,) = in_order(off("L1"), rival)  # it may be another thing than the length
+    assert unclear.mend is None
+    assert unclear.instead == ()
 
 
 def test_heights_stay_with_their_labels() -> None:

@@ -124,6 +124,17 @@ def test_what_was_never_written_is_not_mended(survey: Survey) -> None:
     assert remedy_of(nameless, Mend(length_m={0: 2.0})) is None
 
 
+def test_what_was_measured_is_read_again_before_it_is_removed(survey: Survey) -> None:
+    mends = [Mend(without_lines=frozenset([1, 2])), Mend(free={1: True})]
+    message = with_remedies(Message("warning", "a", "It is wrong."), survey, mends)
+    told = [message.mend, *message.instead]
+
+    assert [one.action for one in told if one is not None] == ["read", "remove-length", "free"]
+    assert message.mend is not None
+    assert message.mend.words == "Read L2 and L3 again"
+    assert [one.length for one in message.mend.corrections] == ["L2", "L3"]
+
+
 def test_rivals_are_told_beside_the_likeliest(survey: Survey) -> None:
     mends = [Mend(length_m={0: 3.0}), None, Mend(free={1: True})]
     message = with_remedies(Message("warning", "a", "It is wrong."), survey, mends)

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 Action = Literal[
-    "swap", "unpick", "move", "length", "ends", "remove-length", "free", "on-ground", "tape"
+    "swap", "unpick", "move", "length", "ends", "read", "remove-length", "free", "on-ground", "tape"
 ]
 """``swap`` labels; ``unpick`` or ``move`` a pick; correct a ``length`` or its ``ends``;
-``remove-length``, as one that is only withheld still contradicts; ``free`` a height, or state that
-a point is ``on-ground``. ``tape`` is work in the field, and changes nothing that was written."""
+``read`` a length again, before ``remove-length`` is done to it, as one that is only withheld still
+contradicts; ``free`` a height, or state that
+a point is ``on-ground``. ``read`` and ``tape`` are work for a person, and change nothing that was
+written."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,6 +69,7 @@ PLURAL: dict[Action, str] = {
     "move": "Put all of these photos back",
     "length": "Correct these {count} lengths",
     "ends": "Correct the ends of these {count} lengths",
+    "read": "Read these {count} lengths again",
     "remove-length": "Remove these {count} lengths",
     "free": "Free these {count} heights",
 }

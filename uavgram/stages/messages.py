@@ -8,6 +8,7 @@ from itertools import chain
 from typing import Any
 
 from uavgram.model.message import NUMBERS, SUBJECTS, Message, Several
+from uavgram.model.remedy import Remedy
 from uavgram.model.remedy import together as mended_together
 from uavgram.model.survey.mend import Cause
 
@@ -146,9 +147,21 @@ def _joined(group: Sequence[Message]) -> Message:
     opening = several[0].opening.replace("{count}", str(len(group)))
     sentences = (f"{opening}: {_listed(several)}.", several[0].ending)
     text = " ".join(filter(None, sentences))
-    # Where one of them could be something else, nothing puts all of them right.
-    mend = None if any(m.instead for m in group) else mended_together([m.mend for m in group])
-    return replace(first, text=text, several=None, plain="", mend=mend, instead=(), **together)
+    mend, *instead = _mended_together([(m.mend, *m.instead) for m in group])
+    rest = tuple(one for one in instead if one is not None)
+    return replace(first, text=text, several=None, plain="", mend=mend, instead=rest, **together)
+
+
+def _mended_together(remedies: Sequence[tuple[Remedy | None, ...]]) -> list[Remedy | None]:
+    """What puts several messages right; by message, what puts it right, likeliest first.
+
+    Where one of them could be something else, nothing puts all of them right. To read a length
+    again, or to remove it, are two ways of the same.
+    """
+    again = all(one[0] is not None and one[0].action == "read" for one in remedies)
+    if max(map(len, remedies)) > (2 if again else 1):
+        return [None]
+    return [mended_together(each) for each in zip(*remedies, strict=True)]
 
 
 def _listed(several: Sequence[Several]) -> str:

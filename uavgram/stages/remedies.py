@@ -26,9 +26,26 @@ def with_remedies(message: Message, survey: Survey, mends: Sequence[Mend | None]
     mends
         Of the cause, and of what else could be the cause; None where only a person can.
     """
-    found = [None if one is None else remedy_of(survey, one) for one in mends]
+    found = read_first([None if one is None else remedy_of(survey, one) for one in mends])
     rivals = tuple(one for one in found[1:] if one is not None)
     return replace(message, mend=found[0] if found else None, instead=rivals)
+
+
+def read_first(remedies: Iterable[Remedy | None]) -> list[Remedy | None]:
+    """The same remedies, but what was measured is read again before it is removed."""
+    found: list[Remedy | None] = []
+    for one in remedies:
+        if one is not None and one.action == "remove-length":
+            names = [change.length for change in one.corrections]
+            found.append(
+                Remedy(
+                    action="read",
+                    words=f"Read {listed(names)} again",
+                    corrections=tuple(Correction(action="read", length=name) for name in names),
+                )
+            )
+        found.append(one)
+    return found
 
 
 def remedy_of(survey: Survey, mend: Mend) -> Remedy | None:

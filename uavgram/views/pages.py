@@ -19,7 +19,7 @@ from uavgram.model.units import METRIC
 from uavgram.views import wording
 from uavgram.views.compiled_templates import CompiledTemplates
 from uavgram.views.markdown import MOST_ROWS, plain
-from uavgram.views.unit_words import in_units, names_like_lengths
+from uavgram.views.unit_words import exact_lengths, in_units, names_like_lengths
 from uavgram.views.units import column, units_of
 
 WORDS = (
@@ -47,6 +47,7 @@ def units_shown(result: Result) -> dict[str, object]:
         "units": units,
         "length_unit": column(units).symbol,
         "kept_names": names_like_lengths(result),
+        "exact_lengths": exact_lengths(result),
     }
 
 
@@ -64,7 +65,8 @@ def _told(context: Context, value: object) -> object:
     """What a template writes: of sentences the lengths in the units of the survey."""
     if not isinstance(value, str) or _PICTURE in value:  # long; what is said in it is told already
         return value
-    text = in_units(value, context.get("units", METRIC), context.get("kept_names", ()))
+    kept, exact = context.get("kept_names", ()), context.get("exact_lengths", ())
+    text = in_units(value, context.get("units", METRIC), kept, exact)
     return value if text is value else type(value)(text)
 
 

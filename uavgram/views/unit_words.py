@@ -1,14 +1,17 @@
 """Sentences with their lengths and speeds in the units of the project.
 
 Messages and tables are made in metres: they say ``1.40 m``, number, blank, unit. Where people read
-them, `in_units` puts that into other units.
+them, `in_units` puts that into other units: from the exact numbers where these are known, as 3.20 m
+may stand for the 10.5 ft that somebody typed.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from bisect import bisect_left
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 from uavgram.model.case import case_from_options
 from uavgram.model.result.result import Result
@@ -24,11 +27,12 @@ _PATTERN = re.compile(
 _QUOTED = re.compile(r"(?<!\w)'[^'\n]*'(?!\w)|\"[^\"\n]*\"|`[^`\n]*`")
 _OPTICS = re.compile(r"focal|film|35 mm|EXIF|lens\b|drone camera", re.IGNORECASE)
 _SCALES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "m/s": 1.0, "km/h": 1 / 3.6}
+_METRES = frozenset({"m", "cm", "mm", "km"})
 _POWERS = {"m²": "m2", "m2": "m2", "m³": "m3", "m3": "m3"}
 _MILE_M = 5280 * FOOT_M
 
 
-def in_units(text: str, units: Units, keep: Iterable[str] = ()) -> str:
+def in_units(text: str, units: Units, keep: Iterable[str] = (), exact: Sequence[float] = ()) -> str:
     """A sentence with its lengths and speeds in other units; what is quoted stays as it is.
 
     Parameters
@@ -39,6 +43,8 @@ def in_units(text: str, units: Units, keep: Iterable[str] = ()) -> str:
         Of the project.
     keep
         Names that people gave, which stay as they are though they look like lengths.
+    exact
+        Lengths [m], rising: a number that is one of them, rounded, is converted from it.
     """
     if not _PATTERN.search(text):
         return text
@@ -52,7 +58,7 @@ def in_units(text: str, units: Units, keep: Iterable[str] = ()) -> str:
             return match[0]
         if match["unit"] == "mm" and is_optical:
             return match[0]
-        return _converted(match["numbers"], match["unit"], units) or match[0]
+        return _converted(match["numbers"], match["unit"], units, exact) or match[0]
 
     return _PATTERN.sub(replaced, text)
 
@@ -71,12 +77,45 @@ def names_like_lengths(result: Result) -> tuple[str, ...]:
     return like_lengths(named)
 
 
+def exact_lengths(result: Result) -> tuple[float, ...]:
+    """Lengths of a result that its sentences tell rounded [m], rising."""
+    lines, measured = result.lines, result.measurements
+    values = [*lines.length_m, *lines.adjusted_m, *lines.residual_m, *lines.mdb_m]
+    for unit, value, sigma in zip(measured.unit, measured.value, measured.sigma, strict=True):
+        values += [value, sigma] if unit == "m" else []
+    return rising(values)
+
+
+def rising(values: Iterable[float | None]) -> tuple[float, ...]:
+    """The sizes of those that are finite, each once, in order."""
+    sizes = {abs(float(one)) for one in values if one is not None}
+    return tuple(sorted(one for one in sizes if math.isfinite(one)))
+
+
 def like_lengths(names: Iterable[str]) -> tuple[str, ...]:
     """Those names that `in_units` would take for lengths."""
     return tuple(name for name in names if _PATTERN.search(name))
 
 
-def _converted(numbers: str, unit: str, units: Units) -> str:
+class _Told(NamedTuple):
+    """A number of a sentence: as it stands there, and what it stands for, in its unit."""
+
+    text: str
+    value: float
+
+
+def _told(text: str, metres: float, exact: Sequence[float]) -> _Told:
+    """What a number in units of so many metres stands for: the nearest of the exact, if any is."""
+    value = float(_plain(text))
+    size, half = abs(value) * metres, 0.5 * _resolution(text) * metres
+    at = bisect_left(exact, size)
+    near = min(exact[max(at - 1, 0) : at + 1], key=lambda one: abs(one - size), default=math.inf)
+    if abs(near - size) > half * (1 + 1e-6):
+        return _Told(text, value)
+    return _Told(text, math.copysign(near / metres, value))
+
+
+def _converted(numbers: str, unit: str, units: Units, exact: Sequence[float]) -> str:
     """The same in other units; empty where it stays."""
     is_speed = unit in ("m/s", "km/h")
     if (is_speed and unit == units.speed) or (not is_speed and units.length == "m"):
@@ -86,17 +125,19 @@ def _converted(numbers: str, unit: str, units: Units) -> str:
     if any(b in (", ", " and ", " or ") for b in between) and not _alike(told):
         # "in photos 3 and 5.2 m": only the last belongs to the unit
         lead = numbers[: len(numbers) - len(told[-1])]
-        return lead + _converted(told[-1], unit, units)
+        return lead + _converted(told[-1], unit, units, exact)
+    known = exact if unit in _METRES else ()
+    read = [_told(text, _SCALES.get(unit, 1.0), known) for text in told]
     if (
         len(told) == 2
         and between[0].strip() in ("±", "+-")
         and not is_speed
         and unit not in _POWERS
     ):
-        value, sigma = (float(_plain(t)) * _SCALES[unit] for t in told)
+        value, sigma = (one.value * _SCALES[unit] for one in read)
         sign = "+" if told[0].startswith("+") else ""
         return sign + quantity(value, sigma, "m", units).replace("±", between[0].strip())
-    return _one_by_one(told, between, unit, units)
+    return _one_by_one(read, between, unit, units)
 
 
 def _alike(told: list[str]) -> bool:
@@ -108,33 +149,33 @@ def _plain(text: str) -> str:
     return text.replace("−", "-")
 
 
-def _one_by_one(told: list[str], between: list[str], unit: str, units: Units) -> str:
+def _one_by_one(told: list[_Told], between: list[str], unit: str, units: Units) -> str:
     if units.length == "ft-in" and unit in ("m", "cm", "mm"):
-        words = [_sentence_in(text, _SCALES[unit] / INCH_M) for text in told]
+        words = [_sentence_in(one, _SCALES[unit] / INCH_M) for one in told]
         return "".join(w + b for w, b in zip(words, [*between, ""], strict=True))
     if unit in _POWERS:
-        one = shown(_POWERS[unit], units, max(abs(float(_plain(t))) for t in told))
+        one = shown(_POWERS[unit], units, max(abs(each.value) for each in told))
         factor, symbol = one.factor, one.symbol
     elif unit == "km":
         factor, symbol = 1000.0 / _MILE_M, "mi"
     else:
         one = shown("m/s" if unit in ("m/s", "km/h") else "m", units)
         factor, symbol = one.factor * _SCALES[unit], one.symbol
-    places = max(_places(text, factor) for text in told)
-    words = [_rescaled(text, factor, places) for text in told]
+    places = max(_places(one, factor) for one in told)
+    words = [_rescaled(one, factor, places) for one in told]
     return "".join(w + b for w, b in zip(words, [*between, ""], strict=True)) + f" {symbol}"
 
 
-def _places(text: str, factor: float) -> int:
+def _places(told: _Told, factor: float) -> int:
     """Decimals of a number times a factor: about as exact as it was told, and two digits of it."""
-    value = float(_plain(text)) * factor
-    places = max(0, math.ceil(-math.log10(_resolution(text) * factor) - 1e-9))
+    value = told.value * factor
+    places = max(0, math.ceil(-math.log10(_resolution(told.text) * factor) - 1e-9))
     return min(max(places, 1 - math.floor(math.log10(abs(value)))), 6) if value else places
 
 
-def _rescaled(text: str, factor: float, places: int) -> str:
-    value = float(_plain(text)) * factor
-    return ("+" if text.startswith("+") and value else "") + fixed(value, places)
+def _rescaled(told: _Told, factor: float, places: int) -> str:
+    value = told.value * factor
+    return ("+" if told.text.startswith("+") and value else "") + fixed(value, places)
 
 
 def _resolution(text: str) -> float:
@@ -142,11 +183,11 @@ def _resolution(text: str) -> float:
     return 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
 
 
-def _sentence_in(text: str, inches: float) -> str:
-    value, exact = float(_plain(text)) * inches, _resolution(text) * inches
+def _sentence_in(told: _Told, inches: float) -> str:
+    value, exact = told.value * inches, _resolution(told.text) * inches
     if abs(value) < INCHES:
-        return f"{_rescaled(text, inches, _places(text, inches))} in"
+        return f"{_rescaled(told, inches, _places(told, inches))} in"
     step = step_in_of(exact)
     while step > abs(value) / 10 and step > 1 / 16:
         step = 1.0 if step > 1.0 else step / 2
-    return feet_inches(value, step, signed=text.startswith("+"))
+    return feet_inches(value, step, signed=told.text.startswith("+"))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pytest
 
@@ -89,6 +90,19 @@ def test_a_remedy_that_the_page_cannot_do_entirely_has_no_button(strange: Correc
 
     assert mends_json([remedy(known, strange)], LINES, INDEX) == []
     assert len(mends_json([None, remedy(known), remedy(strange)], LINES, INDEX)) == 1
+
+
+def test_a_length_to_be_read_again_is_opened() -> None:
+    again = Remedy(
+        action="read",
+        words="Read L2 again",
+        corrections=(Correction(action="read", length="L2"),),
+    )
+    strange = replace(again, corrections=(Correction(action="read", length="of a plate"),))
+
+    assert mends_json([again, strange], LINES, INDEX) == [
+        {"words": "Read L2 again", "changes": [], "opens": "L2"}
+    ]
 
 
 def test_work_in_the_field_has_no_button() -> None:

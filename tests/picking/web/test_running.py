@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import signal
+import subprocess
+import sys
 import webbrowser
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,7 +18,7 @@ import pytest
 from pick_pages import LONGEST_WAIT_S, Server, ask, cookie_of, running, small_project
 
 from uavgram.cli import main
-from uavgram.io.project_lock import LOCK
+from uavgram.io.project_lock import LOCK, is_locked
 from uavgram.picking.web.running import FILE, PATH, fresh_address
 from uavgram.picking.web.tokens import MOST_OPEN, Tokens
 
@@ -53,6 +56,26 @@ def test_the_same_command_gives_another_browser_an_address_of_its_own(
     assert answer.status_code == 303
     assert answer.headers["set-cookie"].split(";")[0] == first  # the same page, by another way
     assert ask(word, follow_redirects=False).status_code == 403
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of Linux and macOS")
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGHUP])
+def test_who_ends_the_server_leaves_no_door(tmp_path: Path, how: signal.Signals) -> None:
+    project = small_project(tmp_path)
+    command = [sys.executable, "-m", "uavgram", "pick", str(project), "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert "http://" in process.stdout.readline()
+            door = tmp_path / "out" / FILE
+            assert door.exists()
+            process.send_signal(how)
+            process.wait(LONGEST_WAIT_S)
+        finally:
+            process.kill()
+    assert process.returncode == 128 + signal.SIGTERM
+    assert not door.exists()
+    assert not is_locked(door.parent)
 
 
 def test_the_browser_is_led_by_a_file_that_is_gone_when_it_has_come(

@@ -11,7 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2, f
+from scipy.special import chdtrc, fdtrc
 
 from uavgram.estimation.calibration.adjustment import Fit
 from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
@@ -113,11 +113,12 @@ def photo_tests(fit: Fit, sigma: CornerSigma) -> PhotoTests:
 
 def _judge(squared: Floats, degrees: Floats, fit: Fit, sigma: CornerSigma) -> tuple[Floats, Floats]:
     """Variance factor without the observation, and the probability of its part of the squares."""
+    squares = np.maximum(squared, 0.0)  # but for rounding
     if sigma == "given":
-        return np.ones_like(squared), np.asarray(chi2.sf(squared, degrees))
+        return np.ones_like(squared), np.asarray(chdtrc(degrees, squares))
     rest = np.maximum(fit.degrees_of_freedom - degrees, 1.0)
     scale = np.maximum(fit.cost - squared, np.finfo(float).tiny) / rest
-    return scale, np.asarray(f.sf(squared / degrees / scale, degrees, rest))
+    return scale, np.asarray(fdtrc(degrees, rest, squares / degrees / scale))
 
 
 class PhotoEffect(NamedTuple):
@@ -163,4 +164,4 @@ def photo_effect(fit: Fit, tests: PhotoTests, variance_factor: float) -> PhotoEf
         return PhotoEffect(np.nan, 0.0, 1.0)
     factor = float(tests.by_border.sum()) / (expected * variance_factor)
     degrees = expected**2 / squares
-    return PhotoEffect(factor, degrees, float(chi2.sf(factor * degrees, degrees)))
+    return PhotoEffect(factor, degrees, float(chdtrc(degrees, factor * degrees)))

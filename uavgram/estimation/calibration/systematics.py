@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import chi2, f
+from scipy.special import chdtrc, fdtrc
 
 from uavgram.estimation.calibration.adjustment import Fit
 from uavgram.model.arrays import Floats, Ints
@@ -89,7 +89,7 @@ def rolling_shutter(fit: Fit, size_px: tuple[int, int]) -> RollingShutter:
     own = max(by_row.degrees, 1)
     ratio = by_row.chi2 / own / usual
     drift = float(np.sqrt(np.mean(np.sum(by_row.value**2, axis=1))))
-    return RollingShutter(drift, ratio, float(f.sf(ratio, own, degrees)))
+    return RollingShutter(drift, ratio, float(fdtrc(own, degrees, ratio)))
 
 
 def _along_both(shape: Floats) -> Floats:
@@ -127,7 +127,8 @@ def focus_drift(fit: Fit, photo_factor: float) -> FocusDrift:
     principal = fit.state.parameters[2:4]
     extra = (fit.corners.pixel_px - principal)[..., None]
     found = trend(fit, extra)
-    return FocusDrift(found.value[:, 0], float(chi2.sf(found.chi2 / photo_factor, found.degrees)))
+    chance = chdtrc(found.degrees, found.chi2 / photo_factor) if found.degrees else np.nan
+    return FocusDrift(found.value[:, 0], float(chance))
 
 
 class ResidualMap(NamedTuple):
@@ -169,7 +170,7 @@ def residual_map(fit: Fit, size_px: tuple[int, int], cells: tuple[int, int]) -> 
     mean = _by_cell(index, residual / weight[:, None], count)
     whitened = _by_cell(index, residual, count)
     squared = np.nansum(whitened**2, axis=1) * count / factor
-    probability = np.where(count > 0, chi2.sf(squared, 2), 1.0)
+    probability = np.where(count > 0, chdtrc(2, squared), 1.0)
     return ResidualMap(
         mean.reshape(rows, columns, 2),
         count.reshape(rows, columns),

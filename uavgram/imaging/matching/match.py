@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import fields, replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from uavgram.imaging.matching.least_squares import Fitted, fitted
 from uavgram.imaging.matching.matched import Matched, Refused, Sought
@@ -15,7 +15,7 @@ from uavgram.imaging.matching.search import best_place
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints, rows_of
 
-REGION = float(chi2.ppf(0.999, 2))
+REGION = float(chdtri(2, 0.001))
 """Squared distance, in sigmas, of the edge of what is searched: 99.9 % of predictions."""
 
 _LARGE = 40.0  # steps: regions that reach farther are searched at every other step first

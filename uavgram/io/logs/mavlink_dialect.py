@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import re
 from functools import cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pymavlink.dialects.v20 import all as dialect
 
 _KINDS = {"c": "S1", "b": "<i1", "B": "<u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4"}
 _KINDS |= {"q": "<i8", "Q": "<u8", "f": "<f4", "d": "<f8"}
+
+
+@cache
+def _dialect() -> Any:  # noqa: ANN401 (a module without types)
+    """The definitions: loaded where a log needs them, as they take 7 MB and 0.1 s."""
+    return import_module("pymavlink.dialects.v20.all")
 
 
 def message_number(name: str) -> int:
@@ -21,19 +27,19 @@ def message_number(name: str) -> int:
 
 def message_name(number: int) -> str:
     """Name of a message."""
-    known = dialect.mavlink_map.get(number)
+    known = _dialect().mavlink_map.get(number)
     return str(known.msgname) if known is not None else f"UNKNOWN_{number}"
 
 
 @cache
 def _numbers_by_name() -> dict[str, int]:
-    return {str(known.msgname): int(number) for number, known in dialect.mavlink_map.items()}
+    return {str(known.msgname): int(number) for number, known in _dialect().mavlink_map.items()}
 
 
 @cache
 def message_dtype(name: str) -> np.dtype[Any]:
     """Structured type of a message's whole payload, in the order of the wire."""
-    message = dialect.mavlink_map[message_number(name)]
+    message = _dialect().mavlink_map[message_number(name)]
     codes = re.findall(r"(\d*)([a-zA-Z])", message.unpacker.format)
     fields = []
     for field, (length, code) in zip(message.ordered_fieldnames, codes, strict=True):
@@ -47,8 +53,8 @@ def message_dtype(name: str) -> np.dtype[Any]:
 @cache
 def _checksum_extras() -> NDArray[np.int16]:
     """By message number: the byte that ties a checksum to the definition; -1 where unknown."""
-    table = np.full(max(dialect.mavlink_map) + 2, -1, dtype=np.int16)
-    for number, known in dialect.mavlink_map.items():
+    table = np.full(max(_dialect().mavlink_map) + 2, -1, dtype=np.int16)
+    for number, known in _dialect().mavlink_map.items():
         table[number] = known.crc_extra
     return table
 
@@ -61,5 +67,5 @@ def checksum_extra(number: NDArray[np.integer]) -> NDArray[np.int16]:
 
 def vehicle_kind(number: int) -> str:
     """A MAV_TYPE for people, such as ``fixed wing``; empty where unknown or generic."""
-    kind = dialect.enums["MAV_TYPE"].get(number) if number > 0 else None
+    kind = _dialect().enums["MAV_TYPE"].get(number) if number > 0 else None
     return str(kind.name).removeprefix("MAV_TYPE_").lower().replace("_", " ") if kind else ""

@@ -16,6 +16,8 @@ def mends_json(
 ) -> list[Json]:
     """Words of a button and its changes, for each remedy that changes what is written.
 
+    One that asks for a length to be read again changes nothing by itself: it ``opens`` that length.
+
     Parameters
     ----------
     remedies
@@ -32,6 +34,11 @@ def mends_json(
     """
     found = []
     for remedy in dict.fromkeys(one for one in remedies if one is not None):
+        if remedy.action == "read":
+            names = [one.length for one in remedy.corrections]
+            if all(lines.name.count(name) == 1 for name in names):
+                found.append({"words": remedy.words, "changes": [], "opens": names[0]})
+            continue
         changes = [_change(one, lines, index) for one in remedy.corrections]
         if changes and all(changes):
             found.append({"words": remedy.words, "changes": changes})

@@ -5,12 +5,13 @@ Numbers stay in metres, as they are sent: the page shows them in these units its
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any
 
 from uavgram.model.units import Units
 from uavgram.picking.document.state import State
-from uavgram.views.unit_words import in_units, like_lengths
+from uavgram.views.unit_words import in_units, like_lengths, rising
 
 SENTENCES = frozenset({"text", "plain", "words", "why", "fault", "reason", "shows", "unseen"})
 """Keys of what people read."""
@@ -29,7 +30,30 @@ def names_to_keep(state: State) -> tuple[str, ...]:
     return like_lengths(dict.fromkeys(named))
 
 
-def in_project_units(message: Any, units: Units, keep: Iterable[str]) -> Any:  # noqa: ANN401 (JSON)
+def lengths_of(message: Any, state: State) -> tuple[float, ...]:  # noqa: ANN401 (JSON)
+    """Lengths that the sentences of a message tell rounded [m], rising.
+
+    Parameters
+    ----------
+    message
+        As it is sent.
+    state
+        What is picked.
+    """
+    values = [value for line in state.lines for value in (line.length_m, line.sigma_m)]
+    if message.get("mode") == "adjusted":
+        values += [line["adjusted_m"] for line in message["lines"].values()]
+        measured = [one for one in message["measurements"].values() if one["unit"] == "m"]
+        values += [one[key] for one in measured for key in ("value", "sigma")]
+    return rising(values)
+
+
+def in_project_units(
+    message: Any,  # noqa: ANN401 (JSON)
+    units: Units,
+    keep: Iterable[str],
+    exact: Sequence[float] = (),
+) -> Any:  # noqa: ANN401 (JSON)
     """A message with its sentences in other units.
 
     Parameters
@@ -40,19 +64,27 @@ def in_project_units(message: Any, units: Units, keep: Iterable[str]) -> Any:  #
         Of the project.
     keep
         Names that stay as they are.
+    exact
+        Lengths [m], rising, that are told rounded.
     """
+    told = partial(in_units, units=units, keep=keep, exact=exact)
+    inner = partial(in_project_units, units=units, keep=keep)
+
+    def value_of(key: str, value: Any) -> Any:  # noqa: ANN401 (JSON)
+        if isinstance(value, str):
+            return told(value) if key in SENTENCES else value
+        if key in _WITHOUT or not isinstance(value, dict | list):
+            return value
+        if key in SENTENCES and all(isinstance(one, str) for one in value):  # several sentences
+            return [told(one) for one in value]
+        return inner(value, exact=exact)
+
     if isinstance(message, list):
-        return [in_project_units(one, units, keep) for one in message]
+        return [inner(one, exact=exact) for one in message]
     if not isinstance(message, dict):
         return message
-    return {key: _value(key, value, units, keep) for key, value in message.items()}
-
-
-def _value(key: str, value: Any, units: Units, keep: Iterable[str]) -> Any:  # noqa: ANN401 (JSON)
-    if isinstance(value, str):
-        return in_units(value, units, keep) if key in SENTENCES else value
-    if key in _WITHOUT or not isinstance(value, dict | list):
-        return value
-    if key in SENTENCES and all(isinstance(one, str) for one in value):  # several sentences
-        return [in_units(one, units, keep) for one in value]
-    return in_project_units(value, units, keep)
+    if "changes" in message:  # a button says what it would make of a length
+        made = [change.get("length_m") for change in message["changes"]]
+        exact = rising([*exact, *made])
+        told = partial(in_units, units=units, keep=keep, exact=exact)
+    return {key: value_of(key, value) for key, value in message.items()}

@@ -6,7 +6,9 @@ import ctypes
 import sys
 
 LARGE_BYTES = 1 << 20
-_M_MMAP_THRESHOLD = -3  # malloc.h
+FEW_ARENAS = 2
+"""Heaps that all threads share: a thread that has one of its own keeps in it what others need."""
+_M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8  # malloc.h
 
 
 def give_back_large_blocks() -> bool:
@@ -23,4 +25,6 @@ def give_back_large_blocks() -> bool:
     if sys.platform != "linux":
         return False
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    return mallopt is not None and mallopt(_M_MMAP_THRESHOLD, LARGE_BYTES) == 1
+    if mallopt is None:
+        return False
+    return mallopt(_M_MMAP_THRESHOLD, LARGE_BYTES) == 1 == mallopt(_M_ARENA_MAX, FEW_ARENAS)

@@ -15,6 +15,7 @@ from starlette.responses import JSONResponse, PlainTextResponse, RedirectRespons
 from starlette.routing import Route
 
 from uavgram.errors import UavgramError
+from uavgram.imaging.photos.tiles import FIRST_COARSE
 from uavgram.imaging.photos.tone import Tone
 from uavgram.io.own_files import read_own
 from uavgram.picking.session.project import OpenProject
@@ -40,6 +41,10 @@ FIRST_TONE = "first"
 _TONE = re.compile(
     r"(-?[0-9]{1,4}(?:\.[0-9])?),(-?[0-9]{1,4}(?:\.[0-9])?),([0-9]{1,2}(?:\.[0-9]{1,2})?)"
 )
+
+# Tiles finer than those of the overview are tens of megabytes of a photo, and cut in milliseconds:
+# the browser would fill its memory or its disk with them.
+_TILE = ("photo", "level", "column", "row")
 
 # A page's own name, and the photos in its panes.
 _SHOWN = re.compile(r"([0-9a-z]{1,16}) ([0-9]{1,6}(?:,[0-9]{1,6}){0,3})")
@@ -95,8 +100,9 @@ class Files:
         if shown:  # what the page shows beside it stays at hand
             page, photos = shown.groups()
             self._project.picking.show(page, tuple(map(int, photos.split(","))))
-        place = (request.path_params[key] for key in ("photo", "level", "column", "row"))
-        return await self._picture(self._project.picking.tile, *place, tone)
+        photo, level, *place = (request.path_params[key] for key in _TILE)
+        make = self._project.picking.tile
+        return await self._picture(make, photo, level, *place, tone, is_kept=level >= FIRST_COARSE)
 
     async def tones(self, request: Request) -> Response:
         """How bright a photo is shown until somebody chooses, and with the automatic stretch."""
@@ -115,16 +121,17 @@ class Files:
         return await self._picture(self._project.picking.thumbnail, request.path_params["photo"])
 
     @staticmethod
-    async def _picture(make: Callable[..., bytes | None], *place: int | Tone | None) -> Response:
+    async def _picture(
+        make: Callable[..., bytes | None], *place: int | Tone | None, is_kept: bool = True
+    ) -> Response:
         try:
             jpeg = await to_thread.run_sync(make, *place)
         except UavgramError as why:
             return JSONResponse({"why": str(why)}, 404)
         if jpeg is None:
             return Response(status_code=404)
-        return Response(
-            jpeg, media_type="image/jpeg", headers={"cache-control": "private, max-age=86400"}
-        )
+        keep = "private, max-age=86400" if is_kept else "no-store"
+        return Response(jpeg, media_type="image/jpeg", headers={"cache-control": keep})
 
     async def output(self, request: Request) -> Response:
         """A file that a run wrote: documents are shown, all others are saved."""

@@ -20,11 +20,12 @@ from uavgram.errors import UavgramError
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
-from uavgram.picking.protocol.encode_units import in_project_units, names_to_keep
+from uavgram.picking.protocol.encode_units import in_project_units, lengths_of, names_to_keep
 from uavgram.picking.protocol.parse import LONGEST_MESSAGE, parse_message
 from uavgram.picking.session.project import Keep, OpenProject, Run
 from uavgram.picking.session.session import PickSession
 from uavgram.picking.storage.tables import Tables
+from uavgram.picking.web.ending import ended_in_order
 from uavgram.picking.web.guard import Guard, Pace
 from uavgram.picking.web.malloc import give_back_large_blocks
 from uavgram.picking.web.patience import PatientProtocol
@@ -136,10 +137,9 @@ class PickServer:
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while waiting in self._pages:
                 message = await waiting.get()
-                units = self.picking.survey.inputs.project.units
-                await page.send_json(
-                    in_project_units(message, units, names_to_keep(self.picking.state))
-                )
+                state, units = self.picking.state, self.picking.survey.inputs.project.units
+                keep, exact = names_to_keep(state), lengths_of(message, state)
+                await page.send_json(in_project_units(message, units, keep, exact))
             await page.close(TRY_AGAIN_LATER)  # it missed something: it is to begin anew
 
     async def _answered(self, text: str, own: asyncio.Queue[Json]) -> Json:
@@ -274,5 +274,5 @@ def serve(
             server_header=False,
         )
         told = left_in(Path(survey.inputs.project.output), Door(bound, guard[0].secret))
-        with told, contextlib.suppress(KeyboardInterrupt):  # the way to end it
+        with ended_in_order(), told, contextlib.suppress(KeyboardInterrupt):  # the way to end it
             uvicorn.Server(config).run(sockets=[door])

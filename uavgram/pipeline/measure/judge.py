@@ -90,7 +90,8 @@ def judge_survey(
     groups, group_messages = judge_groups(
         refined.adjustment, significance, explained=refined.accused_alone
     )
-    fit = fit_of(refined, line_results, known, point_checks, overall)
+    tapes = [lines.tape_of(i) for i in range(len(lines.name))]
+    fit = fit_of(refined, line_results, known, point_checks, overall, tapes)
     return Judgement(
         examined=examined,
         fit=fit,

@@ -20,7 +20,7 @@ from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
 from uavgram.model.survey.observations import KnownLines
 from uavgram.stages.judge.picks import rows_of
 from uavgram.stages.judge.tested_survey import TestedSurvey
-from uavgram.stages.remedies import without_lengths
+from uavgram.stages.remedies import read_first, without_lengths
 
 PICK_OR_CORRECT = "Pick that, or correct the label."
 
@@ -137,6 +137,7 @@ def _does_not_fit(lines: KnownLines, i: int, columns: dict[str, Floats]) -> Mess
     ask = f"{what[0].upper()}{what[1:]}? " if what else ""
     name = named_ends(lines.name[i], lines.start[i], lines.end[i])
     how = f"taped {lines.length_m[i]:.3f} m, found {found:.3f} m (w = {columns['w'][i]:.1f})"
+    mend, *instead = read_first([without_lengths([lines.name[i]])])
     return Message(
         "warning",
         "line-suspect",
@@ -149,6 +150,8 @@ def _does_not_fit(lines: KnownLines, i: int, columns: dict[str, Floats]) -> Mess
             f"{name} {how}{f': {what}?' if what else ''}",
             ending="Look at the readings, at their ends and at their picks.",
         ),
+        mend=mend,
+        instead=tuple(one for one in instead if one is not None),
     )
 
 
@@ -176,17 +179,24 @@ def _left_out(
     what = {i: _mistake(lines, i, seen_m[i], sigma_m[i]) for i in out}
     alike = {i: what[i] or i for i in out}  # unknown mistakes: each alone
     groups = [[i for i in out if alike[i] == key] for key in dict.fromkeys(alike.values())]
-    return tuple(
-        Message(
-            "warning",
-            "line-left-out",
-            _text(refined, lines, group, what[group[0]], (seen_m, sigma_m)),
-            lengths=tuple(lines.name[i] for i in group),
-            labels=tuple(dict.fromkeys(chain(*((lines.start[i], lines.end[i]) for i in group)))),
-            mend=without_lengths([lines.name[i] for i in group]),
+    told = []
+    for group in groups:
+        names = tuple(lines.name[i] for i in group)
+        mend, *instead = read_first([without_lengths(names)])
+        told.append(
+            Message(
+                "warning",
+                "line-left-out",
+                _text(refined, lines, group, what[group[0]], (seen_m, sigma_m)),
+                lengths=names,
+                labels=tuple(
+                    dict.fromkeys(chain(*((lines.start[i], lines.end[i]) for i in group)))
+                ),
+                mend=mend,
+                instead=tuple(one for one in instead if one is not None),
+            )
         )
-        for group in groups
-    )
+    return tuple(told)
 
 
 def _mistake(lines: KnownLines, i: int, seen_m: float, sigma_m: float) -> str:

@@ -15,7 +15,7 @@ from uavgram.model.message import Message, Several
 from uavgram.model.remedy import Remedy
 from uavgram.model.survey.known import KnownThing
 from uavgram.stages.judge.tested_survey import TestedSurvey
-from uavgram.stages.remedies import unpicked, without_lengths
+from uavgram.stages.remedies import read_first, unpicked, without_lengths
 
 CODES = {
     "pixels": "pick-suspect",
@@ -114,7 +114,7 @@ def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
         item += f", or the {' or the '.join(names.cause(m) for m in suspicion.group)}"
     if suspicion.rivals:
         others.append(names.rivals(suspicion))
-    remedies = [_remedy(examined, m) for m in _members(suspicion)]
+    remedies = read_first(_remedy(examined, m) for m in _members(suspicion))
     return Message(
         "warning",
         CODES.get(kind, "prior-strained"),

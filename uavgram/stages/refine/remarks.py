@@ -23,7 +23,7 @@ from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.blunders.gross_lengths import odd_in_view, ratios_in_view
 from uavgram.stages.refine.causes.lengths.common import odd_scale
-from uavgram.stages.remedies import unpicked, without_lengths
+from uavgram.stages.remedies import read_first, unpicked, without_lengths
 
 LOWEST_M, HIGHEST_M = 0.3, 1000.0
 """Heights of a drone's camera above the ground, beyond which lengths or log are in question."""
@@ -211,7 +211,7 @@ def not_located(refined: Refined, suspicion: Suspicion) -> Message:
         f"tape another line. Nothing was taken out (w = {abs(suspicion.w):.1f})."
     )
     members = (suspicion.accused, *suspicion.group)
-    either = (_without(refined, member) for member in members)
+    either = read_first(_without(refined, member) for member in members)
     return Message(
         "warning",
         "blunder-not-located",

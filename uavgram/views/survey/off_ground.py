@@ -79,6 +79,6 @@ def height_label(points: PointResults, row: int, units: Units = METRIC) -> str:
     source = points.height_source[row]
     value = with_sigma(height, sigma, "m", units)
     if not sigma > 0:
-        value = in_units(f"{number(height, 2)} m", units)
+        value = in_units(f"{number(height, 2)} m", units, exact=[abs(height)])
     word = {"stated": ", stated", "found": ", not free in the picks"}.get(source, "")
     return f"{points.label[row]} {value}{word}"

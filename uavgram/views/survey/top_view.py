@@ -272,7 +272,8 @@ def _texts(result: Result, sheet: Sheet, uneven: Departures | None) -> list[Text
     for name, strip in zip(result.control_lines.name, position_strips(result), strict=True):
         texts.append(Text(*_at(sheet(longest_middle([strip]))), name, "known"))
     for i, strip in reference_strips(result).items():
-        text = f"{result.lines.name[i]} {in_units(f'{result.lines.length_m[i]:.2f} m', units)}"
+        length_m = float(result.lines.length_m[i])
+        text = f"{result.lines.name[i]} {in_units(f'{length_m:.2f} m', units, exact=[length_m])}"
         texts.append(Text(*_at(sheet(longest_middle([strip]))), text, "known"))
     for label, spot in zip(result.points.label, sheet(result.points.position_world_m), strict=True):
         texts.append(Text(float(spot[0]), float(spot[1]) - NAME_ABOVE, label, "name"))

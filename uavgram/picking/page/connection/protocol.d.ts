@@ -63,7 +63,7 @@ export interface Measured extends Trust { value: Maybe; sigma: Maybe; unit: stri
 export interface LengthFit extends Trust { adjusted_m: Maybe; sigma_m: Maybe; w: Maybe; shows: string }
 // In one plain sentence, and in `text` at length; the buttons that would put it right, likeliest first; where to look.
 export interface Remark extends Note { plain: string; labels: string[]; frames: number[]; lengths: string[]; measurements: string[]; mends: Mend[]; show: { image: number; label: string } | null }
-export interface Mend { words: string; changes: SingleChange[] } // sent as one step: { t: "all", changes }
+export interface Mend { words: string; changes: SingleChange[]; opens?: string } // sent as one step: { t: "all", changes }; or a length to be read again
 export type Places = Record<string, [number, number] | undefined>; // latitude and longitude by label
 export interface AdjustedPoint extends Trust { sigma_m: Maybe[]; neighbour_sigma_m: Maybe; neighbours: string[]; height_m?: Maybe; height_sigma_m?: Maybe } // over the ground, where it is off it
 export interface Adjusted {

@@ -232,6 +232,14 @@ export function labels() {
   return [...new Set([...store.picks.values()].map((pick) => pick.label))];
 }
 
+/** How many picks each label has. */
+export function countsOfPicks() {
+  /** @type {Map<string, number>} */
+  const count = new Map();
+  for (const { label } of store.picks.values()) count.set(label, (count.get(label) ?? 0) + 1);
+  return count;
+}
+
 /** @param {number} image */
 export function picksIn(image) {
   return [...store.picks.values()].filter((pick) => pick.image === image);
@@ -277,12 +285,12 @@ export function freeName(prefix, taken) {
 /** @param {string | undefined} status */
 export const isSuspect = (status) => status === "suspect" || status === "removed";
 
-// How far the worst pick of a photo is off, in its own standard deviations.
-/** @param {number} image */
-export function worstIn(image) {
-  let worst = { w: 0, status: "" };
-  for (const { image: its, w, status } of adjusted()?.picks ?? []) {
-    if (its === image && w !== null && Math.abs(w) > worst.w) worst = { w: Math.abs(w), status };
+// By photo, how far its worst pick is off, in its own standard deviations.
+export function worstOfPhotos() {
+  /** @type {Map<number, { w: number, status: string }>} */
+  const worst = new Map();
+  for (const { image, w, status } of adjusted()?.picks ?? []) {
+    if (w !== null && Math.abs(w) > (worst.get(image)?.w ?? 0)) worst.set(image, { w: Math.abs(w), status });
   }
   return worst;
 }

@@ -99,14 +99,17 @@ export const remove = (what, act) => node("button", { class: "small", name: "rem
 /** @template {Pick<Remark, "level" | "text"> & Partial<Remark>} M @param {M[]} messages @param {(message: M) => Node | null} more */
 export const list = (messages, more = () => null) => node("ul", { class: "messages" }, ...messages.map((message) => node("li", { class: message.level }, message.text, message.code ? node("small", { class: "code" }, ` ${message.code}`) : null, more(message))));
 
-/** @param {Element} made */
-const signOf = (made) => [made, ...made.querySelectorAll("*")].map((one) => `${one.className} ${one.getAttribute("title") ?? ""}`).join() + made.textContent;
-
-// Numbers into the cells of a part that stays: making it anew at each move of a drag takes too long.
-/** @param {HTMLElement} part @param {(string | Element)[][]} contents */
-export function withValues(part, contents) {
-  part.querySelectorAll("td.value").forEach((cell, k) => {
-    fillIfNew(cell, contents[k].map((one) => (one instanceof Element ? signOf(one) : one)).join(""), () => contents[k]);
+// Numbers into the cells of a part that stays: making it anew at each move of a drag takes too long, and so
+// does making cells that say what they said before. `sign`: what the cells of a row show.
+/** @param {HTMLElement} part @param {{ sign: unknown[], make: () => (string | Element)[][] }[]} rows */
+export function withValues(part, rows) {
+  const cells = part.querySelectorAll("td.value");
+  const each = cells.length / rows.length;
+  rows.forEach(({ sign, make }, row) => {
+    const now = JSON.stringify(sign);
+    /** @type {(string | Element)[][] | null} */
+    let made = null;
+    for (let k = 0; k < each; k += 1) fillIfNew(cells[row * each + k], now, () => (made ??= make())[k]);
   });
   return part;
 }

@@ -1,7 +1,7 @@
 // What a new user does first, ticked as it is done. It goes when all is done, and comes back with help.
 
 import { TOOLS } from "../actions/keys.js";
-import { labels, picksOf, store } from "../connection/store.js";
+import { countsOfPicks, store } from "../connection/store.js";
 import { fillIfNew, node } from "../elements/dom.js";
 
 /** @import { PageState } from "../actions/page_state.js" */
@@ -32,20 +32,21 @@ const stepItem = ({ words, how, done }, isNext) => node("li", { class: done ? "d
 /** @returns {Step[]} */
 function stepsOf() {
   const several = store.photos.length > 1;
-  const twice = labels().filter((label) => picksOf(label).length > 1).length;
+  const counts = [...countsOfPicks().values()];
+  const twice = counts.filter((count) => count > 1).length;
   const measure = {
     words: "Measure what you want to know", done: store.measurements.length > 0,
     how: `Tool ${TOOLS.distance.name} (D), then click the two points. Areas, heights and more have tools of their own.`,
   };
   if (!isPlaced()) {
     return [
-      { words: several ? "Mark the same four points in two photos" : "Mark four points", done: (several ? twice : labels().length) >= 4, how: several ? "Click things on the ground that both photos show. Page Down shows the next photo: say there which point comes (N, or / and its label), then click it." : "Click things on the ground." },
+      { words: several ? "Mark the same four points in two photos" : "Mark four points", done: (several ? twice : counts.length) >= 4, how: several ? "Click things on the ground that both photos show. Page Down shows the next photo: say there which point comes (N, or / and its label), then click it." : "Click things on the ground." },
       { words: "Enter two lengths that were taped", done: store.lines.length >= 2, how: `Tool ${TOOLS.length.name} (L): click both ends, type what the tape said. Nothing else says how large things are.` },
       measure,
     ];
   }
   return [
-    { words: "Mark two points", done: labels().length >= 2, how: "Click them in a photo: things on the ground, as near as the zoom allows (wheel)." },
+    { words: "Mark two points", done: counts.length >= 2, how: "Click them in a photo: things on the ground, as near as the zoom allows (wheel)." },
     measure,
     ...(several ? [{ words: "Mark the same points in a second photo", done: twice >= 2, how: "Page Down shows the next photo, dashed where each point should be: click it there, under its label (N, or / and the label). Only this shows a wrong click." }] : []),
     { words: "Enter a length that was taped, if you have one", done: store.lines.length >= 1, how: `Tool ${TOOLS.length.name} (L). It makes all values more exact; here the photos' places are known, so it can do without.` },

@@ -1,7 +1,7 @@
 // The tab of measurements: points, lengths, what is measured, and what the program has to say.
 
 import { TOOLS } from "../actions/keys.js";
-import { adjusted, labels, remarks, standsAt, store } from "../connection/store.js";
+import { adjusted, countsOfPicks, remarks, standsAt, store } from "../connection/store.js";
 import { fault } from "../connection/trust.js";
 import { as, node } from "../elements/dom.js";
 import { alternativesText, degrees, fixed, gradeText, missing, valueText, withSigma } from "../elements/numbers.js";
@@ -26,7 +26,7 @@ export function showMeasure(section, state, image, tools, side) {
   const steps = firstStepsPart(state);
   const measured = store.measurements.length > 0; // its values come first
   fill(section, [
-    missingPart(), measured ? null : steps, plannedPart(tools), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), measured ? steps : null, ...proposalParts(state, image, tools), lengthsPart(tools),
+    steps && !store.picks.size ? null : missingPart(), measured ? null : steps, plannedPart(tools), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), measured ? steps : null, ...proposalParts(state, image, tools), lengthsPart(tools),
     advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), linesOfPositionPart(), remarksPart(),
   ]);
 }
@@ -55,18 +55,10 @@ function hintText({ name, what, least, most, apart }, draft) {
   return `${begin}${more} (click, or N B and Enter; Esc stops).`;
 }
 
-/** How many picks each label has. */
-function countsOfPicks() {
-  /** @type {Map<string, number>} */
-  const count = new Map();
-  for (const { label } of store.picks.values()) count.set(label, (count.get(label) ?? 0) + 1);
-  return count;
-}
-
 /** @param {string | null} selected @param {Tools} tools */
 function pointsPart(selected, tools) {
-  const all = labels();
-  if (!all.length) return null;
+  const counts = countsOfPicks();
+  if (!counts.size) return null;
   const now = adjusted();
   /** @type {Map<string, Fit>} */
   const worst = new Map();
@@ -74,25 +66,28 @@ function pointsPart(selected, tools) {
     const before = worst.get(pick.label);
     if (pick.w !== null && Math.abs(pick.w) > Math.abs(before?.w ?? 0)) worst.set(pick.label, pick);
   }
-  const count = countsOfPicks();
-  const facts = all.map((label) => {
+  const facts = [...counts].map(([label, count]) => {
     const point = now?.points[label];
     const sigmaMm = typeof point?.neighbour_sigma_m === "number" ? point.neighbour_sigma_m / smallUnit().metres : null; // one alone has none
     const stands = standsAt(label);
-    return { label, fit: worst.get(label), sigmaMm, count: count.get(label) ?? 0, up: stands ? ` \u2191${withSigma(stands.height, stands.sigma, "m")}` : "", trust: point };
+    return { label, fit: worst.get(label), sigmaMm, count, up: stands ? ` \u2191${withSigma(stands.height, stands.sigma, "m")}` : "", trust: point };
   });
-  const sign = [selected, facts.map((one) => [one.label, one.fit?.w, one.fit?.status, one.sigmaMm, one.count, one.up, one.trust?.status, one.trust?.why])];
-  return keep("points", sign, () => pointsTable(facts, selected, tools));
+  const part = keep("points", [selected, facts.map(({ label, count, up, trust }) => [label, count, up, standing(trust)])], () => pointsTable(facts, selected, tools));
+  return withValues(part, facts.map(({ fit, sigmaMm, trust }) => {
+    const sigma = fixed(sigmaMm, smallUnit().symbol === "in" ? 2 : Number(sigmaMm) < 10 ? 1 : 0);
+    return { sign: [sigma, standing(trust), fit?.w, fit?.status], make: () => [[trusted(trust, sigma)], [wCell(fit?.w, fit?.status)]] };
+  }));
 }
 
 /** @param {PointFacts[]} facts @param {string | null} selected @param {Tools} tools */
 function pointsTable(facts, selected, tools) {
-  const rows = facts.map(({ label, fit, sigmaMm, count, up, trust }) => {
+  const value = () => node("td", { class: "value" });
+  const rows = facts.map(({ label, count, up, trust }) => {
     const kind = store.control.includes(label) ? " control" : store.check.includes(label) ? " check" : "";
     const chosen = selected === label;
     return node("tr", { class: chosen ? "selected" : "", "data-row": `point ${label}`, "data-status": trust?.status },
       node("td", { class: "named", title: label }, standingSign(trust), node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => tools.select(label) }, label), node("span", { class: "dim", title: up && "over the ground" }, `${kind}${up}`)),
-      node("td", {}, `${count}`), node("td", { class: "value" }, trusted(trust, fixed(sigmaMm, smallUnit().symbol === "in" ? 2 : Number(sigmaMm) < 10 ? 1 : 0))), node("td", { class: "value" }, wCell(fit?.w, fit?.status)));
+      node("td", {}, `${count}`), value(), value());
   });
   return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about(`\u03c3 ${smallUnit().symbol}`, `of the distances to the points next to it; ${SIGMA}`), about("worst w", W)], rows));
 }
@@ -108,9 +103,17 @@ function lengthsPart(tools) {
     table("Known lengths", ["name", `taped ${lengthUnit()}`, about("adjusted", "as all observations together have it"), about("\u03c3", SIGMA), about("w", W), ""], store.lines.flatMap((line) => [lengthRow(line, tools), beneath(6, "value")]))));
   const fits = store.lines.map((line) => now?.lines[line.name]);
   part.querySelectorAll("tr[data-row]").forEach((row, k) => { row.setAttribute("data-status", fits[k]?.status ?? ""); });
-  return withValues(part, fits.flatMap((fit) => [[trusted(fit, fixed(inLength(fit?.adjusted_m), 3))], [trusted(fit, fixed(inLength(fit?.sigma_m), 3))], [wCell(fit?.w, isFault(fit) ? "suspect" : "", fit?.why)],
-    saidBeneath(fit, fit?.shows)]));
+  return withValues(part, fits.map((fit) => {
+    const [length, sigma] = [fit?.adjusted_m, fit?.sigma_m].map((one) => fixed(inLength(one), 3));
+    return {
+      sign: [length, sigma, fit?.w, fit?.shows, standing(fit)],
+      make: () => [[trusted(fit, length)], [trusted(fit, sigma)], [wCell(fit?.w, isFault(fit) ? "suspect" : "", fit?.why)], saidBeneath(fit, fit?.shows)],
+    };
+  }));
 }
+
+/** What is shown of how far something can be trusted. @param {Trust | undefined} trust */
+const standing = (trust) => trust && [trust.status, trust.words, trust.why];
 
 /** The word for what is not in order, and which errors would show. @param {Trust | undefined} trust @param {string | undefined} shows */
 function saidBeneath(trust, shows = "") {
@@ -150,11 +153,14 @@ function measurementsPart(tools) {
   const part = keep("measurements", store.measurements, () => titled(`Measurements (${store.measurements.length})`,
     table("Measurements", ["name", "value \u00b1 \u03c3", "", ""], store.measurements.flatMap((one) => [measurementRow(one, tools), beneath(4, "value")]))));
   part.querySelectorAll("tr[data-row]").forEach((row, k) => { row.setAttribute("data-status", worstOf(store.measurements[k])?.status ?? ""); });
-  return withValues(part, store.measurements.flatMap((one) => {
-    const standing = worstOf(one);
+  return withValues(part, store.measurements.map((one) => {
+    const worst = worstOf(one);
     const values = valuesOf(one, now).flatMap((value, k) => (k ? [node("br"), value] : [value]));
-    const found = standing ?? now?.measurements[rowsOf(one)[0]];
-    return [[trusted(found, ...values)], [standingSign(standing) ?? ""], saidBeneath(found?.status === "not-checked" ? found : undefined, found?.shows)];
+    const found = worst ?? now?.measurements[rowsOf(one)[0]];
+    return {
+      sign: [values.map((value) => (value instanceof Element ? [value.getAttribute("title"), value.textContent] : value)), standing(found), standing(worst), found?.shows],
+      make: () => [[trusted(found, ...values)], [standingSign(worst) ?? ""], saidBeneath(found?.status === "not-checked" ? found : undefined, found?.shows)],
+    };
   }));
 }
 

@@ -1,7 +1,7 @@
 // The one verdict of the adjustment, above the numbers: its light, the likeliest reason in one plain sentence,
 // and what would put it right. Statistics and all else fold away behind "why". Level and words are the server's.
 
-import { adjusted, remarks, stale } from "../connection/store.js";
+import { adjusted, remarks, stale, store } from "../connection/store.js";
 import { light } from "../connection/trust.js";
 import { byId, fillIfNew, node } from "../elements/dom.js";
 import { list } from "../elements/table.js";
@@ -41,14 +41,26 @@ const isTold = ({ text }, others) => others.some((other) => other.text.startsWit
 // right what was marked before may put wrong what is marked now.
 /** @param {Remark} remark @param {boolean} isOld @param {Tools} tools */
 function actionsOf({ mends, show }, isOld, tools) {
-  /** @type {HTMLElement[]} */
-  const made = mends.map((mend, k) => node("button", { name: "mend", class: k ? "" : "main", disabled: isOld, onclick: () => putRight(mend, tools) }, mend.words));
-  if (show) made.push(node("button", { name: "show", onclick: () => tools.panes.look(show.image, show.label) }, "Show me"));
-  return made.length ? node("span", { class: "mends" }, ...made) : null;
+  const ways = mends.map((mend) => ({ name: "mend", words: mend.words, rank: rankOf(mend), disabled: isOld, act: () => { putRight(mend, tools); } }));
+  const looks = show ? [{ name: "show", words: "Show me", rank: LOOK, disabled: false, act: () => tools.panes.look(show.image, show.label) }] : [];
+  const all = [...ways, ...looks].sort((a, b) => a.rank - b.rank);
+  return all.length ? node("span", { class: "mends" }, ...all.map(({ name, words, disabled, act }, k) => node("button", { name, class: k ? "" : "main", disabled, onclick: act }, words))) : null;
 }
 
+const [MEND, LOOK, REMOVE] = [0, 1, 2];
+const REMOVALS = ["unpick", "remove-line"];
+
+// Who removes something has looked at it first.
+/** @param {Mend} mend */
+const rankOf = ({ changes }) => (changes.length && changes.every(({ t }) => REMOVALS.includes(t)) ? REMOVE : MEND);
+
 /** @param {Mend} mend @param {Tools} tools */
-function putRight({ words, changes }, tools) {
+function putRight({ words, changes, opens }, tools) {
+  const line = store.lines.find(({ name }) => name === opens);
+  if (line) {
+    tools.changeLine(line);
+    return;
+  }
   // The second click of two would undo the first; and what is changed just now may need something else.
   if (stale() || tools.link.unconfirmed.length) return;
   tools.offers.show(`Done: ${words}.`, tools.send({ t: "all", changes }), { words: "Undo", act: () => tools.send({ t: "undo" }) });

@@ -1,11 +1,12 @@
 // The strip of small pictures: what is picked in each photo, and how well it fits.
 
-import { isSuspect, picksIn, proposals, store, worstIn } from "../connection/store.js";
+import { isSuspect, proposals, store, worstOfPhotos } from "../connection/store.js";
 import { fault, trustOfPhoto } from "../connection/trust.js";
 import { as, byId, node } from "../elements/dom.js";
 
 /** @import { Photo } from "../connection/protocol.js" */
 /** @import { Panes } from "./panes.js" */
+/** @typedef {{ count: number, found: number, worst: { w: number, status: string }, unmatched: boolean, here: boolean, first: boolean }} Shown here: in a pane; first: reached with Tab */
 
 const SIGNS = { doubtful: " ?", contradicted: " \u2260", "": "" };
 const THUMBNAILS_AFTER_MS = 4000; // at the latest: the photo may be none that can be shown
@@ -21,43 +22,63 @@ function standingOf(image) {
   return { status, words: status ? `, ${status}: ${trust?.why ?? ""}` : "" };
 }
 
+/** How many of them each photo has. @param {Iterable<{ image: number }>} all */
+function countsByImage(all) {
+  /** @type {Map<number, number>} */
+  const counts = new Map();
+  for (const { image } of all) counts.set(image, (counts.get(image) ?? 0) + 1);
+  return counts;
+}
+
 export class Filmstrip {
   /** @param {Panes} panes */
   constructor(panes) {
     this.panes = panes;
     this.box = byId("strip");
+    /** By photo, what it was shown with. @type {string[]} */
+    this.signs = [];
   }
 
   show() {
     if (this.box.childElementCount !== store.photos.length) this.build();
-    store.photos.forEach((photo, k) => this.showPhoto(photo, k));
+    const [counts, found] = [store.picks.values(), proposals()].map(countsByImage);
+    const worst = worstOfPhotos();
+    const shown = new Set(this.panes.all.map(({ image }) => image));
+    const isAnyMatched = store.photos.some(({ matched }) => matched);
+    store.photos.forEach((photo, k) => this.showPhoto(photo, k, {
+      count: counts.get(k) ?? 0, found: found.get(k) ?? 0, worst: worst.get(k) ?? { w: 0, status: "" },
+      unmatched: isAnyMatched && !photo.matched, here: shown.has(k), first: k === (this.panes.active?.image ?? 0),
+    }));
   }
 
   build() {
+    this.signs = [];
     this.box.replaceChildren(...store.photos.map((photo, k) => node("button", { "data-image": k, onclick: () => { this.panes.active?.show(k); this.panes.active?.focus(); } },
       node("img", { "data-src": `/photo/${k}/thumbnail.jpg?${photo.digest}`, alt: "", loading: "lazy", draggable: "false" }),
       node("span", { class: "name" }, node("bdi", {}, photo.name.replace(/\.\w+$/, ""))), node("span", { class: "badge" }), node("span", { class: "unseen" }))));
     setTimeout(() => this.loadThumbnails(), THUMBNAILS_AFTER_MS);
   }
 
-  /** @param {Photo} photo @param {number} k */
-  showPhoto(photo, k) {
+  /** @param {Photo} photo @param {number} k @param {Shown} shown */
+  showPhoto(photo, k, shown) {
+    // A drag comes here at each frame, and changes nothing of most photos.
+    const [standing, matched] = [standingOf(k), matchOf(photo)];
+    const sign = JSON.stringify([shown, standing, matched]);
+    if (this.signs[k] === sign) return;
+    this.signs[k] = sign;
+    const { count, found, worst, unmatched, here, first } = shown;
     const button = as(HTMLElement, this.box.children[k]);
-    const count = picksIn(k).length;
-    const worst = worstIn(k);
     const isBad = isSuspect(worst.status);
-    const standing = standingOf(k);
     const wrong = standing.status;
     button.dataset.status = wrong;
-    const found = proposals().filter((one) => one.image === k).length;
-    button.classList.toggle("unmatched", !photo.matched && store.photos.some((one) => one.matched));
-    button.setAttribute("aria-current", `${this.panes.all.some((pane) => pane.image === k)}`);
-    button.tabIndex = k === (this.panes.active?.image ?? 0) ? 0 : -1;
+    button.classList.toggle("unmatched", unmatched);
+    button.setAttribute("aria-current", `${here}`);
+    button.tabIndex = first ? 0 : -1;
     const [badge, spoken] = [...button.querySelectorAll("span")].slice(-2);
     badge.textContent = `${count || ""}${found ? ` +${found}` : ""}${isBad ? ` \u25c6 ${worst.w.toFixed(1)}` : ""}${SIGNS[wrong]}`;
     badge.hidden = !badge.textContent;
     badge.classList.toggle("bad", isBad || wrong === "contradicted");
-    const words = `${matchOf(photo)}, ${count} picks${found ? `, ${found} more found by the program` : ""}${worst.w ? `, worst w ${worst.w.toFixed(1)}` : ""}${standing.words}`;
+    const words = `${matched}, ${count} picks${found ? `, ${found} more found by the program` : ""}${worst.w ? `, worst w ${worst.w.toFixed(1)}` : ""}${standing.words}`;
     spoken.textContent = `, ${words}`;
     button.title = `${photo.name}: ${words}`;
   }

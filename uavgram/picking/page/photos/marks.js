@@ -72,6 +72,7 @@ function pickPart(pick, selected, shown, scale) {
   const stands = standsAt(pick.label);
   const tag = tagText(pick.label, stands);
   const high = stands ? `, ${heightText(stands)}` : "";
+  let spoken = ""; // once: the view changes nothing of it
   return {
     key: `pick ${pick.label}`,
     mark: { label: tag, at: [pick.u_px, pick.v_px] },
@@ -80,13 +81,20 @@ function pickPart(pick, selected, shown, scale) {
     move: (group, view) => {
       place(group, view, pick.u_px, pick.v_px);
       showTag(group);
-      for (const line of residual ? group.querySelectorAll("line") : []) {
-        put(line, "x2", seen((residual?.[0] ?? 0) * scale));
-        put(line, "y2", seen((residual?.[1] ?? 0) * scale));
-      }
-      put(group, "aria-label", `${spokenPick(pick, fit)}${high}`);
+      if (residual) pull(group, residual, scale);
+      put(group, "aria-label", spoken ||= `${spokenPick(pick, fit)}${high}`);
     },
   };
+}
+
+// Its residual, as a line from the mark. At each frame: a query for it would leave a list to be cleared away.
+/** @param {SVGGElement} group @param {[number, number]} residual @param {number} scale */
+function pull(group, [u, v], scale) {
+  for (let line = group.firstElementChild; line; line = line.nextElementSibling) {
+    if (line.localName !== "line") continue;
+    put(line, "x2", seen(u * scale));
+    put(line, "y2", seen(v * scale));
+  }
 }
 
 // To what can be seen: a drag moves all residuals a little, and what stays need not be drawn anew.
@@ -193,8 +201,11 @@ function alikePart(at, number) {
 const proposalWords = ({ label, source, from_image, sigma_px, score }) =>
   `${label}, ${source === "target" || from_image === null ? "a target that the program found" : `found from the pick in ${store.photos[from_image].name}`}, \u03c3 ${sigma_px.toFixed(2)} px, score ${score.toFixed(2)}`;
 
-/** @type {WeakMap<Element, (scale: number) => void>} */
-const resizers = new WeakMap(); // of ellipses, whose size hangs on the zoom
+/** Of ellipses, whose size hangs on the zoom; `reach_px`: of the photo; `scale`: at which it was drawn last. @type {WeakMap<Element, { reach_px: number, scale: number, resize: (scale: number) => void }>} */
+const resizers = new WeakMap();
+/** Where groups were placed last, on the screen. @type {WeakMap<Element, [number, number]>} */
+const places = new WeakMap();
+const EDGE = 20; // of what is drawn round a mark, however small its ellipse is
 
 // A 95 % ellipse; `least` keeps it visible where it is smaller than that on the screen. It is a
 // path, as a turned <ellipse> has a system of coordinates of its own, and hundreds of those are slow.
@@ -203,18 +214,31 @@ function ellipse({ major_px, minor_px, turn_deg }, least = 0) {
   const angle = ((turn_deg ?? 0) * Math.PI) / 180;
   const made = stroke("");
   for (const one of made) {
-    resizers.set(one, (scale) => {
+    const resize = (/** @type {number} */ scale) => {
       const [rx, ry] = [major_px, minor_px].map((axis) => Math.max((axis ?? 0) * CONFIDENCE * scale, least));
       const [x, y] = [rx * Math.cos(angle), rx * Math.sin(angle)].map((along) => Number(along.toFixed(2)));
       const arc = `A${rx.toFixed(2)} ${ry.toFixed(2)} ${(turn_deg ?? 0).toFixed(1)} 1 0`;
       put(one, "d", `M${-x} ${-y}${arc} ${x} ${y}${arc} ${-x} ${-y}Z`);
-    });
+    };
+    resizers.set(one, { reach_px: (major_px ?? 0) * CONFIDENCE, scale: NaN, resize });
   }
   return made;
 }
 
 /** @param {SVGGElement} group @param {View} view @param {number} u @param {number} v */
 function place(group, view, u, v) {
-  put(group, "transform", `translate(${view.toScreen(u, v).join(" ")})`);
-  for (const child of group.children) resizers.get(child)?.(view.scale);
+  const [x, y] = view.toScreen(u, v);
+  const before = places.get(group);
+  if (before?.[0] !== x || before[1] !== y) {
+    places.set(group, [x, y]);
+    put(group, "transform", `translate(${x} ${y})`);
+  }
+  const away = Math.max(-x, -y, x - view.width, y - view.height);
+  for (let child = group.firstElementChild; child; child = child.nextElementSibling) {
+    const sized = resizers.get(child);
+    // What cannot be seen is drawn again when it can be.
+    if (!sized || sized.scale === view.scale || away > sized.reach_px * view.scale + EDGE) continue;
+    sized.scale = view.scale;
+    sized.resize(view.scale);
+  }
 }

@@ -51,6 +51,7 @@ export class Pane {
     this.movedAt = -REST_MS;
     this.resting = 0; // timers
     this.spreading = 0;
+    this.placed = ""; // the view for which marks were placed
     this.spread = ""; // the view for which labels were spread
     this.tags = ""; // what stands beside the marks
     this.asked = false; // for a frame
@@ -152,9 +153,10 @@ export class Pane {
   }
 
   moveMarks() {
+    this.placed = this.view.sign;
     for (const [part, group] of this.parts) part.move(group, this.view);
     keepApart(this.parts, this.view);
-    if (this.spread === this.view.sign) return;
+    if (this.spread === this.placed) return;
     clearTimeout(this.spreading);
     this.spreading = setTimeout(() => {
       this.spread = this.view.sign;
@@ -174,7 +176,7 @@ export class Pane {
     const rests = performance.now() - this.movedAt >= REST_MS;
     const { pictured, sharp } = this.picture.paint(this.photo, this.image, rests, this.loupe.keys);
     this.loupe.draw();
-    this.moveMarks();
+    if (this.placed !== this.view.sign) this.moveMarks(); // tiles that arrive move none
     if (sharp && this.box.dataset.sharp !== "true") this.events.sharpened();
     const { scale, left, top } = this.view;
     Object.assign(this.box.dataset, { pictured, sharp, scale, left, top });

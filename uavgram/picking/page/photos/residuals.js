@@ -1,6 +1,6 @@
 // How residuals are drawn: what the adjustment finds, minus what was picked, made longer to be seen.
 
-import { fitOf, picksIn } from "../connection/store.js";
+import { fitOf, store } from "../connection/store.js";
 
 /** @import { Fit } from "../connection/protocol.js" */
 
@@ -17,6 +17,10 @@ export function residualOf(fit) {
 // The largest scale that leaves the photo's residuals readable; it is written beside the zoom.
 /** @param {number} image */
 export function residualScale(image) {
-  const longest = Math.max(...picksIn(image).map(({ label }) => Math.hypot(...(residualOf(fitOf(image, label)) ?? [0]))), 1e-9);
+  let longest = 1e-9;
+  for (const { image: its, label } of store.picks.values()) {
+    const [u, v] = (its === image && fitOf(image, label)?.residual_px) || [null, null];
+    if (u !== null && v !== null) longest = Math.max(longest, Math.hypot(u, v));
+  }
   return SCALES.find((scale) => scale * longest <= LONGEST_PX) ?? 0.01;
 }

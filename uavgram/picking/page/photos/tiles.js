@@ -3,7 +3,7 @@
 import { store } from "../connection/store.js";
 import { toneSign } from "./tone.js";
 
-const LEAST_KEPT = 32; // a tile takes a megabyte
+const LEAST_KEPT = 16; // a tile takes a megabyte
 const SPARE = 1.25; // of what is drawn: fewer than that would be fetched again and again
 const AT_ONCE = 6;
 /** @type {Map<string, { picture: ImageBitmap, tone: string }>} */
@@ -51,6 +51,7 @@ export function want(pane, photo, keys, drawn) {
   for (const [key, control] of under) {
     if (!all.has(key)) control.abort();
   }
+  trim();
   next();
 }
 
@@ -61,6 +62,17 @@ export function forget(pane) {
 
 function mostKept() {
   return Math.max(LEAST_KEPT, SPARE * [...panes.values()].reduce((sum, { drawn }) => sum + drawn, 0));
+}
+
+// What was drawn when more of the photo was looked at goes when less is.
+function trim() {
+  let spare = Math.ceil(kept.size - mostKept());
+  for (const [oldest, { picture }] of kept) {
+    if (spare <= 0) return;
+    picture.close();
+    kept.delete(oldest);
+    spare -= 1;
+  }
 }
 
 function next() {
@@ -89,11 +101,7 @@ async function load(key) {
     kept.get(key)?.picture.close();
     kept.delete(key);
     kept.set(key, { picture, tone });
-    const spare = kept.size - mostKept();
-    for (const [oldest, { picture: gone }] of [...kept].slice(0, Math.max(Math.ceil(spare), 0))) {
-      gone.close();
-      kept.delete(oldest);
-    }
+    trim();
   } catch {
     if (!control.signal.aborted) failed.add(key);
   } finally {

@@ -63,9 +63,10 @@ def reference_text(result: Result, row: int) -> str:
     """``R1 lane: 34.00 m (known)``."""
     lines = result.lines
     units = units_of(result)
-    taped = f"{lines.name[row]}: {in_units(f'{lines.length_m[row]:.2f} m', units)}"
+    length_m, adjusted_m = float(lines.length_m[row]), float(lines.adjusted_m[row])
+    taped = f"{lines.name[row]}: {in_units(f'{length_m:.2f} m', units, exact=[length_m])}"
     if lines.status[row] in ("suspect", "removed"):
-        found = in_units(f"{lines.adjusted_m[row]:.2f} m", units)
+        found = in_units(f"{adjusted_m:.2f} m", units, exact=[adjusted_m])
         return f"{lines.status[row].upper()} {taped} taped, {found} found"
     return f"{taped} (withheld)" if lines.status[row] == "checked" else f"{taped} (known)"
 
