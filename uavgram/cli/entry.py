@@ -20,6 +20,7 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
     pick,
     picks,
     picks_ties,
+    plan,
     rectify,
     run,
     simulate,

@@ -8,17 +8,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.errors import InputError, UavgramError, near_miss
+from uavgram.errors import InputError, near_miss
 from uavgram.io.area_file import AreaFile, read_areas
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
 from uavgram.model.options import GroundOptions, MountOptions, TapeOptions, TelemetryOptions
 from uavgram.model.planned.request import PlanRequest
 from uavgram.model.scenario.scenario import Scenario, Site
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.pipeline.cameras.by_name import camera_of_drone
-from uavgram.pipeline.cameras.read import read_camera
 from uavgram.pipeline.plan.area import area_of, in_scene, no_go_of, on_map, site_of
+from uavgram.pipeline.simulate.scenario import scenario_camera
 from uavgram.stages.plan.scene import Deviation, Logged, PlanScene
 from uavgram.stages.simulate.still import Still
 from uavgram.stages.simulate.surface import draw_surface
@@ -73,7 +71,7 @@ def scene_of(scenario: Scenario, path: Path) -> Asked:
     requests, label, point = _wanted(request, places, site, path)
     stated, errors = scenario.stated, scenario.errors
     scene = PlanScene(
-        calibration=scenario_camera(scenario, path),
+        calibration=scenario_camera(path, scenario.camera) or calibration_of(scenario.camera),
         height_m=surface.height_m + float((area.mean(axis=0) - surface.middle_m) @ surface.slope),
         slope=surface.slope,
         pivot_m=area.mean(axis=0),
@@ -94,25 +92,6 @@ def scene_of(scenario: Scenario, path: Path) -> Asked:
         deviation=Deviation(position_m=request.deviation_m, attitude_deg=request.deviation_deg),
     )
     return Asked(scene, request, site)
-
-
-def scenario_camera(scenario: Scenario, path: Path) -> Calibration:
-    """The calibration of a scenario's camera: its own, of a file, or of a drone.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or nobody knows the drone.
-    """
-    camera = scenario.camera
-    if camera.file is not None:
-        return read_camera(camera.file).calibration
-    if camera.drone is not None:
-        try:
-            return camera_of_drone(camera.drone)
-        except UavgramError as fault:
-            raise InputError(path, f"camera: {fault}") from None
-    return calibration_of(camera)
 
 
 def _logged(scenario: Scenario) -> Logged | None:

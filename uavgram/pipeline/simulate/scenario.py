@@ -12,6 +12,7 @@ from uavgram.io.cameras.drone_table import drone_cameras
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.tags import CameraTags, DroneCamera
 from uavgram.model.scenario.scenario import CameraSpec
+from uavgram.pipeline.cameras.by_name import camera_of_drone
 from uavgram.pipeline.cameras.read import read_camera
 from uavgram.pipeline.simulate.worlds import ScenarioWorld
 from uavgram.stages.camera.assume import assume_camera, find_camera
@@ -36,7 +37,7 @@ def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
     """
     scenario, document = scenario_document(path)
     scenario = scenario if seed is None else scenario.with_seed(seed)
-    calibration = _calibration(path, scenario.camera)
+    calibration = scenario_camera(path, scenario.camera)
     world = ScenarioWorld(scenario, calibration)
     faults = list(senseless(simulate(scenario, calibration, exact=True)))
     if faults:
@@ -45,12 +46,21 @@ def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
     return world
 
 
-def _calibration(path: Path, camera: CameraSpec) -> Calibration | None:
-    """The camera of a file or of a drone; None: the scenario's own numbers."""
+def scenario_camera(path: Path, camera: CameraSpec) -> Calibration | None:
+    """The camera of a file or of a drone; None: the scenario's own numbers.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or nobody knows the drone.
+    """
     if camera.file is not None:
         return read_camera(camera.file).calibration
     if camera.drone is None:
         return None
+    by_name = None if camera.focal_mm is not None else camera_of_drone(camera.drone)
+    if by_name is not None:
+        return by_name
     known = drone_cameras()
     named = CameraTags(path=str(path), width_px=1, height_px=1, model=camera.drone)
     found = find_camera(named, known)
@@ -61,7 +71,7 @@ def _calibration(path: Path, camera: CameraSpec) -> Calibration | None:
             path,
             f"camera.drone: the table of drone cameras has no {camera.drone!r}"
             f"{hint and f' ({hint})'}: name it by make and model as its photos do, such as "
-            "'dji fc330', or give camera.file",
+            "'dji fc330', or as it is sold, such as 'DJI Mavic 2 Pro', or give camera.file",
         )
     return _of_table(path, camera, _whole_colour(found, known))
 

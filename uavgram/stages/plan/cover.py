@@ -6,10 +6,18 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.ground.polygons import long_axis
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.request import PlanRequest
 from uavgram.stages.plan.cameras import Cameras, seen
-from uavgram.stages.plan.flights import USABLE, Flight, flights, heights_to_try, keeps_out
+from uavgram.stages.plan.flights import (
+    MOST_IN_GRID,
+    USABLE,
+    Flight,
+    flights,
+    heights_to_try,
+    keeps_out,
+)
 from uavgram.stages.plan.scene import PlanScene
 from uavgram.stages.plan.spots import grid_in
 from uavgram.stages.plan.wanted import Wanted
@@ -35,7 +43,9 @@ def covering(scene: PlanScene, request: PlanRequest, wanted: Wanted) -> list[Fli
         heights = 0
         for height in heights_to_try(request):
             good = 0
-            for one in flights(scene, request, pattern, height):
+            choices = flights(scene, request, pattern, height)
+            obstacles["battery"] += int(not choices)  # a grid of far too many photos
+            for one in choices:
                 obstacle = _obstacle(scene, request, one, must)
                 if obstacle:
                     obstacles[obstacle] += 1
@@ -82,7 +92,7 @@ def shows_horizon(scene: PlanScene, cameras: Cameras) -> bool:
 
 
 def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) -> str:
-    size = np.sort(np.ptp(scene.area_m, axis=0))[::-1]
+    size = long_axis(scene.area_m)[2]
     area = f"The area is {size[0]:.0f} m by {size[1]:.0f} m"
     tried = ", ".join(request.patterns)
     if not heights_to_try(request):
@@ -94,7 +104,8 @@ def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) 
     if obstacles["battery"]:
         return (
             f"{area}: no flight ({tried}) that shows all of it ends within "
-            f"{USABLE:.0%} of the battery's {request.battery_min:g} minutes. Make the area "
+            f"{USABLE:.0%} of the battery's {request.battery_min:g} minutes, with at most "
+            f"{MOST_IN_GRID} photos. Make the area "
             "smaller, fly higher (heights_m), allow more time (battery_min), or plan it in parts"
         )
     if obstacles["no-go"] and not obstacles["cover"]:

@@ -117,7 +117,7 @@ def flight(
         place = np.column_stack([_stops(size[0], shown[1], height, photos), np.zeros(photos)])
         look = np.tile([0.0, 1.0], (photos, 1))
     elif pattern == "grid":
-        grid = _grid(size, shown)
+        grid = _grid(size, shown, height)
         if grid is None:
             return None
         place, look = grid
@@ -152,14 +152,14 @@ def _stops(length: float, shown: float, height: float, count: int) -> Floats:
     return np.linspace(-0.5 * span, 0.5 * span, count) if count > 1 else np.zeros(1)
 
 
-def _grid(size: Floats, shown: Floats) -> tuple[Floats, Floats] | None:
+def _grid(size: Floats, shown: Floats, height: float) -> tuple[Floats, Floats] | None:
     """Places and directions of strips there and back that cover an area with overlap."""
     step = shown * (1.0 - np.array(OVERLAP))
     count = np.maximum(np.ceil((size - 0.5 * shown) / step).astype(int) + 1, 2)
     if count.prod() > MOST_IN_GRID:
         return None
     along, across = (
-        np.linspace(-0.5, 0.5, n) * max(s - 0.5 * w, 0.5 * w)
+        np.linspace(-0.5, 0.5, n) * max(s - 0.5 * w, LEAST_BASE * height)
         for n, s, w in zip(count, size, shown, strict=True)
     )
     place, look = [], []

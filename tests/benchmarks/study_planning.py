@@ -1,0 +1,138 @@
+"""Planned reference lines against random ones: predicted sigmas, and errors of simulated surveys.
+
+    python tests/benchmarks/study_planning.py --scenes 200
+    python tests/benchmarks/study_planning.py --scenes 0 --simulate 20 --draws 200
+
+Scenes are those of tests/support/plan_scenes.py: 20 to 60 m long, 20 distances wanted, 3 to 6 lines
+of 3 to 15 m, single photos and strips of 4 to 8. Beside each planned layout stand 100 random ones
+of as many lines, of the same places and lengths. Simulated is the planned layout beside the random
+one whose predicted sigma is the median: rms errors of surveys drawn from the priors and adjusted by
+the real likelihood; also with relief and a tape's scale that the plan knows nothing of.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
+
+from plan_draws import World, errors
+from plan_scenes import plan_case
+
+from uavgram.estimation.planning.layouts import best_layout, criterion_of
+from uavgram.model.arrays import Floats
+from uavgram.model.options import TapeOptions
+from uavgram.model.planned.request import FlightPattern
+from uavgram.pipeline.plan.possible import Possible, possible
+from uavgram.pipeline.plan.predicted import predicted
+
+RANDOM = 100
+BARS = {"single": (0.8, 0.95), "strip": (0.9, 0.95)}
+
+
+def compared(pattern: FlightPattern, seed: int, roughness_m: float) -> Floats:
+    """Planned mean sigma over the median, and over the best tenth, of random layouts; seconds."""
+    case = plan_case(pattern, seed, roughness_m=roughness_m)
+    start = time.perf_counter()
+    options = possible(case.scene, case.cameras, case.wanted, (3.0, case.longest_m))
+    layout = best_layout(options.aim, options.candidates, case.lines)
+    took = time.perf_counter() - start
+    others = [
+        criterion_of(options.aim, options.candidates, lines)
+        for lines in random_layouts(options, case.lines, seed)
+    ]
+    middle, tenth = np.quantile(others, (0.5, 0.1))
+    return np.array([layout.criterion / middle, layout.criterion / tenth, took, case.lines])
+
+
+def random_layouts(options: Possible, lines: int, seed: int) -> list[list[int]]:
+    """Layouts of candidates that share no end."""
+    rng = np.random.default_rng(seed)
+    ends = options.candidates.ends
+    found: list[list[int]] = []
+    while len(found) < RANDOM:
+        drawn = rng.choice(len(ends), lines, replace=False)
+        if len(np.unique(ends[drawn])) == 2 * lines:
+            found.append(drawn.tolist())
+    return found
+
+
+def simulated(pattern: FlightPattern, seed: int, draws: int, world: World) -> Floats:
+    """Planned over random: rms of the errors of wanted distances; rms of errors over sigmas."""
+    case = plan_case(pattern, seed)
+    case = replace(case, scene=replace(case.scene, tape=TapeOptions(scale_sigma=0.0)))
+    options = possible(case.scene, case.cameras, case.wanted, (3.0, case.longest_m))
+    planned = best_layout(options.aim, options.candidates, case.lines).lines
+    others = random_layouts(options, case.lines, seed)
+    value = [criterion_of(options.aim, options.candidates, lines) for lines in others]
+    middle = others[int(np.argsort(value)[len(value) // 2])]
+    flown = case.scene, case.cameras, case.wanted
+    rms, z = [], []
+    for lines in (planned, middle):
+        ends = options.spot_m[options.candidates.ends[list(lines)]]
+        rng = np.random.default_rng(seed)
+        found = errors(flown, ends, draws, rng, world)
+        sigma = predicted(*flown, ends).sigma
+        rms.append(np.sqrt(np.mean(found**2, axis=0)).mean())
+        z.append(np.sqrt(np.mean((found / sigma) ** 2)))
+    return np.array([rms[0] / rms[1], *z])
+
+
+WORLDS = {
+    "as planned": World(),
+    "5 cm of relief": World(relief_m=0.05),
+    "tape scale 0.1 %": World(tape_scale=0.001),
+}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenes", type=int, default=200)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--roughness", type=float, default=0.0)
+    parser.add_argument("--simulate", type=int, default=0)
+    parser.add_argument("--draws", type=int, default=200)
+    asked = parser.parse_args()
+    if asked.scenes:
+        predict(asked)
+    for name, world in WORLDS.items() if asked.simulate else ():
+        for pattern in BARS:
+            found = np.array(
+                [simulated(pattern, seed, asked.draws, world) for seed in range(asked.simulate)]
+            )
+            ratio, z = found[:, 0], np.sqrt(np.mean(found[:, 1:] ** 2, axis=0))
+            print(
+                f"{name}, {pattern}: planned over median mean {ratio.mean():.3f}, worst "
+                f"{ratio.max():.3f}; errors over sigmas {z[0]:.2f} (planned), {z[1]:.2f} (random)"
+            )
+
+
+def predict(asked: argparse.Namespace) -> None:
+    """Print how planned layouts compare by their predicted sigmas."""
+    for pattern, bars in BARS.items():
+        seeds = range(asked.first, asked.first + asked.scenes)
+        found = np.array([compared(pattern, seed, asked.roughness) for seed in seeds])
+        print(f"{pattern}, {len(found)} scenes, {found[:, 2].mean():.2f} s each")
+        for column, (name, bar) in enumerate(zip(("median", "best tenth"), bars, strict=True)):
+            share = found[:, column]
+            print(
+                f"  over the {name}: mean {share.mean():.3f}, worst {share.max():.3f} "
+                f"(seed {asked.first + int(share.argmax())}); above {bar}: "
+                f"{np.count_nonzero(share > bar)}"
+            )
+        for lines in np.unique(found[:, 3]):
+            some = found[found[:, 3] == lines]
+            print(
+                f"  {lines:.0f} lines: {some[:, :2].mean(axis=0).round(3)}",
+                some[:, :2].max(axis=0).round(3),
+            )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,75 @@
+"""`uavgram plan`: a scenario in, a plan and its files out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from uavgram.config.scenario import scenario_document
+from uavgram.errors import GeometryError, InputError
+from uavgram.io.exports.kml import write_kml
+from uavgram.io.exports.layers_geojson import write_layers_geojson
+from uavgram.io.exports.mission_qgc import write_qgc_plan
+from uavgram.io.exports.mission_waypoints import write_waypoints
+from uavgram.io.outputs import replace_text, staged_output
+from uavgram.io.results.plan_json import write_plan
+from uavgram.model.planned.plan import FlightPlanned
+from uavgram.pipeline.plan.make import plan_of
+from uavgram.pipeline.plan.scene import scene_of
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.products.planned_layers import plan_layers
+from uavgram.views.field_sheet.page import field_sheet
+
+PLAN_FILE, SHEET_FILE = "plan.json", "field_sheet.html"
+
+
+@with_one_blas_thread
+def plan(path: Path, progress: Progress = silent) -> FlightPlanned:
+    """Plan a flight and its reference lines.
+
+    Parameters
+    ----------
+    path
+        A scenario with a section `plan`.
+    progress
+        Shows long loops.
+
+    Raises
+    ------
+    InputError
+        Names file, line and key of what is wrong, or says why nothing can be planned.
+    """
+    scenario, document = scenario_document(path)
+    asked = scene_of(scenario, document.path)
+    try:
+        return plan_of(scenario, asked, progress)
+    except GeometryError as fault:
+        raise InputError(document.path, f"plan: {fault}", document.line_of(("plan",))) from fault
+
+
+def write_outputs(planned: FlightPlanned, folder: Path, source: Path) -> tuple[str, ...]:
+    """Write all files of a plan at once; their names.
+
+    Parameters
+    ----------
+    planned
+        The plan.
+    folder
+        Where to.
+    source
+        Which no output may replace.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written.
+    """
+    layers = plan_layers(planned)
+    with staged_output(folder, [source]) as hidden:
+        replace_text(hidden / SHEET_FILE, field_sheet(planned))
+        write_layers_geojson(layers, hidden / "plan.geojson")
+        write_kml(layers, hidden / "plan.kml")
+        write_waypoints(hidden / "mission.waypoints", planned)
+        write_qgc_plan(hidden / "mission.plan", planned)
+        write_plan(planned, hidden / PLAN_FILE)
+        return tuple(sorted(one.name for one in hidden.iterdir()))

@@ -1,0 +1,85 @@
+"""A plan for the terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from uavgram.model.planned.plan import FlightPlanned, Gain
+from uavgram.views.field_sheet.numbers import centimetres, metres
+from uavgram.views.field_sheet.words import headline, outcome
+from uavgram.views.terminal import aligned, message_lines
+from uavgram.views.wording import number
+
+LINES = ("line", "length", "photos", "a mistake that passes", "expect without it")
+VALUES = ("measurement", "about", "± to expect", "± wanted", "")
+
+
+def plan_lines(planned: FlightPlanned) -> list[str]:
+    """What to do, what comes of it, and what else could be done.
+
+    Parameters
+    ----------
+    planned
+        The plan.
+    """
+    flight = planned.flight
+    shown = [headline(planned), *outcome(planned), ""]
+    shown += [
+        f"Flight: {flight.pattern}, {metres(flight.height_m)} above the ground, gimbal at "
+        f"{flight.gimbal_pitch_deg:g} degrees, {flight.duration_s / 60:.1f} of "
+        f"{flight.battery_s / 60:g} minutes; a pixel is {centimetres(flight.ground_sample_m)}.",
+        "",
+    ]
+    if planned.lines.name:
+        shown += [aligned([LINES, *_line_rows(planned)], right=(1, 2, 3, 4)), ""]
+    if planned.measurements.name:
+        shown += [aligned([VALUES, *_value_rows(planned)], right=(1, 2, 3)), ""]
+    mean = _sigma(planned, planned.mean_sigma)
+    shown.append(f"On average expect ± {mean}. Other choices:")
+    shown += [f"  {_gain(planned, gain)}" for gain in planned.gains]
+    messages = message_lines(planned.messages)
+    return [*shown, *(["", *messages] if messages else [])]
+
+
+def _line_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
+    lines = planned.lines
+    for i, name in enumerate(lines.name):
+        passes, without = float(lines.mdb_m[i]), float(lines.mean_sigma_without[i])
+        yield (
+            name,
+            metres(float(lines.length_m[i])),
+            f"{lines.frames_seen[i]:.0f}",
+            "any" if math.isnan(passes) else f"up to {centimetres(passes)}",
+            "nothing holds" if math.isnan(without) else f"± {_sigma(planned, without)}",
+        )
+
+
+def _value_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
+    wanted = planned.measurements
+    for i, name in enumerate(wanted.name):
+        unit, good = wanted.unit[i], float(wanted.wanted_sigma[i])
+        sigma = float(wanted.sigma[i])
+        yield (
+            name,
+            f"{number(float(wanted.value[i]))} {unit}",
+            f"{sigma:.2g} {unit}",
+            "" if math.isnan(good) else f"{good:.2g} {unit}",
+            "" if not sigma > good else "not reached",
+        )
+
+
+def _gain(planned: FlightPlanned, gain: Gain) -> str:
+    change = 100.0 * (gain.mean_sigma / planned.mean_sigma - 1.0)
+    words = "no better and no worse"
+    if abs(change) >= 1.0:
+        words = f"{abs(change):.0f} % {'worse' if change > 0 else 'better'}"
+    return f"{gain.what}: ± {_sigma(planned, gain.mean_sigma)}, {words}"
+
+
+def _sigma(planned: FlightPlanned, sigma: float) -> str:
+    """A mean sigma: of lengths, where there are any among what is wanted."""
+    unit = planned.measurements.unit
+    if not unit or "m" in unit:
+        return centimetres(sigma)
+    return f"{sigma:.2g} {unit[0]}"
