@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
+from typing import Any
+
 import numpy as np
 
 from uavgram.model.arrays import Floats
@@ -87,6 +90,26 @@ def sample_plan() -> FlightPlanned:
         messages=(
             Message("warning", "plan-hidden", "1 wanted value stays above what was asked for."),
         ),
+    )
+
+
+def none_of(part: Any) -> Any:  # noqa: ANN401
+    """The same part of a plan with no row."""
+    return replace(part, **{field.name: getattr(part, field.name)[:0] for field in fields(part)})
+
+
+def bare_plan() -> FlightPlanned:
+    """The same photos, and nothing else: no line, nothing wanted, nothing that can be measured."""
+    plan = sample_plan()
+    grid = replace(plan.grid, sigma_m=np.full(len(plan.grid.sigma_m), np.nan))
+    return replace(
+        plan,
+        lines=none_of(plan.lines),
+        measurements=none_of(plan.measurements),
+        points=none_of(plan.points),
+        grid=grid,
+        no_go_world_m=(),
+        messages=(),
     )
 
 

@@ -29,6 +29,7 @@ _INPUT_FILES = (
     "control",
     "check",
     "ties",
+    "plan",
 )
 PROJECT_FILE = "project.yaml"
 PICKED_FILES = ("picks", "lines", "measure", "ties")

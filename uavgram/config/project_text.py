@@ -73,6 +73,7 @@ _COMMENTS = {
     "control": "points with known coordinates, used as observations",
     "check": "points with known coordinates, used only to judge the result",
     "ties": "tie points between photos; auto: found where the file is missing",
+    "plan": "what was planned: `uavgram pick` lists the lines to mark",
 }
 _EXAMPLES = {
     "log": "flight.BIN",
@@ -80,6 +81,7 @@ _EXAMPLES = {
     "control": "control.csv",
     "check": "check.csv",
     "ties": "auto",
+    "plan": "plan.json",
 }
 _WIDTH = 34
 
@@ -128,7 +130,7 @@ def project_text(project: ProjectText) -> str:
         "camera": _scalar(project.camera),
         "log": project.log and _scalar(project.log),
         "poses": project.poses and _scalar(project.poses),
-        **dict.fromkeys(("picks", "lines", "known", "measure", "control", "check", "ties")),
+        **dict.fromkeys(("picks", "lines", "known", "measure", "control", "check", "ties", "plan")),
         **{key: _scalar(path) for key, path in project.tables.items()},
         "output": "out",
     }

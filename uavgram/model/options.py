@@ -323,7 +323,8 @@ class Project(_Options):
     ``unknown`` or a path; `poses` is ``exif`` or a path, or several, and stands in place of
     `log`. `crs` is the projected coordinate system of maps and drawings; ``auto``: the UTM zone.
     `operator` is who answers for the survey; ``auto``: the account that runs it. `ties` is
-    ``auto`` or a path. `units` are those in which people read; files keep metres. `case` is what
+    ``auto`` or a path. `plan` is what was planned before the flight. `units` are those in which
+    people read; files keep metres. `case` is what
     the head of the report says.
     """
 
@@ -339,6 +340,7 @@ class Project(_Options):
     control: str | None = None
     check: str | None = None
     ties: str | None = None
+    plan: str | None = None
     output: str = "out"
     crs: str = "auto"
     operator: str = ACCOUNT
@@ -363,6 +365,7 @@ class Project(_Options):
             "control",
             "check",
             "ties",
+            "plan",
             "name",
             "camera",
             "picks",

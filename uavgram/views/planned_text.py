@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 
 from uavgram.model.planned.plan import FlightPlanned, Gain
-from uavgram.views.field_sheet.numbers import centimetres, metres
-from uavgram.views.field_sheet.words import headline, outcome
+from uavgram.views.planned.numbers import centimetres, metres
+from uavgram.views.planned.words import headline, outcome
 from uavgram.views.terminal import aligned, message_lines
 from uavgram.views.wording import number
 

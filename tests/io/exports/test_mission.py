@@ -90,7 +90,7 @@ def test_each_stop_is_turned_to_before_and_photographed_after(
 ) -> None:
     heading = pitch = np.nan
     taken: list[tuple[float, float]] = []
-    before = None
+    before: Any = None
     for item in _loaded(mission, tmp_path)[1:]:
         if item.command == MAV.MAV_CMD_CONDITION_YAW:
             assert (item.param3, item.param4) == (0, 0)  # the short way, not relative

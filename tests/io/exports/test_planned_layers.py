@@ -23,7 +23,7 @@ FEATURES = plan_layers(PLAN)
 KML = "{http://www.opengis.net/kml/2.2}"
 
 
-def on_ground(lonlat: Floats) -> Floats:
+def on_ground(lonlat: Floats | list[Any]) -> Floats:
     """(n, 2) metres, by another projection than the program's."""
     site = PLAN.site
     flat = Transformer.from_crs(

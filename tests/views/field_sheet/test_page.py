@@ -8,16 +8,15 @@ import io
 import re
 from typing import Any
 
-import numpy as np
 import pytest
-from planned_sample import sample_plan
+from planned_sample import bare_plan, none_of, sample_plan
 
 from uavgram.errors import UavgramError
 from uavgram.model.maps.plan import Paper
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
 from uavgram.views.field_sheet.page import field_sheet, field_sheet_pdf
-from uavgram.views.field_sheet.words import headline, if_a_line_is_lost, outcome, unchecked
+from uavgram.views.planned.words import headline, if_a_line_is_lost, outcome, unchecked
 
 PLAN = sample_plan()
 PAGE = field_sheet(PLAN)
@@ -31,13 +30,6 @@ def text_of(page: str) -> str:
 
 def without(planned: FlightPlanned, **changes: object) -> FlightPlanned:
     return dataclasses.replace(planned, **changes)  # type: ignore[arg-type]
-
-
-def none_of(part: Any) -> Any:  # noqa: ANN401
-    """The same part of a plan with no row."""
-    return dataclasses.replace(
-        part, **{field.name: getattr(part, field.name)[:0] for field in dataclasses.fields(part)}
-    )
 
 
 def test_the_first_sentence_says_what_to_do() -> None:
@@ -88,15 +80,7 @@ def test_in_feet_nothing_is_said_in_metres(length: Any) -> None:  # noqa: ANN401
 
 
 def test_a_plan_of_photos_alone_has_a_sheet() -> None:
-    grid = dataclasses.replace(PLAN.grid, sigma_m=np.full(len(PLAN.grid.sigma_m), np.nan))
-    bare = without(
-        PLAN,
-        **{name: none_of(getattr(PLAN, name)) for name in ("lines", "measurements", "points")},
-        grid=grid,
-        no_go_world_m=(),
-        messages=(),
-    )
-    shown = text_of(field_sheet(bare))
+    shown = text_of(field_sheet(bare_plan()))
     assert "1. Fly" in shown
     for absent in ("tape", "keep out", "nan", "None"):
         assert absent not in shown

@@ -34,6 +34,7 @@ _LAYERS = {
     "planned_lines": ("Lines to lay and tape", "ff7a12b0"),
     "planned_line_ends": ("Ends of lines", "ff7a12b0"),
 }
+_HIDDEN = (*HIDDEN, "planned_footprints")
 _NO_PLACE = "Nothing ties this survey to the earth, so nothing of it can be drawn on a globe."
 
 
@@ -72,7 +73,7 @@ def _style(document: Element, layer: Layer) -> None:
 def _folder(document: Element, layer: Layer, origin: Origin) -> None:
     folder = SubElement(document, "Folder")
     SubElement(folder, "name").text = _LAYERS[layer.name][0]
-    visibility = "0" if layer.name in HIDDEN else "1"
+    visibility = "0" if layer.name in _HIDDEN else "1"
     SubElement(folder, "visibility").text = visibility
     folder.tail = "\n"
     names = next(iter(layer.attributes.values()))  # label, name or frame comes first

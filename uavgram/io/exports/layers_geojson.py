@@ -48,7 +48,7 @@ def write_layers_geojson(features: Features, path: Path) -> None:
 def _features(layer: Layer, origin: Origin) -> list[Record]:
     def on_earth(enu: Floats) -> Floats:
         latitude, longitude, _ = geodetic_from_enu(enu, origin)
-        return np.round(np.column_stack([longitude, latitude]), DECIMALS)
+        return np.asarray(np.round(np.column_stack([longitude, latitude]), DECIMALS), np.float64)
 
     made = []
     for row, vertices in enumerate(placed(layer.vertices_m, on_earth)):

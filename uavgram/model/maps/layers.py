@@ -16,7 +16,7 @@ ShapeKind = Literal["point", "line", "polygon"]
 Attribute = tuple[str, ...] | tuple[float, ...]
 
 
-HIDDEN = ("footprints", "ellipses_95", "planned_footprints")
+HIDDEN = ("footprints", "ellipses_95")
 """Layers that files hide at first; the ellipses are metres wide by the receiver's bias."""
 
 

@@ -31,6 +31,7 @@ from uavgram.picking.protocol.encode_answers import (
 )
 from uavgram.picking.protocol.encode_flight import flight_json
 from uavgram.picking.protocol.encode_places import expected_json
+from uavgram.picking.protocol.encode_planned import planned_json
 from uavgram.picking.protocol.encode_project import (
     camera_json,
     clock_json,
@@ -160,6 +161,7 @@ class PickSession:
             "flight": flight_json(self.survey),
             "control": list(inputs.control.label),
             "check": list(inputs.check.label),
+            "planned": planned_json(inputs.planned, inputs.project.units),
             "expected": self._expected(),
             "recovered": self.recovered is not None,
             "messages": messages_json(

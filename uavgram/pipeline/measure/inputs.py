@@ -18,6 +18,7 @@ from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.poses.read import FROM_PHOTOS
 from uavgram.io.photos.poses.sources import read_pose_sources
 from uavgram.io.photos.poses.tags import first_maker
+from uavgram.io.results.plan_json import read_plan
 from uavgram.io.tables.csv_tables import own_columns
 from uavgram.io.tables.known import KNOWN_COLUMNS, read_known
 from uavgram.io.tables.known_points import read_known_points
@@ -32,6 +33,7 @@ from uavgram.model.flight.log import FlightLog
 from uavgram.model.flight.photo_poses import PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_UNKNOWN, TIES_FILE, TIES_FOUND, Project
+from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.provenance import InputDigest
 from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
@@ -78,6 +80,7 @@ class Inputs:
     control: KnownPoints
     check: KnownPoints
     ties: TiePicks = NO_TIES
+    planned: FlightPlanned | None = None
     log: FlightLog | None
     poses: PhotoPoses | None
     digests: tuple[InputDigest, ...]
@@ -125,6 +128,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     known = read_known(project.known) if project.known else NO_KNOWN
     ties_file = _existing(ties_path(project, path.absolute().parent))
     ties = read_ties(ties_file) if ties_file else NO_TIES
+    planned = read_plan(project.plan) if project.plan else None
     columns = _column_messages(picks_file, lines_file, measure_file, project.known, ties_file)
     control = read_known_points(project.control) if project.control else NO_POINTS
     check = read_known_points(project.check) if project.check else NO_POINTS
@@ -141,7 +145,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     notes = () if log is None else log_messages(log)
     pose_files = [source for source in project.pose_sources if source != FROM_PHOTOS]
     named = (project.camera_file, picks_file, project.log, *pose_files, lines_file, measure_file)
-    named = (*named, project.known, project.control, project.check, ties_file)
+    named = (*named, project.known, project.control, project.check, ties_file, project.plan)
     files = [str(path), *(f for f in named if f), *photos.path]
     return Inputs(
         project_path=str(path),
@@ -155,6 +159,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
         control=control,
         check=check,
         ties=ties,
+        planned=planned,
         log=log,
         poses=poses,
         digests=digest_inputs(files, path.absolute().parent),

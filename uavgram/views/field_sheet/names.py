@@ -12,8 +12,8 @@ from uavgram.model.arrays import Floats
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
 from uavgram.stages.products.text_places import TextPlaces, around
-from uavgram.views.field_sheet.numbers import metres
 from uavgram.views.field_sheet.paper import WIDTH, Paper
+from uavgram.views.planned.numbers import metres
 from uavgram.views.unit_words import in_units
 
 NameKind = Literal["line", "corner", "end", "wanted", "photo", "point"]

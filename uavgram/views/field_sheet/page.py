@@ -9,9 +9,11 @@ from uavgram.model.maps.plan import Paper
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import METRIC, Units
 from uavgram.views.field_sheet.drawing import field_drawing
-from uavgram.views.field_sheet.numbers import metres
-from uavgram.views.field_sheet.tables import line_rows, value_rows
-from uavgram.views.field_sheet.words import (
+from uavgram.views.pages import page_environment
+from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf
+from uavgram.views.planned.numbers import metres
+from uavgram.views.planned.tables import line_rows, value_rows
+from uavgram.views.planned.words import (
     assumed,
     corners_on_earth,
     flight_facts,
@@ -21,8 +23,6 @@ from uavgram.views.field_sheet.words import (
     take_off_words,
     unchecked,
 )
-from uavgram.views.pages import page_environment
-from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf
 from uavgram.views.unit_words import like_lengths
 from uavgram.views.units import column
 

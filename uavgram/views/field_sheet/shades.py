@@ -9,8 +9,8 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.stages.products.planned_layers import grid_cells
-from uavgram.views.field_sheet.numbers import centimetres
 from uavgram.views.field_sheet.paper import Paper, svg_points
+from uavgram.views.planned.numbers import centimetres
 
 LIGHTEST, DARKEST = 1.0, 0.66
 """Of white: names on the darkest can still be read."""

@@ -36,9 +36,15 @@ def round_length(most_m: float) -> float:
 
 def frustum_corners(result: Result) -> Floats:
     """(4, 3) corners of the photo as rays z = 1 of the undistorted camera, clockwise."""
-    fx, fy, cx, cy = result.shared.intrinsics.value[:4]
-    u = np.array([0, 1, 1, 0]) * result.camera.width_px - 0.5
-    v = np.array([0, 0, 1, 1]) * result.camera.height_px - 0.5
+    camera = result.camera
+    return corner_rays(result.shared.intrinsics.value, camera.width_px, camera.height_px)
+
+
+def corner_rays(parameters: Floats, width_px: int, height_px: int) -> Floats:
+    """(4, 3) corners of a photo as rays z = 1 of a camera without distortion, clockwise."""
+    fx, fy, cx, cy = parameters[:4]
+    u = np.array([0, 1, 1, 0]) * width_px - 0.5
+    v = np.array([0, 0, 1, 1]) * height_px - 0.5
     return np.stack([(u - cx) / fx, (v - cy) / fy, np.ones(4)], axis=-1)
 
 
@@ -55,10 +61,22 @@ def frusta(result: Result, poses: PoseTable, depth_m: float) -> Floats:
         At which a frustum is cut off.
     """
     posed = np.isfinite(poses.center_world_m[:, 0])
-    center = poses.center_world_m[posed]
-    world = np.einsum("nij,kj->nki", poses.world_from_camera[posed], frustum_corners(result))
-    corners = center[:, None, :] + depth_m * world
-    apex = center[:, None, :]
+    rays = depth_m * frustum_corners(result)
+    return pyramids(poses.center_world_m[posed], poses.world_from_camera[posed], rays)
+
+
+def pyramids(center_m: Floats, world_from_camera: Floats, corners_m: Floats) -> Floats:
+    """(N, 10, 3) open polylines: the base with its four corners, and the edges to the apex.
+
+    Parameters
+    ----------
+    center_m, world_from_camera
+        (N, 3), (N, 3, 3) poses of the apexes.
+    corners_m
+        (4, 3) of the base, in the camera's frame, in their order around it.
+    """
+    apex = center_m[:, None, :]
+    corners = apex + np.einsum("nij,kj->nki", world_from_camera, corners_m)
     top_left, top_right, bottom_right, bottom_left = (corners[:, k : k + 1] for k in range(4))
     return np.concatenate(
         [

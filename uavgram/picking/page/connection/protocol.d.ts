@@ -92,9 +92,11 @@ export type FullLive = Exclude<Live, Linearised>;
 
 export interface Units { length: "m" | "ft" | "ft-in"; speed: "km/h" | "mph" | "m/s" }
 export interface Standing { version: number; undo: number; redo: number }
+// What was planned to be laid and taped: labels of the ends, the length and the ways there in words.
+export interface PlannedLine { name: string; start: string; end: string; length: string; start_place: string; end_place: string }
 export interface InitialState extends Standing {
   t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null;
-  control: string[]; check: string[]; expected: Predicted[]; recovered: boolean; messages: Note[];
+  control: string[]; check: string[]; planned: PlannedLine[]; expected: Predicted[]; recovered: boolean; messages: Note[];
   state: { picks: Pick[]; lines: Line[]; measurements: Measurement[] };
   live: FullLive | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;
 }

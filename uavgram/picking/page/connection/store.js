@@ -2,7 +2,7 @@
 
 import { useUnits } from "../elements/units.js";
 
-/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, Fit, Flight, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Predicted, Proposal, Proposals, Remark, ServerMessage, Standing } from "./protocol.js" */
+/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, Fit, Flight, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, PlannedLine, Predicted, Proposal, Proposals, Remark, ServerMessage, Standing } from "./protocol.js" */
 
 /**
  * @typedef {object} Store
@@ -19,6 +19,7 @@ import { useUnits } from "../elements/units.js";
  * @property {Clock | null} clock
  * @property {Flight | null} flight
  * @property {Predicted[]} expected
+ * @property {PlannedLine[]} planned
  * @property {Outputs | null} outputs
  * @property {string[]} outside
  * @property {number | null} aside how many changes an earlier session could not save
@@ -57,6 +58,7 @@ export const store = {
   clock: null,
   flight: null,
   expected: [],
+  planned: [],
   outputs: null,
   outside: [],
   aside: null,
@@ -102,11 +104,11 @@ export function receive(message, moved) {
 }
 
 /** @param {InitialState} message */
-function begin({ project, units, photos, camera, control, check, recovered, clock, flight, expected, outputs, outside, aside, calibration, ...message }) {
+function begin({ project, units, photos, camera, control, check, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, ...message }) {
   const { picks, lines, measurements } = message.state;
   useUnits(units);
   Object.assign(store, {
-    begun: true, project, photos, camera, control, check, recovered, clock, flight, expected, outputs, outside, aside, calibration, lines, measurements,
+    begun: true, project, photos, camera, control, check, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, lines, measurements,
     tilePx: message.tile_px,
     pickSigmaPx: message.pick_sigma_px,
     opening: message.messages,

@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.plan import FlightPlanned
-from uavgram.views.field_sheet.numbers import centimetres, metres
+from uavgram.views.planned.numbers import centimetres, metres
 
 LOW_CHECK = 0.1
 """Redundancy of a reading below which a mistake is as good as unchecked (Baarda 1968)."""
@@ -71,7 +71,7 @@ def flight_facts(planned: FlightPlanned) -> tuple[tuple[str, str], ...]:
         ("Photos", str(len(frames.name))),
         ("Height", f"{height} above the ground"),
         ("Camera", "straight down" if is_nadir else f"{_span(-pitch)}° below level"),
-        ("Nose", f"{_span(heading)}° from north" if is_one_way else "as the arrows show"),
+        ("Nose", f"{_span(heading)}° from north" if is_one_way else "turns: see each photo"),
         ("At each photo", f"hover {flight.seconds_per_photo:.0f} s, then trigger"),
         ("Way", f"{metres(flight.path_m)} at {flight.speed_m_s:g} m/s"),
         ("In the air", f"{_minutes(flight.duration_s)} of {_minutes(flight.battery_s)}"),

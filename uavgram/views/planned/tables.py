@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
-from uavgram.views.field_sheet.numbers import centimetres, metres
+from uavgram.views.planned.numbers import centimetres, metres
 from uavgram.views.units import spread_text, value_text
 from uavgram.views.wording import KIND_WORDS
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.arrays import Floats
-from uavgram.views.field_sheet.tables import place_in_area
+from uavgram.views.planned.tables import place_in_area
 
 WAY = re.compile(
     r"([\d.]+) m from corner (\d+) (towards|away from) corner (\d+)"
@@ -26,16 +26,13 @@ def walked(area_m: Floats, words: str) -> Floats:
     sign = 1 if match[3] == "towards" else -1
     place = start + sign * float(match[1]) * ahead
     if match[5]:
-        is_next = (
-            int(match[4]) % len(area_m) == int(match[2]) % len(area_m) + 1
-            or (int(match[4]) - int(match[2])) % len(area_m) == 1
-        )
+        is_next = (int(match[4]) - int(match[2])) % len(area_m) == 1
         left = np.array([-ahead[1], ahead[0]]) * (1 if is_next else -1)
         place = place + left * float(match[5]) * (1 if match[6] == "inwards" else -1)
     return np.asarray(place)
 
 
-SHAPES = {
+SHAPES: dict[str, list[tuple[float, float]]] = {
     "turned rectangle": [(-21.0, -7.0), (16.0, -21.0), (26.0, 7.0), (-11.0, 21.0)],
     "triangle": [(0.0, 0.0), (30.0, 0.0), (4.0, 18.0)],
     "corner house": [(0, 0), (30, 0), (30, 12), (14, 12), (14, 30), (0, 30)],

@@ -1,0 +1,44 @@
+"""Where the ends of planned lines should lie in the world of a project."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.geometry.earth.geodesy import enu_from_geodetic, geodetic_from_enu
+from uavgram.model.survey.observations import KnownWorldPoints
+from uavgram.model.survey.world import World
+from uavgram.pipeline.measure.inputs import Inputs
+from uavgram.stages.assemble import NO_CONTROL
+from uavgram.stages.products.mission import planned_origin
+
+LAID_SIGMA_M = 0.5
+"""Who lays a line by paces and sight is off by so much: half a step, a standard deviation."""
+
+
+def planned_ends(inputs: Inputs, world: World) -> KnownWorldPoints:
+    """Ends of the lines of the project's plan; none without a plan, or without a place on earth.
+
+    On the project's ground, whatever height the plan took it to have: a plan is made at home.
+
+    Parameters
+    ----------
+    inputs
+        The project.
+    world
+        Where its local world lies.
+    """
+    planned = inputs.planned
+    if planned is None or world.origin is None:
+        return NO_CONTROL
+    lines = planned.lines
+    ends = np.concatenate([lines.start_world_m, lines.end_world_m])
+    latitude, longitude, _ = geodetic_from_enu(ends, planned_origin(planned))
+    places = enu_from_geodetic(latitude, longitude, world.origin[2], world.origin)
+    ground = inputs.project.ground
+    places[:, 2] = ground.height_m
+    sigma = [LAID_SIGMA_M, LAID_SIGMA_M, ground.height_sigma_m]
+    return KnownWorldPoints(
+        label=(*lines.start_label, *lines.end_label),
+        world_m=places,
+        sigma_m=np.broadcast_to(sigma, places.shape),
+    )

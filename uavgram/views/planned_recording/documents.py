@@ -1,0 +1,91 @@
+"""Pages of text in the recording of a plan."""
+
+from __future__ import annotations
+
+import rerun as rr
+
+from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.units import Units
+from uavgram.views.markdown import plain, table
+from uavgram.views.planned.numbers import metres
+from uavgram.views.planned.tables import line_rows, value_rows
+from uavgram.views.planned.words import (
+    assumed,
+    flight_facts,
+    headline,
+    if_a_line_is_lost,
+    outcome,
+    take_off_words,
+)
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.unit_words import in_units, like_lengths
+
+SUMMARY, LAY, PHOTO = "documents/summary", "documents/lines", "documents/photo"
+
+
+def log_plan_documents(recorder: Recorder, planned: FlightPlanned, units: Units) -> None:
+    """Log all pages."""
+    named = (*planned.lines.name, *planned.measurements.name, *planned.points.label, planned.name)
+    kept = like_lengths(named)
+    for path, text in ((SUMMARY, summary_page(planned, units)), (LAY, lines_page(planned))):
+        told = in_units(text, units, kept)
+        recorder.static(path, rr.TextDocument(told, media_type=rr.MediaType.MARKDOWN))
+    sheets = [in_units(photo_page(planned, k), units) for k in range(len(planned.frames.name))]
+    recorder.sheets(PHOTO, sheets)
+
+
+def summary_page(planned: FlightPlanned, units: Units) -> str:
+    """The page that is read first."""
+    parts = [f"# {plain(headline(planned))}", *map(plain, outcome(planned))]
+    parts += [f"**{plain(m.text)}** `{m.code}`" for m in planned.messages if m.level != "info"]
+    if planned.measurements.name:
+        rows = [
+            (
+                plain(row.name),
+                row.about,
+                f"**± {row.sigma}**",
+                f"± {row.wanted}" if row.wanted else "–",
+                {None: "–", True: "yes", False: "**NO**"}[row.is_good],
+            )
+            for row in value_rows(planned, units)
+        ]
+        head = ("value", "about", "will be known to", "wished", "good enough?")
+        parts += ["## What will be measured", table(head, rows)]
+    facts = [(plain(key), f"**{plain(value)}**") for key, value in flight_facts(planned)]
+    parts += ["## The flight", table(("", ""), facts), plain(take_off_words(planned))]
+    if planned.gains:
+        more = [(plain(gain.what), f"± {100 * gain.mean_sigma:.1f} cm") for gain in planned.gains]
+        parts += ["## What something else would bring", table(("with", "on average"), more)]
+    parts.append(plain(assumed(planned)))
+    parts += [f"{plain(m.text)} `{m.code}`" for m in planned.messages if m.level == "info"]
+    return "\n\n".join(parts)
+
+
+def lines_page(planned: FlightPlanned) -> str:
+    """What to lay, and what if that is not possible."""
+    rows = [
+        (
+            plain(row.name),
+            f"**{row.length}**",
+            plain(f"{row.start}: {row.start_place}"),
+            plain(f"{row.end}: {row.end_place}"),
+            str(row.photos),
+            row.mistake or "never: tape it twice",
+        )
+        for row in line_rows(planned)
+    ]
+    if not rows:
+        return "No line is to be laid."
+    head = ("line", "length", "from", "to", "photos", "mistake noticed from")
+    return "\n\n".join([table(head, rows), *map(plain, if_a_line_is_lost(planned))])
+
+
+def photo_page(planned: FlightPlanned, row: int) -> str:
+    """One photo: where the drone stands, and how it looks."""
+    frames = planned.frames
+    facts = [
+        ("height above the ground", metres(float(frames.height_above_ground_m[row]))),
+        ("nose", f"{frames.heading_deg[row] % 360:.0f}° from north"),
+        ("camera", f"{-frames.gimbal_pitch_deg[row]:.0f}° below level"),
+    ]
+    return f"# {plain(frames.name[row])}\n\n" + table(("", ""), facts)

@@ -1,0 +1,187 @@
+"""A plan in space: accuracy on the ground, photos in the air, lines to lay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+
+from uavgram.imaging.photos.preview import Pixels
+from uavgram.model.arrays import Floats
+from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.units import Units
+from uavgram.stages.products.planned_layers import grid_cells, wanted_shapes
+from uavgram.views.planned.numbers import centimetres, metres
+from uavgram.views.recording.eye import Eye
+from uavgram.views.recording.scene import FRUSTUM_SHARE, SPACING_SHARE, TO_THE_EYE
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.recording.world.footprint_marks import closed
+from uavgram.views.recording.world.labels import HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN
+from uavgram.views.recording.world.marks import polylines, texts
+from uavgram.views.style import (
+    BAD,
+    MEASURED,
+    OBSERVED,
+    QUIET,
+    REFERENCE,
+    REFINED,
+    scale_colours,
+)
+from uavgram.views.survey.drawing import corner_rays, longest_middle, pyramids, uncovered
+from uavgram.views.unit_words import in_units
+
+SPACE = "plan"
+NAMES, PHOTO_NAMES = f"{SPACE}/names", f"{SPACE}/photo_names"
+
+DIM = 0.6
+_LIFT = 0.012
+_DROP = 1e-3
+"""Names float above what they name, and the map lies below what is drawn on it: shares of the size
+of the scene."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlanScene:
+    """Sizes that the pictures are scaled by.
+
+    Attributes
+    ----------
+    size_m
+        Of the area.
+    frusta_m
+        (F, 10, 3) of all photos.
+    eye
+        Of the first view: shows area, lines and photos.
+    """
+
+    size_m: float
+    frusta_m: Floats
+    eye: Eye
+
+
+def measure_plan(planned: FlightPlanned) -> PlanScene:
+    """Take the sizes of a plan."""
+    frames, lines, camera = planned.frames, planned.lines, planned.camera
+    area = planned.area_world_m
+    size = float(np.ptp(area, axis=0).max())
+    steps = np.linalg.norm(np.diff(frames.center_world_m, axis=0), axis=1)
+    # as deep as frusta of other recordings, but seen even where one photo is all there is
+    depth = 2.0 * FRUSTUM_SHARE * planned.flight.height_m
+    if len(steps):
+        depth = min(depth, SPACING_SHARE * float(np.median(steps)))
+    rays = depth * corner_rays(camera.parameters, camera.width_px, camera.height_px)
+    frusta = pyramids(frames.center_world_m, frames.world_from_camera, rays)
+    shown = [area, lines.start_world_m, lines.end_world_m, frusta.reshape(-1, 3)]
+    return PlanScene(size, frusta, Eye.fitting(np.concatenate(shown), TO_THE_EYE))
+
+
+def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: Units) -> None:
+    """Log everything that stands still, and the photo of the timeline.
+
+    Parameters
+    ----------
+    recorder
+        The open recording; its frames are the photos of the plan.
+    planned
+        The plan.
+    scene
+        Its sizes.
+    units
+        Of the names.
+    """
+    recorder.static(SPACE, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    _ground(recorder, planned, scene)
+    _flight(recorder, planned, scene)
+    lines = planned.lines
+    strips = np.stack([lines.start_world_m, lines.end_world_m], axis=1)
+    if len(strips):
+        recorder.static(f"{SPACE}/lines_to_lay", polylines(strips, REFERENCE, 5.0))
+    wanted = [strip for some in wanted_shapes(planned) for strip in some]
+    if wanted:
+        recorder.static(f"{SPACE}/wanted", polylines(wanted, MEASURED, 3.0))
+    if planned.points.label:
+        dots = rr.Points3D(planned.points.world_m, colors=MEASURED, radii=rr.Radius.ui_points(3.5))
+        recorder.static(f"{SPACE}/points", dots)
+    _names(recorder, planned, scene, units)
+
+
+def accuracy_range(planned: FlightPlanned) -> tuple[float, float] | None:
+    """The best and the worst standard deviation of the map; None where nothing can be measured."""
+    known = planned.grid.sigma_m[np.isfinite(planned.grid.sigma_m)]
+    return (float(known.min()), float(known.max())) if len(known) else None
+
+
+def map_colours(share: Floats) -> Pixels:
+    """(N, 3) colours of the map, from the best (0) to the worst (1): dim, to draw on."""
+    return (DIM * scale_colours(share)).astype(np.uint8)
+
+
+def _ground(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> None:
+    area = [closed(planned.area_world_m)]
+    recorder.static(f"{SPACE}/area", polylines(area, OBSERVED, 2.0))
+    if planned.no_go_world_m:
+        rings = [closed(ring) for ring in planned.no_go_world_m]
+        recorder.static(f"{SPACE}/keep_out", polylines(rings, BAD, 4.0))
+    reach = accuracy_range(planned)
+    if reach is None:
+        return
+    low, high = reach
+    known = np.isfinite(planned.grid.sigma_m)
+    share = (planned.grid.sigma_m[known] - low) / max(high - low, 1e-12)
+    corners = grid_cells(planned)[known] - np.array([0.0, 0.0, _DROP * scene.size_m])
+    first = 4 * np.arange(len(corners))[:, None]
+    triangles = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
+    recorder.static(
+        f"{SPACE}/accuracy",
+        rr.Mesh3D(
+            vertex_positions=corners.reshape(-1, 3),
+            triangle_indices=triangles,
+            vertex_colors=np.repeat(map_colours(share), 4, axis=0),
+        ),
+    )
+
+
+def _flight(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> None:
+    frames = planned.frames
+    if len(frames.name) > 1:
+        way = [frames.center_world_m]
+        recorder.static(f"{SPACE}/flight", polylines(way, REFINED, 1.5))
+    recorder.static(f"{SPACE}/photos", polylines(scene.frusta_m, REFINED, 1.5))
+    rings = [closed(ring) for ring in frames.footprint_world_m]
+    recorder.static(f"{SPACE}/footprints", polylines(rings, QUIET, 0.8))
+    _one_by_one(recorder, f"{SPACE}/this_photo", list(scene.frusta_m), 3.0)
+    _one_by_one(recorder, f"{SPACE}/footprint_of_this_photo", rings, 2.0)
+
+
+def _one_by_one(recorder: Recorder, path: str, strips: list[Floats], width: float) -> None:
+    """Log one polyline for each photo, white."""
+    radius = rr.Radius.ui_points(width / 2)
+    recorder.static(path, rr.LineStrips3D.from_fields(colors=OBSERVED, radii=radius))
+    recorder.each(path, lambda some: rr.LineStrips3D.columns(strips=[strips[k] for k in some]))
+
+
+def _names(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: Units) -> None:
+    lines, rows, lift = planned.lines, planned.measurements, np.array([0, 0, _LIFT * scene.size_m])
+    places = list((lines.start_world_m + lines.end_world_m) / 2)
+    words = [
+        f"{name} {in_units(metres(float(length)), units)}"
+        for name, length in zip(lines.name, lines.length_m, strict=True)
+    ]
+    for name, sigma, unit, strips in zip(
+        rows.name, rows.sigma, rows.unit, wanted_shapes(planned), strict=True
+    ):
+        if strips:
+            places.append(longest_middle(strips))
+            known = f" ± {in_units(centimetres(float(sigma)), units)}" if unit == "m" else ""
+            words.append(f"{name}{known}")
+    places += [ring.mean(axis=0) for ring in planned.no_go_world_m]
+    words += ["keep out"] * len(planned.no_go_world_m)
+    places += list(planned.area_world_m)
+    words += [f"corner {k}" for k in range(1, len(planned.area_world_m) + 1)]
+    anchors = np.array(places) + lift
+    half_widths = HALF_LETTER_ON_SCREEN * np.array([len(text) for text in words])
+    shown = uncovered(scene.eye.on_screen(anchors), half_widths, LINE_ON_SCREEN, len(words))
+    recorder.static(NAMES, texts(anchors[shown], tuple(words[k] for k in shown)))
+    frames = planned.frames
+    recorder.static(PHOTO_NAMES, texts(frames.center_world_m + lift, frames.name))
