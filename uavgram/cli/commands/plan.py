@@ -32,8 +32,8 @@ def plan(
     from uavgram.views.planned_text import plan_lines
 
     log_to_stderr(verbose=verbose)
-    planned = plan_flight(scenario, progress())
-    written = write_outputs(planned, output, scenario)
+    planned, as_flown = plan_flight(scenario, progress())
+    written = write_outputs(planned, as_flown, output, scenario)
     say(*plan_lines(planned))
     say_written(output, written)
     return DONE

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
+
 from uavgram.errors import InputError
 from uavgram.io.inputs import read_text
 from uavgram.io.json_text import parse_json
 from uavgram.io.outputs import replace_text
-from uavgram.io.results.codec import encode, from_record
+from uavgram.io.results.codec import Record, encode, from_record
 from uavgram.io.results.results_json import load_message, one_record_a_line
+from uavgram.model.planned.parts import AccuracyGrid, PlannedLines, PlannedPoints
 from uavgram.model.planned.plan import FlightPlanned
 
 SCHEMA = 1
@@ -55,6 +58,17 @@ def read_plan(path: str | Path) -> FlightPlanned:
         )
     try:
         messages = tuple(load_message(record) for record in content["messages"])
-        return from_record(FlightPlanned, content, messages=messages)
+        parts = {name: _part(owner, content[name]) for name, owner in PARTS.items()}
+        return from_record(FlightPlanned, content, messages=messages, **parts)
     except (KeyError, TypeError, ValueError) as fault:
         raise InputError(path, f"was edited ({fault!r}): plan again") from fault
+
+
+PARTS: dict[str, type] = {"lines": PlannedLines, "points": PlannedPoints, "grid": AccuracyGrid}
+"""Of which there may be none."""
+
+
+def _part(owner: type, record: Record) -> object:
+    """A part of a plan; no place at all has still three coordinates."""
+    none = {name: np.zeros((0, 3)) for name in record if name.endswith("world_m")}
+    return from_record(owner, record, **{name: none[name] for name in none if not record[name]})

@@ -44,7 +44,7 @@ def ends_of(possible: Possible, lines: Sequence[int]) -> Floats:
     return ends[np.lexsort((middle[:, 0], middle[:, 1]))] if len(ends) else ends
 
 
-def told(possible: Possible) -> Aim:
+def plain_mean(possible: Possible) -> Aim:
     """What is wanted with weights that make the criterion a plain mean of lengths' sigmas."""
     lengths = np.array([unit == "m" for unit in possible.unit])
     counted = lengths if lengths.any() else np.ones(len(lengths), dtype=np.bool_)
@@ -67,7 +67,7 @@ def planned_lines(
     shown = seen(
         scene.calibration, choice.flight.cameras, world.reshape(-1, 3), scene.deviation
     ).certain.reshape(-1, len(ends), 2)
-    aim = told(possible)
+    aim = plain_mean(possible)
     left = np.array([_without(aim, possible, lines, end) for end in ends])
     whole = criterion_of(aim, possible.candidates, lines)
     return PlannedLines(
@@ -119,12 +119,19 @@ def accuracy_grid(scene: PlanScene, choice: Choice, lines: Sequence[int]) -> Acc
     )
 
 
+def gained_by(possible: Possible, lines: Sequence[int]) -> float:
+    """Share of the mean sigma that lines take away; nearly 1 where nothing holds without them."""
+    aim = plain_mean(possible)
+    whole = criterion_of(aim, possible.candidates, lines)
+    return 1.0 - whole / criterion_of(aim, possible.candidates, ())
+
+
 def gains(
     scene: PlanScene, request: PlanRequest, wanted: Wanted, choice: Choice, lines: Sequence[int]
 ) -> Iterator[Gain]:
     """What one more line or photo, one line less, or a sturdier layout would bring."""
     options = choice.possible
-    aim, candidates = told(options), options.candidates
+    aim, candidates = plain_mean(options), options.candidates
     information = options.aim.information + candidates.information(lines)
     among = np.flatnonzero(candidates.apart_from(lines))
     if len(among):

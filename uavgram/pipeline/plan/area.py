@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
-from uavgram.geometry.ground.polygons import counterclockwise, signed_area
+from uavgram.geometry.ground.polygons import counterclockwise
 from uavgram.geometry.ground.shapes import polygon_self_intersects
 from uavgram.io.area_file import Area, AreaFile, read_areas
 from uavgram.model.arrays import Floats
@@ -20,7 +20,7 @@ from uavgram.stages.simulate.route import scene_axes
 FAR_M = 5000.0
 """An area farther than that from the scenario's site is another place."""
 
-SMALLEST_M2 = 1.0
+NARROWEST_M = 0.3
 
 
 def site_of(site: Site, request: PlanRequest, file: AreaFile | None, path: Path) -> Site:
@@ -86,7 +86,7 @@ def area_of(request: PlanRequest, file: AreaFile | None, site: Site, path: Path)
 def _polygon(corner: Floats, what: str, path: Path) -> Floats:
     if len(corner) > 1 and np.allclose(corner[0], corner[-1], atol=1e-6):
         corner = corner[:-1]
-    if len(corner) < 3 or abs(signed_area(corner)) < SMALLEST_M2:
+    if len(corner) < 3 or _width(corner) < NARROWEST_M:
         raise InputError(
             path,
             f"{what} encloses no ground ({len(corner)} different corners): give at least three "
@@ -97,6 +97,11 @@ def _polygon(corner: Floats, what: str, path: Path) -> Floats:
             path, f"the outline of {what} crosses itself: give its corners one after the other"
         )
     return counterclockwise(corner)
+
+
+def _width(corner: Floats) -> float:
+    """How far corners spread across the line that is nearest to all of them [m]."""
+    return float(np.linalg.svd(corner - corner.mean(axis=0), compute_uv=False).min())
 
 
 def _is_no_go(area: Area) -> bool:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.message import Message
 from uavgram.model.planned.parts import (
     PlannedFrames,
-    PlannedLines,
     PlannedMeasurements,
     PlannedPoints,
 )
@@ -19,6 +15,7 @@ from uavgram.model.scenario.scenario import Scenario
 from uavgram.pipeline.plan.accuracy import (
     accuracy_grid,
     ends_of,
+    gained_by,
     gains,
     mean_sigma,
     planned_lines,
@@ -30,11 +27,9 @@ from uavgram.pipeline.plan.scene import Asked
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.plan.cover import covering
 from uavgram.stages.plan.footprints import footprints
+from uavgram.stages.plan.remarks import remarks
 from uavgram.stages.plan.scene import PlanScene
 from uavgram.stages.plan.wanted import wanted_of
-
-LARGE_M = 0.3
-"""A mistake of a tape reading that people do make: a slipped decimetre mark or three."""
 
 
 def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> FlightPlanned:
@@ -94,7 +89,7 @@ def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> Fl
         grid=accuracy_grid(scene, choice, layout.lines),
         mean_sigma=mean_sigma(found),
         gains=tuple(gains(scene, request, wanted, choice, layout.lines)),
-        messages=tuple(_messages(lines, measured)),
+        messages=tuple(remarks(lines, measured, gained_by(choice.possible, layout.lines))),
     )
 
 
@@ -136,39 +131,3 @@ def _nothing() -> PlannedMeasurements:
     return PlannedMeasurements(
         name=(), kind=(), unit=(), points=(), value=empty, sigma=empty, wanted_sigma=empty
     )
-
-
-def _messages(lines: PlannedLines, measured: PlannedMeasurements) -> Iterator[Message]:
-    short = np.flatnonzero(measured.sigma > 1.0001 * measured.wanted_sigma)
-    for i in short:
-        yield Message(
-            "warning",
-            "plan-not-reached",
-            f"{measured.name[i]!r} will be known to ± {measured.sigma[i]:.3g} {measured.unit[i]}, "
-            f"not to the ± {measured.wanted_sigma[i]:.3g} {measured.unit[i]} that are wanted, with "
-            "any flight and layout that was tried. Allow more lines (most_lines), longer ones "
-            "(longest_tape_m), lower heights or more photos (heights_m, frames, patterns), pick "
-            "more sharply, or accept it.",
-            measurements=(measured.name[i],),
-        )
-    passes = np.isnan(lines.mdb_m) | (lines.mdb_m > LARGE_M)
-    if passes.any():
-        names = tuple(lines.name[i] for i in np.flatnonzero(passes))
-        yield Message(
-            "warning",
-            "plan-unchecked",
-            f"A mistake of {LARGE_M:.1g} m in the tape reading of {', '.join(names)} would go "
-            "unnoticed: the other lines check it too little. Read the tape twice there, tape one "
-            "more line, or take more photos.",
-            lengths=names,
-        )
-    lost = np.isnan(lines.mean_sigma_without)
-    if lost.any():
-        names = tuple(lines.name[i] for i in np.flatnonzero(lost))
-        yield Message(
-            "warning",
-            "plan-needs-line",
-            f"Without {', '.join(names)} the photos hang on too little, and nothing could be "
-            "measured to any use. Tape one more line, or write `robust: true` in the plan.",
-            lengths=names,
-        )

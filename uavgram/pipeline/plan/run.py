@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from uavgram.config.scenario import scenario_document
+from uavgram.config.scenario_text import scenario_text
 from uavgram.errors import GeometryError, InputError
 from uavgram.io.exports.kml import write_kml
 from uavgram.io.exports.layers_geojson import write_layers_geojson
@@ -13,6 +14,8 @@ from uavgram.io.exports.mission_waypoints import write_waypoints
 from uavgram.io.outputs import replace_text, staged_output
 from uavgram.io.results.plan_json import write_plan
 from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.scenario.scenario import Scenario
+from uavgram.pipeline.plan.flown import flown
 from uavgram.pipeline.plan.make import plan_of
 from uavgram.pipeline.plan.scene import scene_of
 from uavgram.pipeline.progress import Progress, silent
@@ -24,8 +27,10 @@ PLAN_FILE, SHEET_FILE = "plan.json", "field_sheet.html"
 
 
 @with_one_blas_thread
-def plan(path: Path, progress: Progress = silent) -> FlightPlanned:
+def plan(path: Path, progress: Progress = silent) -> tuple[FlightPlanned, Scenario]:
     """Plan a flight and its reference lines.
+
+    Also gives the scenario in which it is flown as planned.
 
     Parameters
     ----------
@@ -42,18 +47,21 @@ def plan(path: Path, progress: Progress = silent) -> FlightPlanned:
     scenario, document = scenario_document(path)
     asked = scene_of(scenario, document.path)
     try:
-        return plan_of(scenario, asked, progress)
+        planned = plan_of(scenario, asked, progress)
     except GeometryError as fault:
         raise InputError(document.path, f"plan: {fault}", document.line_of(("plan",))) from fault
+    return planned, flown(scenario, asked, planned)
 
 
-def write_outputs(planned: FlightPlanned, folder: Path, source: Path) -> tuple[str, ...]:
+def write_outputs(
+    planned: FlightPlanned, as_flown: Scenario, folder: Path, source: Path
+) -> tuple[str, ...]:
     """Write all files of a plan at once; their names.
 
     Parameters
     ----------
-    planned
-        The plan.
+    planned, as_flown
+        The plan, and the scenario that flies it.
     folder
         Where to.
     source
@@ -72,4 +80,6 @@ def write_outputs(planned: FlightPlanned, folder: Path, source: Path) -> tuple[s
         write_waypoints(hidden / "mission.waypoints", planned)
         write_qgc_plan(hidden / "mission.plan", planned)
         write_plan(planned, hidden / PLAN_FILE)
+        remark = "The planned survey: `uavgram simulate` repeats it against known truth."
+        replace_text(hidden / "scenario.yaml", scenario_text(as_flown, remark))
         return tuple(sorted(one.name for one in hidden.iterdir()))

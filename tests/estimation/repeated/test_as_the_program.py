@@ -1,0 +1,108 @@
+"""The batch comes to rest where the program itself does, to a millionth of a sigma."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.estimation.repeated.single_photo import adjust_photos
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.refit import refit
+from uavgram.geometry.motion.rotation import log_so3
+from uavgram.model.scenario.flight import FlightPlan
+from uavgram.model.scenario.road import SceneLine, ScenePoint
+from uavgram.model.scenario.scenario import CameraSpec, Scenario
+from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
+from uavgram.model.survey.survey import Survey
+from uavgram.pipeline.measure.compute import assembled_survey
+from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.pipeline.simulate.in_memory import inputs_of
+from uavgram.stages.refine import refine
+from uavgram.stages.simulate.survey import simulate
+
+ENDS = ((-9.0, -6.0), (8.0, -7.0), (9.0, 6.0), (-8.0, 7.0), (0.5, -1.0), (2.0, 3.0))
+LINES = (("A", "B"), ("B", "C"), ("C", "D"), ("D", "A"), ("E", "F"), ("A", "E"))
+EXACT = 1e-7
+"""Sigma of what the batch takes as known: metres, radians, seconds."""
+
+
+def scenario() -> Scenario:
+    points = tuple(
+        ScenePoint(label=label, x_m=x, y_m=y) for label, (x, y) in zip("ABCDEF", ENDS, strict=True)
+    )
+    lines = tuple(SceneLine(name=a + b, start=a, end=b) for a, b in LINES)
+    return replace(
+        Scenario(),
+        flight=FlightPlan(pattern="single", gimbal_pitch_deg=-75.0, height_m=35.0),
+        camera=replace(CameraSpec(), sigma=(1e-9,) * 9),
+        points=points,
+        lines=lines,
+        measurements=(),
+    )
+
+
+def known_but_the_pose(survey: Survey) -> Survey:
+    """The survey with everything as good as known that the batch takes as known."""
+    assert survey.telemetry is not None
+    telemetry = replace(
+        survey.telemetry,
+        clock_sigma_s=EXACT,
+        clock_drift_sigma=1e-12,
+        boresight_sigma_rad=EXACT,
+        heading_bias_sigma_rad=EXACT,
+        lever_arm_sigma_m=EXACT,
+        position_bias_sigma_m=np.full(3, EXACT),
+    )
+    ground = replace(survey.ground, height_sigma_m=EXACT, slope_sigma_rad=EXACT / 30)
+    calibration = replace(survey.calibration, covariance=np.zeros((9, 9)))
+    return replace(
+        survey,
+        telemetry=telemetry,
+        grounds=(ground,),
+        calibration=calibration,
+        tape_scale_sigma=0.0,
+        rolling=None,
+    )
+
+
+def adjusted(repetition: int) -> tuple[Survey, Adjustment]:
+    inputs = inputs_of(simulate(scenario(), repetition=repetition))
+    survey = known_but_the_pose(assembled_survey(inputs, pose_frames(inputs)).survey)
+    options = dataclasses.replace(inputs.project.solve, noise="stated", significance=1e-12)
+    return survey, refine(survey, options)[0].adjustment
+
+
+def test_the_minimum_is_that_of_the_program() -> None:
+    for repetition in range(3):
+        survey, adjustment = adjusted(repetition)
+        assert survey.seeds is not None
+        assert survey.telemetry is not None
+        order = np.argsort(survey.pick_label)
+        design = PhotoDesign(
+            calibration=survey.calibration,
+            ground=np.array([survey.ground.height_m, 0.0, 0.0]),
+            height_m=np.zeros(len(survey.label)),
+            line=np.column_stack([survey.line_start, survey.line_end]),
+            pixel_sigma_px=survey.pick_sigma_px[order],
+            length_sigma_m=survey.length_sigma_m,
+            information=np.linalg.inv(survey.telemetry.covariance[0]),
+        )
+        draws = PhotoDraws(
+            pixel_px=survey.pixel_px[order][None],
+            length_m=survey.length_m[None],
+            center_world_m=survey.seeds.center_world_m[:1],
+            world_from_camera=survey.seeds.world_from_camera[:1],
+        )
+        found = adjust_photos(design, draws)
+        assert found.converged.all()
+        # The program stops at steps of 1e-5 sigmas: a few more of its own.
+        state = refit(adjustment, {}, at_rest=1e-20)
+        assert state is not None
+        turned = log_so3(state.rotation[0].T @ found.world_from_camera[0])
+        off = np.concatenate([found.center_world_m[0] - state.center[0], turned])
+        sigma = np.sqrt(np.diag(found.covariance[0]))
+        assert np.abs(off / sigma).max() < 1e-6
+        ends = np.abs(found.place_m[0] - state.point[:, :2])
+        assert ends.max() < 1e-6 * 0.01

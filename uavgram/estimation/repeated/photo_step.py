@@ -1,0 +1,246 @@
+"""One photo with known lengths, linearised for many draws at once; the draw is the last axis.
+
+An end of a length is seen once, so its place on the ground is where its sighting, error e included,
+meets the ground. Moving the camera by δC and turning it by ω moves that place by P (δC + ω x r),
+with r the ray from camera to place and P the projection along r onto the ground: no derivative of
+the lens is needed for that, only for what e does.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.repeated.small_systems import backward, cholesky, forward
+from uavgram.estimation.repeated.turns import turned
+from uavgram.geometry.camera.lens import distort
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.simulation.photo import PhotoDesign
+
+
+class Draws(NamedTuple):
+    """(2, E, B) pixels, (L, B) readings, (3, B) and (3, 3, B) poses beforehand."""
+
+    pixel: Floats
+    length: Floats
+    center: Floats
+    rotation: Floats
+
+
+class State(NamedTuple):
+    """(3, B) centres, (3, B) turns of the poses beforehand, (2, E, B) places."""
+
+    center: Floats
+    turn: Floats
+    place: Floats
+
+
+class Line(NamedTuple):
+    """A linearisation, and the cost (B,) where it was made.
+
+    Attributes
+    ----------
+    cost
+        NaN where an end lies behind the camera.
+    normal, right
+        (6, 6, B), (6, B) of the pose.
+    lower, by_pose, misfit
+        (L, L, B) factor of the covariance of what the lengths miss by, and, divided by it, (L, 6,
+        B) how the pose moves them, (L, B) what is missed.
+    by_error
+        (2, 2, L, B) what the errors of the two ends, u and v, do to the lengths.
+    error, to_place
+        (2, E, B) of the sightings in sigmas, (2, 2, E, B) what they do to the places.
+    ray, falling, by_turn
+        (3, E, B) from camera to place, (E, B) its fall against the ground, (3, 3, B) from a change
+        of the turn to a rotation vector in the world.
+    """
+
+    cost: Floats
+    normal: Floats
+    right: Floats
+    lower: Floats
+    by_pose: Floats
+    misfit: Floats
+    by_error: Floats
+    error: Floats
+    to_place: Floats
+    ray: Floats
+    falling: Floats
+    by_turn: Floats
+
+
+def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
+    """Linearise at a state.
+
+    Parameters
+    ----------
+    design, draws, state
+        Of B draws.
+    """
+    rotation, by_turn = turned(draws.rotation, state.turn)
+    height, *slope = design.ground.tolist()
+    x, y = state.place
+    up = height + slope[0] * x + slope[1] * y + design.height_m[:, None]
+    ray = np.stack([x - state.center[0], y - state.center[1], up - state.center[2]])
+    falling = ray[2] - slope[0] * ray[0] - slope[1] * ray[1]
+    error, to_place = _sighted(design, draws, rotation, ray)
+    start, end = design.line.T
+    leg = np.stack([x[end] - x[start], y[end] - y[start], up[end] - up[start]])
+    length = np.sqrt(np.einsum("klb,klb->lb", leg, leg))
+    unit = leg / length
+    along = np.stack([unit[k] + unit[2] * slope[k] for k in (0, 1)])
+    jacobian = _by_pose(slope, along, (ray, falling), (start, end), by_turn)
+    by_error = np.stack(
+        [
+            sign * np.einsum("klb,kjlb->jlb", along, to_place[:, :, at])
+            for sign, at in ((-1.0, start), (1.0, end))
+        ]
+    )
+    misfit = draws.length - length
+    off = misfit / design.length_sigma_m[:, None]
+    for k, at in enumerate((start, end)):
+        misfit = misfit + np.einsum("jlb,jlb->lb", by_error[k], error[:, at])
+    lower = cholesky(_spread(design, by_error))
+    whitened = forward(lower, np.concatenate([jacobian, misfit[:, None]], axis=1))
+    by_pose, missed = whitened[:, :6], whitened[:, 6]
+    apart = np.concatenate([state.center - draws.center, state.turn])
+    known = design.information
+    pulled = np.tensordot(known, apart, axes=1)
+    normal = np.einsum("lib,ljb->ijb", by_pose, by_pose) + known[:, :, None]
+    cost = (error**2).sum(axis=(0, 1)) + (off**2).sum(axis=0) + (apart * pulled).sum(axis=0)
+    return Line(
+        cost=cost,
+        normal=normal,
+        right=np.einsum("lib,lb->ib", by_pose, missed) - pulled,
+        lower=lower,
+        by_pose=by_pose,
+        misfit=missed,
+        by_error=by_error,
+        error=error,
+        to_place=to_place,
+        ray=ray,
+        falling=falling,
+        by_turn=by_turn,
+    )
+
+
+def moved(
+    design: PhotoDesign, line: Line, state: State, damping: Floats | None = None
+) -> tuple[State, Floats]:
+    """The state after a step, and the step's squared length (B,) in sigmas.
+
+    Parameters
+    ----------
+    design, line, state
+        What was linearised where.
+    damping
+        (B,) Levenberg's, of the pose; None: none.
+    """
+    normal = line.normal
+    if damping is not None:
+        normal = normal.copy()
+        for k in range(6):
+            normal[k, k] *= 1.0 + damping
+    lower = cholesky(normal)
+    step = backward(lower, forward(lower, line.right))
+    missed = line.misfit - np.einsum("lib,ib->lb", line.by_pose, step)
+    force = backward(line.lower, missed)
+    change = -line.error
+    for k, ends in enumerate(design.line.T.tolist()):
+        pulls = line.by_error[k] * force
+        for length, at in enumerate(ends):
+            change[:, at] += pulls[:, length]
+    turn = np.einsum("ijb,jb->ib", line.by_turn, step[3:])
+    ray, slope = line.ray, design.ground[1:].tolist()
+    shift = _shifted(step[:3], turn, ray)
+    fall = (shift[2] - slope[0] * shift[0] - slope[1] * shift[1]) / line.falling
+    place = np.einsum("kjeb,jeb->keb", line.to_place, change) + shift[:2] - ray[:2] * fall
+    length2 = (change**2).sum(axis=(0, 1)) + np.einsum("ib,ijb,jb->b", step, line.normal, step)
+    there = State(state.center + step[:3], state.turn + step[3:], state.place + place)
+    return there, length2
+
+
+def _shifted(shift: Floats, turn: Floats, ray: Floats) -> Floats:
+    """``shift + turn x ray``, (3, E, B)."""
+    out = np.empty_like(ray)
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        out[i] = shift[i] + turn[j] * ray[k] - turn[k] * ray[j]
+    return out
+
+
+def _sighted(
+    design: PhotoDesign, draws: Draws, rotation: Floats, ray: Floats
+) -> tuple[Floats, Floats]:
+    """Errors (2, E, B) of the sightings in sigmas, and their inverse derivatives by the places."""
+    camera = design.calibration
+    fx, fy, cx, cy = camera.parameters[:4].tolist()
+    right, down, ahead = (
+        rotation[0, k] * ray[0] + rotation[1, k] * ray[1] + rotation[2, k] * ray[2]
+        for k in range(3)
+    )
+    near = 1.0 / np.where(ahead > 0, ahead, np.nan)
+    u, v = right * near, down * near
+    lens = distort(camera.model, camera.parameters[4:], u, v)
+    weight = 1.0 / design.pixel_sigma_px[:, None]
+    error = np.stack(
+        [
+            (fx * lens.x + cx - draws.pixel[0]) * weight,
+            (fy * lens.y + cy - draws.pixel[1]) * weight,
+        ]
+    )
+    slope = design.ground[1:].tolist()
+    # The camera's axes, as seen along the ground's two directions.
+    axis = [[rotation[k, i] + slope[k] * rotation[2, i] for i in range(3)] for k in (0, 1)]
+    rows = []
+    for focal, by_u, by_v in ((fx, lens.a, lens.b), (fy, lens.b, lens.c)):
+        scale = focal * near * weight
+        first, second = scale * by_u, scale * by_v
+        third = first * u + second * v
+        rows.append([first * a[0] + second * a[1] - third * a[2] for a in axis])
+    (a, b), (c, d) = rows
+    with np.errstate(invalid="ignore", divide="ignore"):
+        by = 1.0 / (a * d - b * c)
+    return error, np.stack([np.stack([d * by, -b * by]), np.stack([-c * by, a * by])])
+
+
+def _by_pose(
+    slope: list[float],
+    along: Floats,
+    rays: tuple[Floats, Floats],
+    ends: tuple[Ints, Ints],
+    by_turn: Floats,
+) -> Floats:
+    """(L, 6, B) how a shift and a turn of the camera change the lengths between sighted ends."""
+    ray, falling = rays
+    shift: Floats | float = 0.0
+    swing: Floats | float = 0.0
+    for sign, at in zip((-1.0, 1.0), ends, strict=True):
+        r = ray[:, at]
+        tilt = (along[0] * r[0] + along[1] * r[1]) / falling[at]
+        g = sign * np.stack([along[0] + tilt * slope[0], along[1] + tilt * slope[1], -tilt])
+        shift = shift + g
+        swing = swing + np.stack(
+            [r[1] * g[2] - r[2] * g[1], r[2] * g[0] - r[0] * g[2], r[0] * g[1] - r[1] * g[0]]
+        )
+    by_vector = np.einsum("jlb,jkb->klb", swing, by_turn)
+    return np.concatenate([np.asarray(shift), by_vector]).transpose(1, 0, 2)
+
+
+def _spread(design: PhotoDesign, by_error: Floats) -> Floats:
+    """(L, L, B) covariance of what the lengths miss by: of the tape, and of the ends' errors."""
+    line = design.line
+    count, size = len(line), by_error.shape[-1]
+    out = np.zeros((count, count, size))
+    for i in range(count):
+        for j in range(i + 1):
+            for end, at in enumerate(line[i].tolist()):
+                for other, there in enumerate(line[j].tolist()):
+                    if at == there:
+                        one, two = by_error[end, :, i], by_error[other, :, j]
+                        out[i, j] += one[0] * two[0] + one[1] * two[1]
+            out[j, i] = out[i, j]
+        out[i, i] += design.length_sigma_m[i] ** 2
+    return out

@@ -1,0 +1,70 @@
+"""What to know of a plan before flying: what it does not reach, and what nothing checks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from uavgram.model.message import Message
+from uavgram.model.planned.parts import PlannedLines, PlannedMeasurements
+
+LARGE_M = 0.3
+"""A mistake of a tape reading that people do make: a slipped decimetre mark or three."""
+
+LEAST_GAIN = 0.1
+"""Share of the sigmas that reference lines must take away to be worth the work."""
+
+
+def remarks(lines: PlannedLines, measured: PlannedMeasurements, gained: float) -> Iterator[Message]:
+    """What to know of a plan before flying.
+
+    Parameters
+    ----------
+    lines, measured
+        As they will be.
+    gained
+        Share of the mean sigma that the lines take away; 1 where nothing holds without them.
+    """
+    if len(lines.name) and gained < LEAST_GAIN:
+        yield Message(
+            "warning",
+            "plan-lines-useless",
+            f"The reference lines, the longest {lines.length_m.max():.1f} m, make what is measured "
+            f"only {100 * gained:.0f} % more certain than none. Use a longer tape "
+            "(longest_tape_m), a better log, or save the work of taping.",
+            lengths=lines.name,
+        )
+    short = np.flatnonzero(measured.sigma > 1.0001 * measured.wanted_sigma)
+    for i in short:
+        yield Message(
+            "warning",
+            "plan-not-reached",
+            f"{measured.name[i]!r} will be known to ± {measured.sigma[i]:.3g} {measured.unit[i]}, "
+            f"not to the ± {measured.wanted_sigma[i]:.3g} {measured.unit[i]} that are wanted, with "
+            "any flight and layout that was tried. Allow more lines (most_lines), longer ones "
+            "(longest_tape_m), lower heights or more photos (heights_m, frames, patterns), pick "
+            "more sharply, or accept it.",
+            measurements=(measured.name[i],),
+        )
+    passes = np.isnan(lines.mdb_m) | (lines.mdb_m > LARGE_M)
+    if passes.any():
+        names = tuple(lines.name[i] for i in np.flatnonzero(passes))
+        yield Message(
+            "warning",
+            "plan-unchecked",
+            f"A mistake of {LARGE_M:.1g} m in the tape reading of {', '.join(names)} would go "
+            "unnoticed: the other lines check it too little. Read the tape twice there, tape one "
+            "more line, or take more photos.",
+            lengths=names,
+        )
+    lost = np.isnan(lines.mean_sigma_without)
+    if lost.any():
+        names = tuple(lines.name[i] for i in np.flatnonzero(lost))
+        yield Message(
+            "warning",
+            "plan-needs-line",
+            f"Without {', '.join(names)} the photos hang on too little, and nothing could be "
+            "measured to any use. Tape one more line, or write `robust: true` in the plan.",
+            lengths=names,
+        )
