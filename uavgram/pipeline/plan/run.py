@@ -10,6 +10,7 @@ from uavgram.config.scenario_text import scenario_text
 from uavgram.errors import GeometryError, InputError
 from uavgram.io.exports.kml import write_kml
 from uavgram.io.exports.layers_geojson import write_layers_geojson
+from uavgram.io.exports.mission_litchi import write_litchi
 from uavgram.io.exports.mission_qgc import write_qgc_plan
 from uavgram.io.exports.mission_waypoints import write_waypoints
 from uavgram.io.outputs import replace_bytes, replace_text, staged_output
@@ -123,6 +124,7 @@ def write_outputs(
         if made.autopilot == "ardupilot":
             write_waypoints(hidden / "mission.waypoints", planned, made.heights)
         write_qgc_plan(hidden / "mission.plan", planned, made.autopilot, made.heights)
+        write_litchi(hidden / "mission_litchi.csv", planned, made.heights)
         write_plan_recording(planned, hidden / "plan.rrd", made.units)
         write_plan(planned, hidden / PLAN_FILE)
         remark = "The planned survey: `uavgram simulate` repeats it against known truth."
