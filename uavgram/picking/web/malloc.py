@@ -27,5 +27,6 @@ def give_back_large_blocks() -> bool:
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is None:
         return False
-    wanted = ((_M_MMAP_THRESHOLD, LARGE_BYTES), (_M_ARENA_MAX, FEW_ARENAS))
-    return all([mallopt(which, value) == 1 for which, value in wanted])
+    gives_back = bool(mallopt(_M_MMAP_THRESHOLD, LARGE_BYTES) == 1)
+    shares = bool(mallopt(_M_ARENA_MAX, FEW_ARENAS) == 1)
+    return gives_back and shares

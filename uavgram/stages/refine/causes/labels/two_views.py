@@ -141,4 +141,5 @@ def _misfit(x: Floats, y: Floats) -> Floats:
         ],
         axis=1,
     )
-    return np.asarray(np.linalg.svd(rows, compute_uv=False)[:, -1] ** 2)
+    smallest: Floats = np.linalg.svd(rows, compute_uv=False)[:, -1]
+    return np.asarray(smallest**2, dtype=np.float64)
