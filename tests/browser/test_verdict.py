@@ -15,6 +15,7 @@ from playwright.sync_api import Locator, Page, expect
 from standings import with_status
 
 from uavgram.model.message import Message
+from uavgram.model.remedy import Correction, Remedy
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.pipeline.pick.live import Adjusted, Observed
@@ -41,6 +42,40 @@ def in_order(result: Result) -> Result:
 def row(page: Page, name: str) -> Locator:
     """Row of a measurement."""
     return page.locator(f'[data-row="measure {name}"]')
+
+
+def one_length_off(result: Result) -> Result:
+    again, out = (
+        Remedy(action=act, words=words, corrections=(Correction(action=act, length="L2"),))
+        for act, words in (("read", "Read L2 again"), ("remove-length", "Remove the length L2"))
+    )
+    off = Reason(cause="line-suspect", text="L2 does not fit.", lengths=("L2",), mend=again)
+    amber = Verdict(level="amber", reasons=(replace(off, instead=(out,)),))
+    return replace(with_status(result, "ok"), verdict=amber, messages=())
+
+
+def test_a_length_that_does_not_fit_is_read_again_before_it_is_removed(
+    tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with served(write_large_project(tmp_path, 1600, 1200, labels=25)) as server:
+        survey, adjust = server.picking.survey, server.picking.survey.adjust
+
+        def adjusted(observed: Observed) -> Adjusted:
+            found = adjust(observed)
+            off = one_length_off(found.result)
+            return replace(found, computed=found.computed._replace(result=off))
+
+        monkeypatch.setattr(survey, "adjust", adjusted)
+        page = open_page(server)
+        place(page, "New", 700.0, 500.0)
+        buttons = page.locator("#first button")
+        expect(buttons).to_have_text(["Read L2 again", "Show me", "Remove the length L2"])
+        expect(buttons.first).to_have_class("main")
+        wait_until_adjusted(page)
+        buttons.first.click()
+        expect(page.get_by_role("form", name="Change length P3 to P4")).to_be_visible()
+        expect(page.get_by_label("Length, metres")).to_be_focused()
+        assert not open_page.errors
 
 
 def test_the_light_the_rows_and_the_drawing_follow_the_verdict(

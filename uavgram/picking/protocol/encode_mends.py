@@ -32,7 +32,7 @@ def mends_json(
     A remedy of a photo or a length that the page does not have is left out: half of it would be
     worse than nothing.
     """
-    found = []
+    found: list[Json] = []
     for remedy in dict.fromkeys(one for one in remedies if one is not None):
         if remedy.action == "read":
             names = [one.length for one in remedy.corrections]

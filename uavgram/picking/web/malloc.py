@@ -12,7 +12,7 @@ _M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8  # malloc.h
 
 
 def give_back_large_blocks() -> bool:
-    """From 1 MB on, give each block of memory back as soon as it is freed.
+    """From 1 MB on, give each block of memory back as soon as it is freed; and few heaps.
 
     glibc raises the size from which it does so to that of every larger block that was freed, up to
     32 MB, and keeps smaller ones for its thread (mallopt(3), M_MMAP_THRESHOLD). Each of the threads
@@ -27,4 +27,6 @@ def give_back_large_blocks() -> bool:
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is None:
         return False
-    return mallopt(_M_MMAP_THRESHOLD, LARGE_BYTES) == 1 == mallopt(_M_ARENA_MAX, FEW_ARENAS)
+    gives_back = bool(mallopt(_M_MMAP_THRESHOLD, LARGE_BYTES) == 1)
+    shares = bool(mallopt(_M_ARENA_MAX, FEW_ARENAS) == 1)
+    return gives_back and shares

@@ -25,8 +25,8 @@ export function showOutputs(foot, exporting, exportAll) {
     node("div", { class: "row" },
       node("button", { name: "export", class: level === "red" ? "unfit" : "main", "data-level": level, disabled: exporting || lost, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
         exporting ? "Writing\u2026" : words),
-      node("span", { class: "dim", role: "status" }, exporting ? "" : age(outputs, old))),
-    outputs.files.length || outputs.recording ? node("nav", { "aria-label": "Outputs" }, ...links(outputs)) : null));
+      node("span", { class: "dim", role: "status" }, exporting || lost ? "" : age(outputs, old))),
+    !lost && (outputs.files.length || outputs.recording) ? node("nav", { "aria-label": "Outputs" }, ...links(outputs)) : null));
   if (foot.firstChild !== made) foot.replaceChildren(made);
 }
 

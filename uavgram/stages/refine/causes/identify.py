@@ -8,7 +8,7 @@ one is told, and the next is looked for in the survey without it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -24,6 +24,7 @@ from uavgram.stages.refine.causes.labels.elsewhere import elsewhere_in_a_photo
 from uavgram.stages.refine.causes.labels.everywhere import swapped_everywhere
 from uavgram.stages.refine.causes.labels.heights import off_the_ground, wrong_pick_on_the_ground
 from uavgram.stages.refine.causes.labels.in_a_photo import swapped_in_a_photo, wrong_picks
+from uavgram.stages.refine.causes.labels.two_views import swapped_beside_another
 from uavgram.stages.refine.causes.lengths.common import common_to_lengths
 from uavgram.stages.refine.causes.lengths.ends import labels_instead, other_ends
 from uavgram.stages.refine.causes.lengths.readings import wrong_lengths, wrong_readings
@@ -47,6 +48,7 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     wrong_picks,
     wrong_lengths,
     swapped_in_a_photo,
+    swapped_beside_another,
     wrong_readings,
     other_ends,
     common_to_lengths,
@@ -140,7 +142,8 @@ def _with_remedies(cause: Cause, best: Judged, rival: Judged | None, written: Su
 def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:
     """The likeliest hypothesis, if neither chance nor noise explains it as well; and its rival."""
     kinds = [screened(standing, propose(standing))[:MOST_OF_A_KIND] for propose in PROPOSALS]
-    proposed = sorted((one for kind in kinds for one in kind), key=lambda one: -one.odds)
+    every = sorted((one for kind in kinds for one in kind), key=lambda one: -one.odds)
+    proposed = list(_each_once(standing.survey, every))
     trials: list[Judged] = []
     for one in proposed[:MOST_TRIED]:
         best = max((each.odds for each in trials if not _blames_tapes(each)), default=-np.inf)
@@ -160,6 +163,19 @@ def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:
         if noisy is standing or tried(noisy, one).odds > SURE:
             return _with_rival(one, trials)
     return None
+
+
+def _each_once(survey: Survey, proposed: Iterable[Judged]) -> Iterator[Judged]:
+    """Of those that give the same picks the same other labels, the first: none is its own rival."""
+    known: set[frozenset[tuple[int, int]]] = set()
+    for one in proposed:
+        mend = one.hypothesis.mend or Mend()
+        right = ((k, v) for k, v in mend.label_of_pick.items() if survey.pick_label[k] != v)
+        if changed := frozenset(right):
+            if changed in known and not mend.without_picks:
+                continue
+            known.add(changed)
+        yield one
 
 
 def _with_rival(best: Judged, trials: Sequence[Judged]) -> tuple[Judged, Judged | None]:

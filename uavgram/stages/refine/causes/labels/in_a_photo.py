@@ -73,7 +73,7 @@ def swapped_in_a_photo(standing: Standing) -> Iterator[Hypothesis]:
             choices += np.log(frames_taking) if known < count else 0.0
             choices -= known * np.log(number)
             yield Hypothesis(
-                tell=partial(_swapped, standing, exchange.label),
+                tell=partial(swapped_message, standing, exchange.label),
                 mend=Mend(label_of_pick=exchange.label),
                 promise=exchange.gain,
                 price=float(max(choices, 0.0)),
@@ -135,7 +135,7 @@ def _where_they_belong(standing: Standing, found: Strays, own: Ints, picks: Ints
     return belongs
 
 
-def _swapped(standing: Standing, right: Mapping[int, int], _: Explained | None) -> Message:
+def swapped_message(standing: Standing, right: Mapping[int, int], _: Explained | None) -> Message:
     """The message on picks of one photo, and the labels that belong there."""
     survey = standing.survey
     frame = survey.frame_id[survey.pick_frame[next(iter(right))]]
