@@ -25,6 +25,7 @@ _QUOTED = re.compile(r"(?<!\w)'[^'\n]*'(?!\w)|\"[^\"\n]*\"|`[^`\n]*`")
 _OPTICS = re.compile(r"focal|film|35 mm|EXIF|lens\b|drone camera", re.IGNORECASE)
 _SCALES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "m/s": 1.0, "km/h": 1 / 3.6}
 _POWERS = {"m²": "m2", "m2": "m2", "m³": "m3", "m3": "m3"}
+_SPEEDS = {"m/s", "km/h"}
 _MILE_M = 5280 * FOOT_M
 
 
@@ -40,6 +41,8 @@ def in_units(text: str, units: Units, keep: Iterable[str] = ()) -> str:
     keep
         Names that people gave, which stay as they are though they look like lengths.
     """
+    if units.length == "m" and not any(speed in text for speed in _SPEEDS - {units.speed}):
+        return text
     if not _PATTERN.search(text):
         return text
     kept = [match.span() for match in _QUOTED.finditer(text)]
@@ -78,7 +81,7 @@ def like_lengths(names: Iterable[str]) -> tuple[str, ...]:
 
 def _converted(numbers: str, unit: str, units: Units) -> str:
     """The same in other units; empty where it stays."""
-    is_speed = unit in ("m/s", "km/h")
+    is_speed = unit in _SPEEDS
     if (is_speed and unit == units.speed) or (not is_speed and units.length == "m"):
         return ""
     parts = re.split(rf"({_SURE}|, | and | or )(?={_NUMBER})", numbers)
