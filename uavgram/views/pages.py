@@ -65,6 +65,8 @@ def _told(context: Context, value: object) -> object:
     """What a template writes: of sentences the lengths in the units of the survey."""
     if not isinstance(value, str) or _PICTURE in value:  # long; what is said in it is told already
         return value
+    if " " not in value and "\u00a0" not in value:  # most of what is written: it states no unit
+        return value
     kept, exact = context.get("kept_names", ()), context.get("exact_lengths", ())
     text = in_units(value, context.get("units", METRIC), kept, exact)
     return value if text is value else type(value)(text)

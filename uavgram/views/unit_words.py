@@ -29,6 +29,7 @@ _OPTICS = re.compile(r"focal|film|35 mm|EXIF|lens\b|drone camera", re.IGNORECASE
 _SCALES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "m/s": 1.0, "km/h": 1 / 3.6}
 _METRES = frozenset({"m", "cm", "mm", "km"})
 _POWERS = {"m²": "m2", "m2": "m2", "m³": "m3", "m3": "m3"}
+_SPEEDS = {"m/s", "km/h"}
 _MILE_M = 5280 * FOOT_M
 
 
@@ -46,6 +47,8 @@ def in_units(text: str, units: Units, keep: Iterable[str] = (), exact: Sequence[
     exact
         Lengths [m], rising: a number that is one of them, rounded, is converted from it.
     """
+    if units.length == "m" and not any(speed in text for speed in _SPEEDS - {units.speed}):
+        return text
     if not _PATTERN.search(text):
         return text
     kept = [match.span() for match in _QUOTED.finditer(text)]
@@ -117,7 +120,7 @@ def _told(text: str, metres: float, exact: Sequence[float]) -> _Told:
 
 def _converted(numbers: str, unit: str, units: Units, exact: Sequence[float]) -> str:
     """The same in other units; empty where it stays."""
-    is_speed = unit in ("m/s", "km/h")
+    is_speed = unit in _SPEEDS
     if (is_speed and unit == units.speed) or (not is_speed and units.length == "m"):
         return ""
     parts = re.split(rf"({_SURE}|, | and | or )(?={_NUMBER})", numbers)

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import minimum_filter1d
-from scipy.optimize import linear_sum_assignment
 
 from uavgram.estimation.clocks.camera_clock import CameraClock, fit_camera_clock, is_within
 from uavgram.estimation.clocks.offset_search import Search, search_offsets
@@ -173,10 +172,16 @@ def _assigned(time_s: Floats, event_s: Floats, tolerance_s: Floats) -> Ints:
     """
     residual = time_s[:, None] - event_s[None, :]
     inside = is_within(residual, tolerance_s[:, None])
+    index = np.full(len(time_s), -1, dtype=np.int64)
+    if inside.sum(axis=1).max() <= 1 and inside.sum(axis=0).max() <= 1:  # nothing to choose
+        rows, columns = np.nonzero(inside)
+        index[rows] = columns
+        return index
+    from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - slow to load
+
     # one pair more outweighs any residuals
     far = 1e3 * (len(time_s) + 1) * float(np.max(tolerance_s)) ** 2
     rows, columns = linear_sum_assignment(np.where(inside, residual**2, far))
-    index = np.full(len(time_s), -1, dtype=np.int64)
     kept = inside[rows, columns]
     index[rows[kept]] = columns[kept]
     return index

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize
 from scipy.special import binom, chdtrc
 
 from uavgram.estimation.solver.normal_equations import Block
@@ -114,6 +113,8 @@ class Linearised:
 
     def estimate(self, components: Sequence[Component], first: Floats) -> Estimated:
         """The likeliest factors, from first values (C,)."""
+        from scipy.optimize import minimize  # noqa: PLC0415 - slow to load, and rarely needed
+
         lower = np.log([max(one.smallest, SMALLEST) for one in components])
         bounds = list(zip(lower, np.full(len(lower), np.log(LARGEST)), strict=True))
         surprise = _Surprise(self, components)

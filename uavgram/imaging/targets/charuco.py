@@ -59,18 +59,6 @@ def charuco_board(board: Board, squares: tuple[int, int]) -> cv2.aruco.CharucoBo
     return cv2.aruco.CharucoBoard(squares, board.square_m, board.marker_m, dictionary)
 
 
-def dictionary_size(name: str) -> int:
-    """Number of markers of a dictionary; 0 where OpenCV knows none of that name."""
-    if name not in dictionary_names():
-        return 0
-    return len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name)).bytesList)
-
-
-def dictionary_names() -> tuple[str, ...]:
-    """Names of the dictionaries that OpenCV knows."""
-    return tuple(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
-
-
 def _other_size(board: Board, marker: Ints, marker_px: Floats) -> tuple[int, int] | None:
     """Inner corners of the board whose layout the markers show, if they show another one.
 

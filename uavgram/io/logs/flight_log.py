@@ -5,14 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from uavgram.errors import InputError, no_file
-from uavgram.io.logs.dataflash.reader import read_dataflash
-from uavgram.io.logs.tlog.frames import is_bare_stream
-from uavgram.io.logs.tlog.reader import read_tlog
-from uavgram.io.logs.ulog.reader import ULOG_MAGIC, read_ulog
 from uavgram.model.flight.log import FlightLog
 
 _DATAFLASH_SUFFIXES = (".bin", ".log")
 _DATAFLASH_FORMAT = b"\xa3\x95\x80"  # the first message of a DataFlash file, a format message
+_ULOG_FORMAT = b"ULog\x01\x12\x35"
 _POSITION_TYPES = {
     "dataflash": "POS, XKF1 with ORGN, or GPS with a 3-D fix",
     "tlog": "GLOBAL_POSITION_INT or GPS_RAW_INT of an autopilot",
@@ -57,19 +54,40 @@ def is_flight_log(path: Path) -> bool:
     except InputError:
         return False
     if suffix == ".ulg":
-        return head.startswith(ULOG_MAGIC)
+        return head.startswith(_ULOG_FORMAT)
     if suffix == ".tlog":
         return len(head) > 8 and head[8] in (0xFD, 0xFE)
     return head.startswith(_DATAFLASH_FORMAT) or b"FMT," in head
 
 
 def _read(path: str | Path) -> FlightLog:
+    """By the format's own reader, which alone is loaded: the peers' dialects take their time."""
     suffix = Path(path).suffix.lower()
     head = _head(path)
-    if head.startswith(ULOG_MAGIC) or suffix == ".ulg":
+    if head.startswith(_ULOG_FORMAT) or suffix == ".ulg":
+        from uavgram.io.logs.ulog.reader import read_ulog  # noqa: PLC0415
+
         return read_ulog(path)
-    if head.startswith(_DATAFLASH_FORMAT) or b"FMT," in head:
+    is_dataflash = head.startswith(_DATAFLASH_FORMAT) or b"FMT," in head
+    if not is_dataflash:
+        _refuse_bare_stream(path, head)
+    if is_dataflash or suffix in _DATAFLASH_SUFFIXES:
+        from uavgram.io.logs.dataflash.reader import read_dataflash  # noqa: PLC0415
+
         return read_dataflash(path)
+    if suffix == ".tlog" or (len(head) > 8 and head[8] in (0xFD, 0xFE)):
+        from uavgram.io.logs.tlog.reader import read_tlog  # noqa: PLC0415
+
+        return read_tlog(path)
+    raise InputError(
+        path,
+        "is no flight log known here: DataFlash .bin or .log of ArduPilot, MAVLink .tlog, PX4 .ulg",
+    )
+
+
+def _refuse_bare_stream(path: str | Path, head: bytes) -> None:
+    from uavgram.io.logs.tlog.frames import is_bare_stream  # noqa: PLC0415
+
     if is_bare_stream(head):
         raise InputError(
             path,
@@ -77,14 +95,6 @@ def _read(path: str | Path) -> FlightLog:
             "so photos cannot be matched to it; give the .tlog that the ground station recorded "
             "(each message behind its time), or the autopilot's own .bin",
         )
-    if suffix in _DATAFLASH_SUFFIXES:
-        return read_dataflash(path)
-    if suffix == ".tlog" or (len(head) > 8 and head[8] in (0xFD, 0xFE)):
-        return read_tlog(path)
-    raise InputError(
-        path,
-        "is no flight log known here: DataFlash .bin or .log of ArduPilot, MAVLink .tlog, PX4 .ulg",
-    )
 
 
 def _head(path: str | Path) -> bytes:

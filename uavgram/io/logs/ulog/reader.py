@@ -14,10 +14,8 @@ from uavgram.io.logs.quality.boots import checked_boot
 from uavgram.io.logs.ulog import events as ulog_events
 from uavgram.io.logs.ulog import samples as ulog_pose
 from uavgram.io.logs.ulog.resets import stated_resets
-from uavgram.io.logs.ulog.topics import ULOG_MAGIC, UlogTables, read_tables
+from uavgram.io.logs.ulog.topics import UlogTables, read_tables
 from uavgram.model.flight.log import FlightLog, MessageCount
-
-__all__ = ["ULOG_MAGIC", "read_ulog"]
 
 # Lowest byte of ver_sw_release (PX4 src/lib/version/version.c)
 _RELEASE_KINDS = {0: "development", 64: "alpha", 128: "beta", 192: "candidate", 255: "release"}
