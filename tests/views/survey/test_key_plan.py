@@ -68,7 +68,7 @@ def test_a_footprint_is_the_ground_below_the_corners_of_its_photo() -> None:
     plan = drawing(result)
     first = spots(plan.footprints[0])
     row = int(np.flatnonzero(result.has_refined)[0])
-    camera = plan.cameras[list(np.flatnonzero(result.has_refined | result.has_seed)).index(row)]
+    camera = plan.cameras[np.flatnonzero(result.has_refined | result.has_seed).tolist().index(row)]
 
     # it looks nearly straight down: the camera is over what it shows
     assert (first.min(axis=0) < [camera.x, camera.y]).all()

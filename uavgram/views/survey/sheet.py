@@ -62,7 +62,15 @@ class Sheet:
 
 
 def lay_sheet(low_m: Floats, high_m: Floats, most_height: float = MOST_HEIGHT) -> Sheet:
-    """Lay the ground from corner (2,) to corner into a drawing not higher than that."""
+    """Lay ground into a drawing.
+
+    Parameters
+    ----------
+    low_m, high_m
+        (2,) its south-western and north-eastern corner, in the world.
+    most_height
+        The drawing is not higher.
+    """
     margin = min(MARGIN, MARGIN_SHARE * most_height)
     size = np.maximum(high_m - low_m, 1.0)
     across, up = WIDTH - 2 * margin, most_height - 2 * margin
