@@ -18,7 +18,7 @@ class Page(HTMLParser):
         Of every row, the attributes of the rectangles that are drawn in it.
     """
 
-    VOID = ("meta", "br")
+    VOID = ("meta", "br", "col")
 
     def __init__(self, html: str) -> None:
         super().__init__()

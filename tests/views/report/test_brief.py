@@ -14,8 +14,17 @@ from uavgram.model.case import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import MeasurementStatus
 from uavgram.views.report import render_report
-from uavgram.views.report.brief import MOST_NAMES, MOST_ROWS, brief
-from uavgram.views.wording import measurement_text
+from uavgram.views.report.brief import (
+    LEAST_PLAN,
+    MOST_NAMES,
+    MOST_PLAN,
+    MOST_ROWS,
+    ROW_MM,
+    UNIT_MM,
+    Brief,
+    brief,
+)
+from uavgram.views.wording import measurement_text, shapes_first
 
 CASE = (
     ("case.number", "AZ 12/26"),
@@ -99,3 +108,31 @@ def test_the_contents_are_the_headings_in_their_order() -> None:
 
     assert listed == headings
     assert ("custody", "Chain of custody") in listed
+
+
+def test_places_on_the_earth_stand_behind_lengths_however_uncertain() -> None:
+    made = survey.build()
+    rows = made.measurements
+    kinds = ("coordinate", *rows.kind[1:])
+    placed = replace(made, measurements=replace(rows, kind=kinds))
+    order = shapes_first(placed.measurements)
+
+    shapes = [i for i in shapes_first(rows) if kinds[i] != "coordinate"]
+
+    assert 0 in order[len(shapes) :]
+    assert list(order[: len(shapes)]) == shapes
+    assert sorted(order) == list(range(len(kinds)))
+
+
+@pytest.mark.parametrize("words", [4, 60, 200])
+def test_the_more_is_told_the_lower_the_plan(words: int) -> None:
+    made = survey.build()
+    named = replace(made, name=" ".join(["crossing"] * words))
+    low, high = brief(named), brief(made)
+
+    def taken_mm(told: Brief) -> float:
+        return ROW_MM * len(told.rows) + UNIT_MM * told.plan_height
+
+    assert LEAST_PLAN <= low.plan_height <= MOST_PLAN
+    assert len(low.rows) <= len(high.rows)
+    assert taken_mm(low) <= taken_mm(high)

@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import cv2
 import numpy as np
 import pytest
 import synthetic_survey
+from html_page import Page
 
 from uavgram.errors import UavgramError
 from uavgram.model.maps.plan import Paper
@@ -68,25 +70,44 @@ def test_the_numbers_are_attached(content: bytes) -> None:
     assert {str(one.UF) for one in pdf.Root.AF} == {"results.json"}
 
 
-def test_no_word_stands_beyond_the_margins(content: bytes, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def words(content: bytes, tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, ...]]:
+    """Left and right end, and text, of all words of the file."""
     program = shutil.which("pdftotext")
     if program is None:
         pytest.skip("pdftotext (poppler-utils) is not installed")
-    (tmp_path / "report.pdf").write_bytes(content)
-    command = [program, "-bbox", str(tmp_path / "report.pdf"), "-"]
+    path = tmp_path_factory.mktemp("pdf") / "report.pdf"
+    path.write_bytes(content)
+    command = [program, "-bbox", str(path), "-"]
     told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    words = re.findall(
+    return re.findall(
         r'<word xMin="([-\d.]+)" yMin="[-\d.]+" xMax="([-\d.]+)".*?>(.*)</word>', told
     )
 
-    assert len(words) > 1000
+
+def test_no_word_stands_beyond_the_margins(words: list[tuple[str, ...]]) -> None:
     width = 210 / 25.4 * 72
     beyond = [
         word
         for left, right, word in words
         if float(left) < MARGIN_PT - 1 or float(right) > width - MARGIN_PT + 1
     ]
+
+    assert len(words) > 1000
     assert beyond == []
+
+
+def test_every_number_in_a_table_of_the_page_is_in_the_file(
+    page: str, words: list[tuple[str, ...]]
+) -> None:
+    number = re.compile(r"(?<![\w.])[+-]?\d+\.\d+(?![\w.])")
+    wanted = Counter(number.findall(" ".join(" ".join(row) for row in Page(page).rows)))
+    found = Counter(number.findall(" ".join(word for *_, word in words)))
+
+    assert wanted.total() > 500
+    assert {
+        text: count - found[text] for text, count in wanted.items() if found[text] < count
+    } == {}
 
 
 @pytest.mark.usefixtures("page")  # or there is no WeasyPrint

@@ -25,7 +25,7 @@ from uavgram.views.survey.verdict import STATUS_WORDS
 
 NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?")
 
-
+_DRAWING = re.compile(r'<svg class="drawing".*?</svg>', re.DOTALL)
 AMOUNT = re.compile(
     r"an undetected error of (?P<bias>\S+)( \S+)? in the (?P<what>.+) "
     r"would move it by (?P<change>\S+) \S+$"
@@ -39,6 +39,18 @@ class Outputs:
     file: dict[str, Any]
     tables: dict[tuple[str, ...], list[list[str]]]
     """Rows of the page by the heads of their table."""
+    legend: str
+    """Of the error budget."""
+    first_page: str
+    """HTML of what a judge reads, without its plan."""
+    drawn: list[list[str]]
+    """Texts of each plan."""
+
+    def numbered(self, names: Iterable[str]) -> list[tuple[int, str]]:
+        """Numbers that stand for names in the head of a table, as the legend has them."""
+        found = re.findall(r"(\d+) ([a-z][a-z ]+?)(?:,|\.|$)", self.legend)
+        assert {name for _, name in found} >= set(names), self.legend
+        return [(int(number), name) for number, name in found if name in names]
 
     def table(self, *heads: str) -> list[list[str]]:
         """Rows of the one table whose first heads these are; none where there is no such table."""
@@ -51,7 +63,8 @@ def outputs_of(result: Result, folder: Path) -> Outputs:
     write_results(result, folder / "results.json")
     tables: dict[tuple[str, ...], list[list[str]]] = {}
     head: tuple[str, ...] = ()
-    page = Page(render_report(result))
+    html = render_report(result)
+    page = Page(html)
     rows = iter(page.rows)
     for tag, _ in page.tags:
         if tag == "table":
@@ -63,7 +76,14 @@ def outputs_of(result: Result, folder: Path) -> Outputs:
             else:
                 head = tuple(cell.replace("\xad", "") for cell in row)
                 tables[head] = []
-    return Outputs(json.loads((folder / "results.json").read_text(encoding="utf-8")), tables)
+    legend = re.search(r"Shares in percent: (.*?)</p>", html)
+    return Outputs(
+        file=json.loads((folder / "results.json").read_text(encoding="utf-8")),
+        tables=tables,
+        legend=re.sub(r"<.*?>", "", legend[1]) if legend else "",
+        first_page=re.sub(r"<svg.*?</svg>", "", html[: html.index("</header>")], flags=re.DOTALL),
+        drawn=[re.findall(r"<text[^>]*>(.*?)</text>", one) for one in _DRAWING.findall(html)],
+    )
 
 
 def agree(cells: Iterable[str], *wanted: float | None) -> None:
@@ -113,13 +133,116 @@ def test_measurements(both: Outputs) -> None:
             agree(cells[7:9], *(pace * value for value in both_sampled))
 
 
+def test_first_page(both: Outputs) -> None:
+    rows = both.table("measured", "value ± 1 sigma")
+    measured = {one["name"]: one for one in both.file["measurements"]}
+
+    assert 0 < len(rows) <= len(measured)
+    for name, value, interval, status in rows:
+        one = measured[name]
+        pace = pace_of(one)
+        assert status.startswith(STATUS_WORDS[one["status"]])
+        if one["value"] is not None:
+            wanted = (one["value"], one["sigma"], *one["interval_95"])
+            agree([value, interval], *(pace * number for number in wanted))
+    kinds = [measured[row[0]]["kind"] for row in rows]
+    assert kinds == sorted(kinds, key=lambda kind: kind == "coordinate")
+    counts = re.search(r"(\d+) of (\d+) frames refined, (\d+) of (\d+) known", both.first_page)
+    assert counts is not None
+    frames, lines = both.file["frames"], both.file["lines"]
+    assert [int(count) for count in counts.groups()] == [
+        sum(one["status"] == "refined" for one in frames),
+        len(frames),
+        sum(one["status"] in ("used", "suspect") for one in lines),
+        len(lines),
+    ]
+
+
+def test_both_accuracies_of_the_first_page(both: Outputs) -> None:
+    points = both.file["points"]
+    near = [one["neighbour_sigma_m"] for one in points if one["neighbour_sigma_m"] is not None]
+    told = re.search(r"neighbouring points are known to about ± ([\d.]+) m\.", both.first_page)
+    earth = re.search(r"on the earth is known to about ± ([\d.]+) m ", both.first_page)
+
+    assert (told is None) == (not near)
+    if told:
+        agree([told[1]], np.median(near))
+    assert (earth is None) == (both.file["world"]["gauge"] == "plane")
+    if earth:
+        traces = [np.trace(np.array(one["covariance_m2"])[:2, :2]) for one in points]
+        agree([earth[1]], np.median(np.sqrt(np.array(traces) / 2)))
+
+
+def test_dimensions_on_the_plans(both: Outputs) -> None:
+    measured = {one["name"]: one for one in both.file["measurements"] if one["value"] is not None}
+    taped = {one["name"]: one["length_m"] for one in both.file["lines"]}
+    labels = {one["label"] for one in both.file["points"]}
+    seen = 0
+
+    for text in (text for drawing in both.drawn for text in drawing):
+        name, _, shown = text.rpartition(" ")[0].rpartition(" ")
+        if name in measured and text not in labels:
+            seen += 1
+            agree([shown], pace_of(measured[name]) * measured[name]["value"])
+        elif name in taped and text not in labels:
+            seen += 1
+            agree([shown], taped[name])
+    assert seen
+
+
+def test_annex(both: Outputs) -> None:
+    frames = {one["frame_id"]: one["refined"] for one in both.file["frames"] if one["refined"]}
+    poses = both.table("photo", "east [m]")
+    (correlations,) = [r for head, r in both.tables.items() if head[1].split()[:1] == ["EN"]]
+    within = {row[0]: row[1].split() for row in correlations}
+    residuals = both.table("photo", "picks used")
+
+    assert {row[0] for row in poses} == set(within) == {row[0] for row in residuals} == set(frames)
+    for row in poses:
+        one = frames[row[0]]
+        covariance = np.array(one["covariance"])
+        sigma = np.sqrt(np.diag(covariance))
+        places = np.stack([one["center_world_m"], sigma[:3]], axis=1).ravel()
+        agree(row[1:4], *places)
+        agree(row[7:10], *np.degrees(sigma[3:]))
+        found = (covariance / np.outer(sigma, sigma))[np.triu_indices(6, 1)]
+        agree(within[row[0]], *found)
+    used = ("used", "suspect")
+    for name, count, right, down, largest, label in residuals:
+        picks = [p for p in both.file["picks"] if p["image"] == name and p["status"] in used]
+        agree([count], len(picks))
+        if not picks:
+            continue
+        off = np.array([pick["residual_px"] for pick in picks])
+        size = np.linalg.norm(off, axis=1)
+        agree([right, down, largest], *np.sqrt((off**2).mean(axis=0)), size.max())
+        assert label == picks[int(size.argmax())]["label"]
+
+
+def test_correlations_of_the_annex(both: Outputs) -> None:
+    known = both.file["orientation"]
+    heads = [head for head in both.tables if len(head) == 2 and head[1].startswith("      fx")]
+    if known is None:
+        assert not heads
+        return
+    photos = dict(zip(known["frame_id"], known["with_pose"], strict=True))
+
+    assert {head[0] for head in heads} - {""} <= set(photos)
+    for head in heads:
+        wanted = photos[head[0]] if head[0] else known["shared"]
+        assert len(both.tables[head]) == len(wanted)
+        for row, values in zip(both.tables[head], wanted, strict=True):
+            agree(row[1].split(), *values)
+            assert row[1].split().count("–") == values.count(None)
+
+
 def test_error_budget(both: Outputs) -> None:
     budget = both.file.get("error_budget")
     if budget is None:
         assert not both.table("name", "share of the variance")
         return
-    ((head, rows),) = [(h, r) for h, r in both.tables.items() if "share of the variance" in h]
-    sources = [name.removesuffix(" [%]") for name in head[3:]]
+    (rows,) = [r for head, r in both.tables.items() if "share of the variance" in head]
+    sources = [name for _, name in sorted(both.numbered(budget["sources"]))]
     shares = {
         one["name"]: dict(zip(budget["sources"], row, strict=True))
         for one, row in zip(both.file["measurements"], budget["shares"], strict=True)
@@ -130,7 +253,7 @@ def test_error_budget(both: Outputs) -> None:
     assert {row[0] for row in rows} == set(shares)
     for row in rows:
         share = shares[row[0]]
-        agree(row[3:], *(100 * share[source] for source in sources))
+        agree(row[3].split(), *(100 * share[source] for source in sources))
         assert row[2] == max(share, key=lambda source: share[source])
 
 

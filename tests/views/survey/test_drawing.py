@@ -147,3 +147,16 @@ def test_frusta_are_small_beside_the_flying_height() -> None:
     scene = measure_scene(survey.build())
 
     assert scene.frustum_m <= 0.06 * scene.height_m
+
+
+def test_a_thinned_line_is_as_exact_as_was_asked_and_keeps_its_ends() -> None:
+    along = np.linspace(0.0, 1.0, 49)
+    bent = np.column_stack([400 * along, 30 * along**2])
+    kept = drawing.thinned(bent, 0.5)
+    straight = drawing.thinned(np.column_stack([400 * along, 20 * along]), 0.5)
+    off = np.interp(bent[:, 0], kept[:, 0], kept[:, 1]) - bent[:, 1]
+
+    assert len(kept) < 16
+    assert np.abs(off).max() <= 0.5
+    assert len(straight) == 2
+    np.testing.assert_array_equal(kept[[0, -1]], bent[[0, -1]])

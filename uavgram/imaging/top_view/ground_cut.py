@@ -15,7 +15,15 @@ QUALITY = 82
 
 
 def cut_ground(texture: GroundTexture, low_m: Floats, high_m: Floats) -> GroundPicture | None:
-    """The ground from a south-western to a north-eastern corner (2,); None where none is shown."""
+    """A part of the ground as a picture; None where no photo shows any of it.
+
+    Parameters
+    ----------
+    texture
+        All that photos show.
+    low_m, high_m
+        (2,) its south-western and north-eastern corner, in the world.
+    """
     size = texture.pixel_size_m
     rows, columns = texture.covered.shape
     corner = np.array([texture.west_m, texture.north_m])

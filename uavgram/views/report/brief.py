@@ -24,16 +24,16 @@ LEAST_ROWS = 3
 PAGE_MM, UNIT_MM = 236.0, 182.0 / 900.0
 """What a printed page has for the text and the plan (letter is the lower); a unit of a drawing."""
 
-LEAST_PLAN, MOST_PLAN = 290.0, 640.0
-"""Height of the plan, in units of its drawing."""
+LEAST_PLAN, GOOD_PLAN, MOST_PLAN = 220.0, 330.0, 640.0
+"""Height of the plan, in units of its drawing: for a good one rows of the table are left out."""
 
-HEAD_MM, ROW_MM, LINE_MM, GAP_MM = 24.0, 6.5, 5.3, 3.0
+HEAD_MM, ROW_MM, LINE_MM, GAP_MM = 28.0, 6.5, 5.3, 3.0
 """Of title and legend; of a row of a table; of a line of text; around a paragraph."""
 
-LINE, STRONG_LINE = 92, 72
-"""Letters of a line."""
+LINE, STRONG_LINE, TITLE = 88, 70, 20
+"""Letters of a line; of a name beside the other words of the title."""
 
-MOST_REASONS = 3
+MOST_REASONS = 2
 """Of the verdict, beside the first; warnings tell them all."""
 
 MOST_NAMES = 8
@@ -75,13 +75,15 @@ def brief(result: Result) -> Brief:
     case = case_from_options(result.provenance.options)
     others = [reason.text for reason in result.verdict.reasons[1:]]
     reasons = others[:MOST_REASONS]
-    count = min(len(order), max(LEAST_ROWS, MOST_ROWS - len(reasons) - len(case) // 2))
     accuracy, limits = accuracy_words(result), tuple(_limits(result))
     words = verdict_words(result)
-    left_mm = PAGE_MM - HEAD_MM - ROW_MM * (1 + count + len(case))
-    left_mm -= _text_mm(words.sentence, STRONG_LINE) + sum(_text_mm(text) for text in reasons)
-    left_mm -= sum(_text_mm(text) for text in (words.scale, words.counts, accuracy))
-    left_mm -= _text_mm(LIMITS + " ".join(limits)) + GAP_MM * (len(order) > count)
+    left_mm = PAGE_MM - HEAD_MM - ROW_MM * (1 + len(case)) - _text_mm(result.name, TITLE) - GAP_MM
+    left_mm -= _text_mm(words.sentence, STRONG_LINE)
+    left_mm -= sum(_text_mm(text) for text in (*reasons, words.scale, words.counts, accuracy))
+    left_mm -= _text_mm(LIMITS + " ".join(limits))
+    room = int((left_mm - GOOD_PLAN * UNIT_MM) // ROW_MM)
+    count = min(len(order), max(LEAST_ROWS, min(MOST_ROWS, room)))
+    left_mm -= ROW_MM * count
     return Brief(
         case=case,
         rows=tuple(order[:count]),

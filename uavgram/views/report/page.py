@@ -73,7 +73,7 @@ from uavgram.views.wording import (
     worst_fit_first,
 )
 
-BESIDE_HEIGHT = 500.0
+BESIDE_HEIGHT = 480.0
 """Of the top view where there is a plan on the ground too: the key plan then fits below it."""
 
 

@@ -16,7 +16,7 @@ from uavgram.views.survey.sheet import WIDTH, GridLine, Sheet, grid_lines, lay_s
 from uavgram.views.survey.top_view import Text
 from uavgram.views.units import round_bar, units_of
 
-MOST_HEIGHT = 380.0
+MOST_HEIGHT = 340.0
 MOST_FOOTPRINTS = 40
 """Of more photos only the cameras are drawn."""
 MOST_NAMES = 80

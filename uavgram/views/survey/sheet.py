@@ -13,17 +13,20 @@ from uavgram.views.units import column, round_bar
 
 WIDTH = 900.0
 """Of every drawing, in its own units; letters are 11 of them high."""
-MARGIN = 60.0
+MARGIN, MARGIN_SHARE = 60.0, 0.12
+"""Around what is drawn; of a low drawing such a share of its height."""
 LEAST_HEIGHT, MOST_HEIGHT = 260.0, 840.0
 MOST_STEP = 140.0
 """Between lines of the grid; at least two fifths of that."""
-EDGE = 4.0
-"""Between the side of a drawing and what is written along it."""
+EDGE, LETTER = 4.0, 5.6
+"""Between the side of a drawing and what is written along it; width of a letter there."""
+COMPASS, SCALE_BAR = 90.0, 44.0
+"""Beside the north arrow, and above the scale bar, no line of the grid is named."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Sheet:
-    """North up: x = MARGIN + (east - west) * scale, y = MARGIN + (north_m - north) * scale.
+    """North up: x = margin + (east - west) * scale, y = margin + (north_m - north) * scale.
 
     Attributes
     ----------
@@ -31,7 +34,7 @@ class Sheet:
         World coordinates of the corner of what is inside the margins.
     scale
         Units of the drawing for a metre.
-    height
+    height, margin
         Of the drawing.
     """
 
@@ -39,37 +42,51 @@ class Sheet:
     north_m: float
     scale: float
     height: float
+    margin: float
 
     def __call__(self, world_m: Floats) -> Floats:
         """(..., 2) drawing coordinates of (..., 2 or 3) world positions."""
         east, north = world_m[..., 0], world_m[..., 1]
-        x = MARGIN + (east - self.west_m) * self.scale
-        return np.stack([x, MARGIN + (self.north_m - north) * self.scale], axis=-1)
+        x = self.margin + (east - self.west_m) * self.scale
+        return np.stack([x, self.margin + (self.north_m - north) * self.scale], axis=-1)
 
     @property
     def extent_m(self) -> tuple[Floats, Floats]:
         """South-west and north-east corner (2,) of the ground that the whole drawing covers."""
-        west, north = self.west_m - MARGIN / self.scale, self.north_m + MARGIN / self.scale
+        west, north = (
+            self.west_m - self.margin / self.scale,
+            self.north_m + self.margin / self.scale,
+        )
         size = np.array([WIDTH, self.height]) / self.scale
         return np.array([west, north - size[1]]), np.array([west + size[0], north])
 
 
 def lay_sheet(low_m: Floats, high_m: Floats, most_height: float = MOST_HEIGHT) -> Sheet:
-    """Lay the ground from corner (2,) to corner into a drawing not higher than that."""
+    """Lay ground into a drawing.
+
+    Parameters
+    ----------
+    low_m, high_m
+        (2,) its south-western and north-eastern corner, in the world.
+    most_height
+        The drawing is not higher.
+    """
+    margin = min(MARGIN, MARGIN_SHARE * most_height)
     size = np.maximum(high_m - low_m, 1.0)
-    scale = float(min((WIDTH - 2 * MARGIN) / size[0], (most_height - 2 * MARGIN) / size[1]))
-    height = float(max(size[1] * scale + 2 * MARGIN, LEAST_HEIGHT))
+    across, up = WIDTH - 2 * margin, most_height - 2 * margin
+    scale = float(min(across / size[0], up / size[1]))
     return Sheet(
-        west_m=float(low_m[0] - ((WIDTH - 2 * MARGIN) / scale - size[0]) / 2),
+        west_m=float(low_m[0] - (across / scale - size[0]) / 2),
         north_m=float(high_m[1]),
         scale=scale,
-        height=height,
+        height=float(max(size[1] * scale + 2 * margin, min(LEAST_HEIGHT, most_height))),
+        margin=margin,
     )
 
 
 @dataclass(frozen=True)
 class GridLine:
-    """A line of the grid: its ends, and its name with where that stands."""
+    """A line of the grid: its ends, and its name, which may be empty, with where that stands."""
 
     x1: float
     y1: float
@@ -88,10 +105,13 @@ def grid_lines(sheet: Sheet, units: Units) -> Iterator[GridLine]:
     for axis, name in enumerate("EN"):
         first, last = np.ceil(low[axis] / step_m), np.floor(high[axis] / step_m)
         for count in np.arange(first, last + 1):
-            at = sheet(np.full(2, count * step_m))[axis]
+            at = float(sheet(np.full(2, count * step_m))[axis])
             text = f"{name} {count * step_m * unit.factor + 0.0:g}"
+            half = LETTER * len(text) / 2
             if axis == 0:
-                yield GridLine(at, 0.0, at, sheet.height, at, 10.0, text)
+                named = half < at < WIDTH - COMPASS - half
+                yield GridLine(at, 0.0, at, sheet.height, at, 10.0, text if named else "")
             else:
-                half = 2.8 * len(text)
-                yield GridLine(0.0, at, WIDTH, at, EDGE + half, at - 3.0, text)
+                named = 3 * EDGE < at < sheet.height - SCALE_BAR
+                at_x = EDGE + half
+                yield GridLine(0.0, at, WIDTH, at, at_x, at - 3.0, text if named else "")
