@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.views.survey.drawing import nice_factor
 from uavgram.views.survey.top_view import INK
 from uavgram.views.units import column, units_of
-from uavgram.views.wording import MeasurementText, measurement_text, worst_first
+from uavgram.views.wording import measurement_text, worst_first
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,14 +73,17 @@ def plan(result: Result, axes: Axes | None = None) -> Axes:
     axes = _axes_or_new(axes)
     measured, units = measured_strips(result), units_of(result)
     unit = column(units)
-    are_few = len(measured) <= MOST_NAMED
-    for i, strips in measured.items():
+    drawn = [(i, strips) for i, strips in measured.items() if strips]
+    are_few = len(drawn) <= MOST_NAMED
+    for k, (i, strips) in enumerate(drawn):
+        row = measurement_text(result.measurements, int(i), units)
+        look: dict[str, Any] = {"color": INK["measured"], "linewidth": 0.5}
+        if are_few:
+            look = {"color": f"C{k % 10}", "linewidth": 2, "linestyle": "-" if k < 10 else "-."}
         for strip in strips:
-            width = 2 if are_few else 0.5
-            axes.plot(*(unit.factor * strip[:, :2]).T, color=INK["measured"], linewidth=width)
-        if strips and are_few:
-            row = measurement_text(result.measurements, int(i), units)
-            _name(axes, unit.factor * strips[0], row, INK["measured"])
+            axes.plot(*(unit.factor * strip[:, :2]).T, **look)
+        if are_few:  # names on the lines would cover each other
+            axes.plot([], [], label=f"{row.name}: {row.value}", **look)
     for i, strip in reference_strips(result).items():
         ink = INK[result.lines.status[i]]
         axes.plot(*(unit.factor * strip[:, :2]).T, color=ink, linewidth=1.5, linestyle="--")
@@ -92,7 +94,9 @@ def plan(result: Result, axes: Axes | None = None) -> Axes:
     factor = _ellipses(axes, result, unit.factor)
     axes.set_aspect("equal")
     axes.set(xlabel=f"east [{unit.symbol}]", ylabel=f"north [{unit.symbol}]")
-    axes.set_title(f"Plan: solid measured, dashed taped; 95 % ellipses {factor} times as large")
+    if drawn and are_few:
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, fontsize=8)
+    axes.set_title(f"Solid: measured, dashed: known\n95 % ellipses {factor} times as large")
     return axes
 
 
@@ -139,11 +143,6 @@ def _axes_or_new(axes: Axes | None) -> Axes:
         figure = Figure(layout="constrained")
     new: Axes = figure.subplots()
     return new
-
-
-def _name(axes: Axes, strip: Floats, row: MeasurementText, colour: str) -> None:
-    middle = strip[:, :2].mean(axis=0)
-    axes.annotate(f"{row.name} {row.value}", middle, color=colour, fontsize=8, ha="center")
 
 
 def _ellipses(axes: Axes, result: Result, unit: float) -> int:
