@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 
 import ezdxf
@@ -116,6 +117,37 @@ def test_it_opens_on_the_points_and_without_the_background(drawing: tuple[str, D
     assert away.max() > port.dxf.height / 4
     hidden = {layer.dxf.name for layer in document.layers if layer.is_frozen()}
     assert hidden == {"PHOTO_FOOTPRINTS", "ELLIPSES_95"}
+
+
+def test_programs_find_its_extent_and_a_sheet_of_paper(
+    drawing: tuple[str, Drawing], result: Result
+) -> None:
+    kind, document = drawing
+    low, high = (np.array(document.header[name])[:2] for name in ("$EXTMIN", "$EXTMAX"))
+    place = result.points.position_world_m[:, :2]
+
+    assert high - low == pytest.approx(np.ptp(place, axis=0), rel=0.05)  # turned
+    if kind == "local":
+        assert low == pytest.approx(place.min(axis=0))
+    # LibreCAD's paper, in units of the drawing, which is in metres
+    assert document.header["$PLIMMAX"] == pytest.approx((0.420, 0.297))
+
+
+def test_every_layer_can_be_seen_on_black_and_on_white(drawing: tuple[str, Drawing]) -> None:
+    _, document = drawing
+    assert len(document.layers) > 10
+    for layer in document.layers:
+        if layer.color != 7:  # black on white, and white on black
+            light = luminance(ezdxf.colors.aci2rgb(layer.color))
+            # WCAG 2.2, 1.4.11: graphics are seen from 3 : 1 on
+            assert min(1.05 / (light + 0.05), (light + 0.05) / 0.05) >= 2.99, layer.dxf.name
+
+
+def luminance(rgb: Iterable[int]) -> float:
+    """Relative luminance (WCAG 2.2)."""
+    parts = np.array(list(rgb)) / 255
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
 
 
 def test_every_point_has_its_label_as_a_text_beside_it(

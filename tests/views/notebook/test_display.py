@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from html import escape
 from types import ModuleType, SimpleNamespace
 
@@ -19,6 +20,7 @@ import uavgram
 from uavgram.model.result.result import Result
 from uavgram.views.notebook.display import result_html
 from uavgram.views.survey.verdict import verdict_sentence
+from uavgram.views.units import units_of
 from uavgram.views.wording import measurement_text
 
 
@@ -81,3 +83,28 @@ def test_residuals_are_drawn_where_they_are(result: Result) -> None:
 
     wanted = result.picks.residual_px[used]
     np.testing.assert_allclose(np.sort(drawn, axis=0), np.sort(wanted, axis=0))
+
+
+def test_names_of_the_plan_stand_beside_it_in_the_projects_units(result: Result) -> None:
+    options = (*result.provenance.options, ("units.length", "ft"))
+    feet = replace(result, provenance=replace(result.provenance, options=options))
+    assert units_of(feet).length == "ft"
+    metric, imperial = uavgram.plots.plan(result), uavgram.plots.plan(feet)
+    legend = imperial.get_legend()
+
+    assert legend is not None
+    told = [text.get_text() for text in legend.get_texts()]
+    assert told
+    rows = [
+        measurement_text(result.measurements, i, units_of(feet))
+        for i in range(len(result.measurements.name))
+    ]
+    assert set(told) <= {f"{row.name}: {row.value}" for row in rows}
+    assert any(" ft" in text for text in told)
+    assert imperial.get_xlabel() == "east [ft]"
+    np.testing.assert_allclose(
+        np.ptp(imperial.dataLim.get_points(), axis=0),
+        np.ptp(metric.dataLim.get_points(), axis=0) / 0.3048,
+    )
+    assert " ft" in result_html(feet)
+    assert " m<" in result_html(result)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import sys
 from collections.abc import Sequence
 from typing import get_args
@@ -14,6 +15,8 @@ from full_report import full
 from sample_results import sample_result
 
 import uavgram
+from uavgram.io.results.results_json import dump_results
+from uavgram.model.result.reliability import Effects, Evidence, PriorResults, WeakestLinks
 from uavgram.model.result.result import Result
 from uavgram.views.notebook.tables import TableName
 
@@ -22,7 +25,33 @@ pytest.importorskip("pandas", reason="pandas is not installed")
 
 @pytest.fixture(scope="module")
 def result() -> Result:
-    return full(sample_result())
+    found = full(sample_result())
+    lines, picks, measured = len(found.lines.name), len(found.picks.image), found.measurements.name
+    priors = PriorResults(
+        kind=("telemetry", "calibration"),
+        name=("position", "fx"),
+        frame_id=("a.jpg", ""),
+        unit=("m", "px"),
+        residual=np.array([0.5, -0.25]),
+        w=np.array([0.6, -0.3]),
+        redundancy=np.array([0.7, 0.1]),
+        bias=np.array([3.0, 40.0]),
+        effects=effects(2),
+    )
+    weakest = WeakestLinks(
+        what=("pick",) * len(measured),
+        bias=np.ones(len(measured)),
+        unit=("px",) * len(measured),
+        change=np.full(len(measured), 0.01),
+        unchecked=((),) * len(measured),
+    )
+    evidence = Evidence(lines=effects(lines), picks=effects(picks), priors=priors, weakest=weakest)
+    return dataclasses.replace(found, evidence=evidence)
+
+
+def effects(count: int) -> Effects:
+    number = np.arange(count, dtype=np.float64)
+    return Effects(on=("width",) * count, change=number, sigmas=number)
 
 
 def numbers_in(table: object) -> int:
@@ -86,6 +115,51 @@ def test_tables_of_measurements_have_their_names(result: Result) -> None:
     assert shares.loc[names[0], budget.source[2]] == budget.share[0, 2]
     areas = uavgram.to_pandas(result, "areas")
     assert areas.loc[area.name, "slope_north_sigma_deg"] == area.slope_deg.sigma[1]
+
+
+NO_TABLE = {
+    "schema", "name", "verdict", "provenance", "world", "clock", "checks_overall", "solution",
+    "noise", "ties",
+}  # fmt: skip
+"""Of results.json: single values, and what holds tables of its own."""
+
+TABLES_OF: dict[str, tuple[TableName, ...]] = {
+    "verdict": ("reasons",),
+    "provenance": ("inputs",),
+    "solution": ("groups", "alternatives"),
+    "noise": ("pick_noise", "roughness"),
+    "clock": ("shared",),
+    "lines": ("lines", "line_effects"),
+    "picks": ("picks", "pick_effects"),
+    "measurements": ("measurements", "weakest_links", "second_order"),
+    "measurement_correlation": ("correlation",),
+    "checks": ("point_checks", "line_checks"),
+}
+"""Where a part of results.json has not the name of its table."""
+
+
+def test_no_part_of_results_json_is_without_a_table(result: Result) -> None:
+    stored = json.loads(dump_results(result))
+    tables = {name for part in stored for name in TABLES_OF.get(part, (part,))}
+
+    assert tables - NO_TABLE == set(get_args(TableName))
+    for part, held in stored.items():
+        for name in TABLES_OF.get(part, () if part in NO_TABLE else (part,)):
+            frame = uavgram.to_pandas(result, name)
+            if isinstance(held, list) and part not in ("checks", "orientation"):
+                assert len(frame) == len(held), name
+
+
+def test_what_photos_share_and_the_lens_have_their_sigmas(result: Result) -> None:
+    shared, lens = uavgram.to_pandas(result, "shared"), uavgram.to_pandas(result, "camera")
+    boresight, adjusted = result.shared.boresight_deg, result.shared.intrinsics
+
+    assert boresight is not None
+    assert shared.loc["boresight y", "sigma"] == boresight.sigma[1]
+    assert shared.loc["boresight y", "unit"] == "deg"
+    assert lens.loc["fy", "adjusted"] == adjusted.value[1]
+    assert lens.loc["k1", "stated_sigma"] == np.sqrt(result.camera.covariance[4, 4])
+    assert list(lens.loc[["fx", "k1"], "unit"]) == ["px", ""]
 
 
 def test_an_unknown_table_is_refused_with_those_there_are(result: Result) -> None:

@@ -37,7 +37,9 @@ _DOUBT = " ?"
 _SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)
 """Of a dimension line, where its text may stand."""
 _CROWDED = 16
+_GAP = 0.3  # around the text of a dimension, in heights of a letter
 _FAR = 1e6  # heights of a letter: farther than any drawing reaches
+_PAPER_M = (0.420, 0.297)  # A3
 _TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters
 
 
@@ -113,8 +115,9 @@ def _look_at_points(sheet: Sheet, features: Features) -> None:
     low, high = placed.min(axis=0), placed.max(axis=0)
     height = max(1.3 * float((high - low).max()), 20 * sheet.text_m)
     sheet.document.set_modelspace_vport(height, tuple(((low + high) / 2).tolist()))
-    sheet.document.header["$EXTMIN"] = (*low.tolist(), 0.0)
-    sheet.document.header["$EXTMAX"] = (*high.tolist(), 0.0)
+    # ezdxf writes the header from these; LibreCAD takes the limits for its paper, in our metres
+    sheet.space.dxf.extmin, sheet.space.dxf.extmax = (*low.tolist(), 0.0), (*high.tolist(), 0.0)
+    sheet.document.layout("Layout1").dxf.limmax = _PAPER_M
 
 
 def _text_height(features: Features) -> float:
@@ -127,7 +130,7 @@ def _text_height(features: Features) -> float:
 
 def _dimension_style(document: Drawing, text_m: float) -> None:
     style = document.dimstyles.duplicate_entry("Standard", "UAVGRAM")
-    sizes = {"dimtxt": 1.0, "dimasz": 0.8, "dimexe": 0.3, "dimexo": 0.3, "dimgap": 0.3}
+    sizes = {"dimtxt": 1.0, "dimasz": 0.8, "dimexe": 0.3, "dimexo": 0.3, "dimgap": _GAP}
     for name, share in sizes.items():
         style.set_dxf_attrib(name, share * text_m)
         # for programs that draw all dimensions alike, as the header says (LibreCAD 2.2)
@@ -217,7 +220,13 @@ def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:
     if np.linalg.norm(end - start) < 1e-6:
         return
     half = half_size(text, sheet.text_m)
-    place = sheet.places.take_near(lambda rounds: _along(start, end, half, rounds, sheet.text_m))
+    aside = _moved_aside(half, float(np.linalg.norm(end - start)), sheet.text_m)
+    room = half + np.array([aside / 2, 0.0])
+    shift = aside / 2 * (end - start) / np.linalg.norm(end - start)
+    place = sheet.places.take_near(
+        lambda rounds: _along(start + shift, end + shift, room, rounds, sheet.text_m)
+    )
+    place[:2] -= shift
     distance = _across(start, end) @ (place[:2] - start) - half[1]
     drawn = sheet.space.add_aligned_dim(
         p1=tuple(start),
@@ -233,6 +242,14 @@ def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:
     for part in dimension.get_geometry_block() or ():
         if part.dxf.layer == "0":  # not every program colours that as the dimension
             part.dxf.layer = layer
+
+
+def _moved_aside(half: Floats, length: float, text_m: float) -> float:
+    """How far LibreCAD moves a text along its line where it is longer than that, wherever it was.
+
+    `RS_Dimension::updateCreateDimensionLine` of LibreCAD 2.2: by half of both and the gap.
+    """
+    return float(half[0] + length / 2 + _GAP * text_m) if 2 * half[0] > length else 0.0
 
 
 def _across(start: Floats, end: Floats) -> Floats:

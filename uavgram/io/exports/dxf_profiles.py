@@ -21,7 +21,7 @@ from uavgram.stages.products.profile_sheets import TWO_SIDED_95
 
 # Name in the drawing, and colour of AutoCAD's index.
 _AXES, _TEXTS = ("PROFILE_AXES", 8), ("PROFILE_TEXTS", 7)
-_LINE, _GROUND, _INTERVALS = ("PROFILE_POINTS", 5), ("PROFILE_GROUND", 34), ("PROFILE_95", 30)
+_LINE, _GROUND, _INTERVALS = ("PROFILE_POINTS", 150), ("PROFILE_GROUND", 32), ("PROFILE_95", 42)
 _LAYERS = (_AXES, _TEXTS, _LINE, _GROUND, _INTERVALS)
 
 _TEXT_SHARE = 1 / 110  # of a profile's length is the height of its letters

@@ -44,12 +44,12 @@ class Words:
 
 
 LABELS = "LABELS"
-# Name in the drawing, and colour of AutoCAD's index.
+# Name in the drawing, and colour of AutoCAD's index: to be seen on black and on white.
 LAYERS = {
     "footprints": ("PHOTO_FOOTPRINTS", 252),
-    "camera_poses": ("CAMERAS", 5),
-    "ellipses_95": ("ELLIPSES_95", 30),
-    "ellipses_95_within_survey": ("ELLIPSES_95_WITHIN_SURVEY", 40),
+    "camera_poses": ("CAMERAS", 150),
+    "ellipses_95": ("ELLIPSES_95", 32),
+    "ellipses_95_within_survey": ("ELLIPSES_95_WITHIN_SURVEY", 42),
     "known_lengths": ("KNOWN_LENGTHS", 6),
     "control_lines": ("LINES_OF_KNOWN_POSITION", 200),
     "measured_areas": ("MEASURED_AREAS", 134),

@@ -11,6 +11,8 @@ from html import escape
 from uavgram.model.result.result import Result
 from uavgram.views.style import LEVEL_COLOURS, hex_colour
 from uavgram.views.survey.verdict import STATUS_WORDS, verdict_words
+from uavgram.views.unit_words import in_units, names_like_lengths
+from uavgram.views.units import units_of
 from uavgram.views.wording import measurement_text, worst_first
 
 COLUMNS = ("measurement", "what", "points", "value ± sigma", "95 % interval", "status")
@@ -27,28 +29,32 @@ def register() -> None:
 
 def result_html(result: Result) -> str:
     """Verdict with its reasons, the measurements, and what was used, as a piece of HTML."""
-    words = verdict_words(result)
+    words, units, keep = verdict_words(result), units_of(result), names_like_lengths(result)
+
+    def told(text: str) -> str:
+        return escape(in_units(text, units, keep))
+
     mark = f"border-left:6px solid {hex_colour(LEVEL_COLOURS[words.level])};padding-left:.6em"
-    reasons = "".join(f"<li>{escape(one.text)}</li>" for one in words.reasons[1:])
+    reasons = "".join(f"<li>{told(one.text)}</li>" for one in words.reasons[1:])
     more = f"<details><summary>{len(words.reasons) - 1} more</summary><ul>{reasons}</ul></details>"
     parts = [
         f"<div><h4>{escape(result.name)}</h4>",
-        f'<p style="{mark}"><b>{escape(words.sentence)}</b></p>',
+        f'<p style="{mark}"><b>{told(words.sentence)}</b></p>',
         more if reasons else "",
         _table(result),
-        f"<p>{escape(words.counts)} {escape(words.scale)}</p></div>",
+        f"<p>{told(words.counts)} {told(words.scale)}</p></div>",
     ]
     return "\n".join(filter(None, parts))
 
 
 def _table(result: Result) -> str:
-    rows = result.measurements
+    rows, units = result.measurements, units_of(result)
     if not rows.name:
         return "<p>Nothing was measured: no measurements were asked for.</p>"
     head = "".join(f"<th>{escape(column)}</th>" for column in COLUMNS)
     body = []
     for i in worst_first(rows):
-        row = measurement_text(rows, int(i))
+        row = measurement_text(rows, int(i), units)
         status = STATUS_WORDS[rows.status[i]]
         value = f"{row.value} {row.others}".strip()
         cells = (row.name, row.kind, " ".join(row.points), value, row.interval, status)

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.views.survey.drawing import nice_factor
 from uavgram.views.survey.top_view import INK
-from uavgram.views.wording import MeasurementText, measurement_text, worst_first
+from uavgram.views.units import column, units_of
+from uavgram.views.wording import measurement_text, worst_first
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -61,6 +61,8 @@ def residuals(result: Result, axes: Axes | None = None) -> Axes:
 def plan(result: Result, axes: Axes | None = None) -> Axes:
     """The survey from above: points with enlarged 95 % ellipses, what was taped and measured.
 
+    Coordinates are metres, or feet where the project is in feet.
+
     Parameters
     ----------
     result
@@ -69,25 +71,32 @@ def plan(result: Result, axes: Axes | None = None) -> Axes:
         Where to draw; left out, in a figure of its own.
     """
     axes = _axes_or_new(axes)
-    measured = measured_strips(result)
-    are_few = len(measured) <= MOST_NAMED
-    for i, strips in measured.items():
+    measured, units = measured_strips(result), units_of(result)
+    unit = column(units)
+    drawn = [(i, strips) for i, strips in measured.items() if strips]
+    are_few = len(drawn) <= MOST_NAMED
+    for k, (i, strips) in enumerate(drawn):
+        row = measurement_text(result.measurements, int(i), units)
+        look: dict[str, Any] = {"color": INK["measured"], "linewidth": 0.5}
+        if are_few:
+            look = {"color": f"C{k % 10}", "linewidth": 2, "linestyle": "-" if k < 10 else "-."}
         for strip in strips:
-            width = 2 if are_few else 0.5
-            axes.plot(strip[:, 0], strip[:, 1], color=INK["measured"], linewidth=width)
-        if strips and are_few:
-            _name(axes, strips[0], measurement_text(result.measurements, int(i)), INK["measured"])
+            axes.plot(*(unit.factor * strip[:, :2]).T, **look)
+        if are_few:  # names on the lines would cover each other
+            axes.plot([], [], label=f"{row.name}: {row.value}", **look)
     for i, strip in reference_strips(result).items():
         ink = INK[result.lines.status[i]]
-        axes.plot(strip[:, 0], strip[:, 1], color=ink, linewidth=1.5, linestyle="--")
-    place = result.points.position_world_m[:, :2]
+        axes.plot(*(unit.factor * strip[:, :2]).T, color=ink, linewidth=1.5, linestyle="--")
+    place = unit.factor * result.points.position_world_m[:, :2]
     axes.plot(place[:, 0], place[:, 1], ".", color=INK["point"], markersize=4)
     for label, spot in zip(result.points.label, place, strict=True):
         axes.annotate(label, spot, xytext=(3, 3), textcoords="offset points", fontsize=8)
-    factor = _ellipses(axes, result)
+    factor = _ellipses(axes, result, unit.factor)
     axes.set_aspect("equal")
-    axes.set(xlabel="east [m]", ylabel="north [m]")
-    axes.set_title(f"Plan: solid measured, dashed taped; 95 % ellipses {factor} times as large")
+    axes.set(xlabel=f"east [{unit.symbol}]", ylabel=f"north [{unit.symbol}]")
+    if drawn and are_few:
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, fontsize=8)
+    axes.set_title(f"Solid: measured, dashed: known\n95 % ellipses {factor} times as large")
     return axes
 
 
@@ -136,13 +145,8 @@ def _axes_or_new(axes: Axes | None) -> Axes:
     return new
 
 
-def _name(axes: Axes, strip: Floats, row: MeasurementText, colour: str) -> None:
-    middle = strip[:, :2].mean(axis=0)
-    axes.annotate(f"{row.name} {row.value}", middle, color=colour, fontsize=8, ha="center")
-
-
-def _ellipses(axes: Axes, result: Result) -> int:
-    """Draws the ellipses within the survey; by how much they are enlarged."""
+def _ellipses(axes: Axes, result: Result, unit: float) -> int:
+    """Draws the ellipses within the survey; by how much they are enlarged besides the unit."""
     within, place = result.points.relative, result.points.position_world_m[:, :2]
     if not len(place):
         return 1
@@ -152,5 +156,5 @@ def _ellipses(axes: Axes, result: Result) -> int:
     along, across = half[:, :1] * np.cos(_TURN), half[:, 1:] * np.sin(_TURN)
     east = place[:, :1] + along * np.sin(azimuth) + across * np.cos(azimuth)
     north = place[:, 1:] + along * np.cos(azimuth) - across * np.sin(azimuth)
-    axes.plot(east.T, north.T, color=INK["ellipse"], linewidth=1)
+    axes.plot(unit * east.T, unit * north.T, color=INK["ellipse"], linewidth=1)
     return factor

@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from uavgram.errors import UavgramError
+from uavgram.model.result.reliability import Evidence
 from uavgram.model.result.result import Result
+from uavgram.views.notebook.estimates import camera_rows, orientation_rows, shared_rows
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -24,6 +26,7 @@ TableName = Literal[
     "correlation",
     "error_budget",
     "weakest_links",
+    "second_order",
     "monte_carlo",
     "points",
     "lines",
@@ -37,22 +40,44 @@ TableName = Literal[
     "groups",
     "alternatives",
     "removals",
+    "priors",
+    "line_effects",
+    "pick_effects",
+    "shared",
+    "camera",
+    "orientation",
+    "pick_noise",
+    "roughness",
     "reasons",
     "messages",
+    "inputs",
 ]
 """Tables of a result."""
 
-_OF_MEASUREMENTS = ("correlation", "error_budget", "weakest_links", "monte_carlo")
+_OF_MEASUREMENTS = ("correlation", "error_budget", "weakest_links", "second_order", "monte_carlo")
 
 _RECORDS: dict[str, Callable[[Result], Sequence[object]]] = {
     "areas": lambda result: result.areas,
     "groups": lambda result: result.solution.groups,
     "alternatives": lambda result: result.solution.alternatives,
     "removals": lambda result: result.removals,
+    "shared": shared_rows,
+    "camera": camera_rows,
+    "orientation": orientation_rows,
+    "pick_noise": lambda result: result.noise.picks if result.noise else (),
+    "roughness": lambda result: result.noise.roughness if result.noise else (),
     "reasons": lambda result: result.verdict.reasons,
     "messages": lambda result: result.messages,
+    "inputs": lambda result: result.provenance.inputs,
 }
 """Tables that are kept as one object for each row."""
+
+_EVIDENCE: dict[str, Callable[[Evidence], object]] = {
+    "priors": lambda evidence: evidence.priors,
+    "line_effects": lambda evidence: evidence.lines,
+    "pick_effects": lambda evidence: evidence.picks,
+}
+"""Tables of what errors that no test finds would do; `lines` and `picks` have the same rows."""
 
 _KEYS = ("name", "label", "frame_id")
 """Columns that name a row: the first that a table has is its index, where no name is double."""
@@ -109,6 +134,9 @@ def to_pandas(result: Result, table: TableName) -> pd.DataFrame:
         return _of_measurements(result, table)
     if table in _RECORDS:
         return _indexed(_pandas().DataFrame([_record(one) for one in _RECORDS[table](result)]))
+    if table in _EVIDENCE:
+        found = _EVIDENCE[table](result.evidence) if result.evidence else None
+        return _pandas().DataFrame({} if found is None else dict(_columns(found)))
     return _indexed(_pandas().DataFrame(dict(_columns(getattr(result, table)))))
 
 
@@ -137,7 +165,7 @@ def _of_measurements(result: Result, table: str) -> pd.DataFrame:
     if table == "weakest_links":
         found: object = result.evidence.weakest if result.evidence else None
     else:
-        found = result.monte_carlo
+        found = getattr(result, table)
     return frame() if found is None else frame(dict(_columns(found)), index=names)
 
 
@@ -179,6 +207,8 @@ def _unit_of(name: str) -> tuple[str, str]:
 def _record(one: object) -> dict[str, object]:
     """An object as a row; values with their sigma as two columns, or a pair for each number."""
     row: dict[str, object] = {}
+    if isinstance(one, dict):
+        return one
     for field in dataclasses.fields(one):  # type: ignore[arg-type]
         value = getattr(one, field.name)
         if field.compare or isinstance(value, (str, int, float, tuple)):

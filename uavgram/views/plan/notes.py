@@ -11,6 +11,7 @@ from uavgram.model.result.result import Result
 from uavgram.views.plan.sheet import Sheet, width_mm
 from uavgram.views.plan.surveyed import DOUBT, is_doubtful
 from uavgram.views.survey.verdict import headline
+from uavgram.views.unit_words import in_units, names_like_lengths
 from uavgram.views.units import column, spread_text, units_of
 
 TEXT_PT, LEAST_PT = 7.0, 4.5
@@ -56,18 +57,17 @@ def plan_notes(result: Result, sheet: Sheet) -> tuple[str, ...]:
     sheet
         One of it, with all that it shows.
     """
-    case = "; ".join(f"{word}: {text}" for word, text in case_from_options(_options(result)))
-    told = [case, headline(result), accuracy_note(result), LEANS, _grid_note(result)]
+    case = "; ".join(
+        f"{word}: {text}" for word, text in case_from_options(result.provenance.options)
+    )
+    verdict = in_units(headline(result), units_of(result), names_like_lengths(result))
+    told = [case, verdict, accuracy_note(result), LEANS, _grid_note(result)]
     if is_doubtful(result).any():
         told.append(f"{DOUBT.strip()} after a value: it is in doubt, the report says why.")
     told.append(ACTUAL_SIZE)
     if len(sheet.plan.sheets) > 1:
         told.append(JOIN)
     return tuple(filter(None, told))
-
-
-def _options(result: Result) -> tuple[tuple[str, object], ...]:
-    return result.provenance.options
 
 
 def accuracy_note(result: Result) -> str:
