@@ -20,7 +20,7 @@ from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.scenario.repeated import RepeatedSurvey
 from uavgram.model.survey.known import NO_KNOWN
-from uavgram.model.survey.observations import KnownLines, KnownPoints, Picks
+from uavgram.model.survey.observations import Along, KnownLines, KnownPoints, Picks
 from uavgram.model.survey.ties import NO_TIES
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import NO_POINTS, Inputs, read_inputs
@@ -293,5 +293,10 @@ def _with_more(
             np.bool_
         ),
         tape=(*(lines.tape_of(i) for i in range(len(lines.name))), *[""] * more),
-        along=(*(lines.along_of(i) for i in range(len(lines.name))), *["slope"] * more),
+        along=(*(lines.along_of(i) for i in range(len(lines.name))), *_slopes(more)),
     )
+
+
+def _slopes(count: int) -> tuple[Along, ...]:
+    """Lengths along the ground."""
+    return ("slope",) * count
