@@ -33,7 +33,7 @@ from uavgram.pipeline.plan.possible import Possible, possible
 from uavgram.pipeline.plan.predicted import predicted
 
 RANDOM = 100
-BARS = {"single": (0.8, 0.95), "strip": (0.9, 0.95)}
+BARS: dict[FlightPattern, tuple[float, float]] = {"single": (0.8, 0.95), "strip": (0.9, 0.95)}
 
 
 def compared(pattern: FlightPattern, seed: int, roughness_m: float) -> Floats:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, ParseError, fromstring
 
 import numpy as np
@@ -90,7 +90,7 @@ def _geojson(path: Path, text: str) -> AreaFile:
     return _file(areas, points)
 
 
-def _geometries(root: object) -> list[tuple[str, dict[str, object]]]:
+def _geometries(root: object) -> list[tuple[str, dict[str, Any]]]:
     """Names and geometries of a collection, a feature or a geometry."""
     if not isinstance(root, dict):
         raise TypeError("no object")

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+import numpy as np
+
+from uavgram.model.planned.next_lines import NextLines
 from uavgram.model.planned.plan import FlightPlanned, Gain
 from uavgram.views.planned.numbers import centimetres, metres
 from uavgram.views.planned.words import headline, outcome
@@ -70,16 +73,49 @@ def _value_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
 
 
 def _gain(planned: FlightPlanned, gain: Gain) -> str:
-    change = 100.0 * (gain.mean_sigma / planned.mean_sigma - 1.0)
-    words = "no better and no worse"
-    if abs(change) >= 1.0:
-        words = f"{abs(change):.0f} % {'worse' if change > 0 else 'better'}"
-    return f"{gain.what}: ± {_sigma(planned, gain.mean_sigma)}, {words}"
+    change = _change(gain.mean_sigma, planned.mean_sigma)
+    return f"{gain.what}: ± {_sigma(planned, gain.mean_sigma)}, {change}"
 
 
 def _sigma(planned: FlightPlanned, sigma: float) -> str:
     """A mean sigma: of lengths, where there are any among what is wanted."""
     unit = planned.measurements.unit
-    if not unit or "m" in unit:
-        return centimetres(sigma)
-    return f"{sigma:.2g} {unit[0]}"
+    return _of_unit(sigma, "m" if not unit or "m" in unit else unit[0])
+
+
+def next_line_lines(found: NextLines) -> list[str]:
+    """What one more line would have brought to a survey, and one less taken, for the terminal.
+
+    Parameters
+    ----------
+    found
+        Gains and losses.
+    """
+    mean = _of_unit(found.mean_sigma, found.unit)
+    shown = [f"What is measured is known to ± {mean} on average. One more line would have brought:"]
+    for i, (start, end) in enumerate(found.near):
+        length = float(np.linalg.norm(found.end_world_m[i] - found.start_world_m[i]))
+        first, second = (metres(float(away)) for away in found.near_m[i])
+        shown.append(
+            f"  ± {_of_unit(float(found.with_it[i]), found.unit)}, "
+            f"{_change(float(found.with_it[i]), found.mean_sigma)}: {metres(length)} from near "
+            f"{start} ({first} away) to near {end} ({second} away)"
+        )
+    if found.name:
+        shown += ["", "One line less would have meant:"]
+    for name, sigma in zip(found.name, found.without_it.tolist(), strict=True):
+        what = "nothing that holds the survey" if math.isnan(sigma) else ""
+        what = what or f"± {_of_unit(sigma, found.unit)}, {_change(sigma, found.mean_sigma)}"
+        shown.append(f"  without {name}: {what}")
+    return shown
+
+
+def _change(sigma: float, before: float) -> str:
+    percent = 100.0 * (sigma / before - 1.0)
+    if abs(percent) < 1.0:
+        return "no better and no worse"
+    return f"{abs(percent):.0f} % {'worse' if percent > 0 else 'better'}"
+
+
+def _of_unit(sigma: float, unit: str) -> str:
+    return centimetres(sigma) if unit == "m" else f"{sigma:.2g} {unit}"

@@ -124,5 +124,5 @@ def test_errors_are_as_large_as_predicted(pattern: str, count: int) -> None:
     found = errors(flown_case, ends, count, np.random.default_rng(5))
     # Distances of one survey go together: one of them is judged in each bound.
     square = np.sum((found / sigma) ** 2, axis=0)
-    low_bound, high_bound = chi2.ppf([1e-5, 1 - 1e-5], count)
+    low_bound, high_bound = (float(chi2.ppf(p, count)) for p in (1e-5, 1 - 1e-5))
     assert ((square > low_bound) & (square < high_bound)).all()

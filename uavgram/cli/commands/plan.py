@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
 from uavgram.cli.application import DONE, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, progress, say, say_written
+from uavgram.cli.terminal import log_to_stderr, progress, say, say_written, tell_as
+from uavgram.errors import UavgramError
 
 
 @Parameter(name="*")
@@ -37,9 +38,10 @@ class TakenAlong:
 
 @app.command
 def plan(
-    scenario: Path,
+    scenario: Path | None = None,
     /,
     *,
+    from_: Annotated[Path | None, Parameter(name="--from")] = None,
     output: Path = Path("uavgram-plan"),
     along: TakenAlong | None = None,
     verbose: Verbose = False,
@@ -50,6 +52,9 @@ def plan(
     ----------
     scenario
         A scenario with a section `plan:`, such as an edited configs/plan.yaml.
+    from_
+        Instead a project that was flown: which line more would have helped it most, and what each
+        of its lines was worth.
     output
         Folder of the plan: a page to take along, mission files, the plan for maps.
     along
@@ -60,9 +65,20 @@ def plan(
     from uavgram.model.units import SHORT_FORMS
     from uavgram.pipeline.plan.run import PlanOutputs, write_outputs
     from uavgram.pipeline.plan.run import plan as plan_flight
-    from uavgram.views.planned_text import plan_lines
+    from uavgram.views.planned_text import next_line_lines, plan_lines
 
     log_to_stderr(verbose=verbose)
+    if from_ is not None and scenario is None:
+        from uavgram.pipeline.plan.next_lines import next_lines
+
+        tell_as(from_)
+        say(*next_line_lines(next_lines(from_)))
+        return DONE
+    if scenario is None or from_ is not None:
+        raise UavgramError(
+            "name one thing: a scenario to plan for (such as an edited configs/plan.yaml), or by "
+            "--from the project of a survey that was flown"
+        )
     planned, as_flown = plan_flight(scenario, progress())
     taken = along or TakenAlong()
     made = PlanOutputs(

@@ -48,7 +48,7 @@ class Aim:
         """(M,) sigmas where the core has a covariance (C, C)."""
         gradient = self.wanted.gradient
         shared = np.einsum("mc,cd,md->m", gradient, covariance, gradient, optimize=True)
-        return np.sqrt(shared + self.wanted.variance)
+        return np.asarray(np.sqrt(shared + self.wanted.variance))
 
     def criterion(self, covariance: Floats) -> float:
         """Weighted mean of the sigmas."""

@@ -27,7 +27,7 @@ from uavgram.pipeline.plan.predicted import Predicted, predicted
 from uavgram.stages.plan.cameras import seen
 from uavgram.stages.plan.flights import Flight, flight
 from uavgram.stages.plan.scene import PlanScene
-from uavgram.stages.plan.wanted import Wanted, lengths_over
+from uavgram.stages.plan.wanted import Wanted, equal_weights, lengths_over
 
 MAP_CELLS = 140
 NOTHING_HOLDS = 100.0
@@ -46,15 +46,12 @@ def ends_of(possible: Possible, lines: Sequence[int]) -> Floats:
 
 def plain_mean(possible: Possible) -> Aim:
     """What is wanted with weights that make the criterion a plain mean of lengths' sigmas."""
-    lengths = np.array([unit == "m" for unit in possible.unit])
-    counted = lengths if lengths.any() else np.ones(len(lengths), dtype=np.bool_)
-    return replace(possible.aim, weight=counted / counted.sum())
+    return replace(possible.aim, weight=equal_weights(possible.kind, possible.unit))
 
 
 def mean_sigma(found: Predicted) -> float:
     """Mean sigma of the lengths among the values; of all where there are none."""
-    lengths = np.array([unit == "m" for unit in found.unit])
-    return float(found.sigma[lengths].mean() if lengths.any() else found.sigma.mean())
+    return float(equal_weights(found.kind, found.unit) @ found.sigma)
 
 
 def planned_lines(
@@ -97,7 +94,7 @@ def planned_measurements(
     asked = [wanted.requests[k] for k in found.request]
     return PlannedMeasurements(
         name=found.name,
-        kind=tuple(one.kind for one in asked),
+        kind=found.kind,
         unit=found.unit,
         points=tuple(one.points for one in asked),
         value=found.value,

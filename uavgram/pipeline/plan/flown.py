@@ -9,7 +9,6 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.scenario.flight import FlightPlan, Station
-from uavgram.model.scenario.habits import HabitSpec
 from uavgram.model.scenario.road import SceneLine, ScenePoint
 from uavgram.model.scenario.scenario import Scenario, Site
 from uavgram.pipeline.plan.scene import Asked
@@ -46,7 +45,7 @@ def flown(scenario: Scenario, asked: Asked, planned: FlightPlanned) -> Scenario:
             poses=_stations(site, planned),
         ),
         stated=replace(scenario.stated, roughness_sigma_m=planned.assumptions.roughness_m),
-        habits=replace(HabitSpec(), **_kept(scenario.habits)),
+        habits=replace(scenario.habits, raised=(), swapped=(), wrong_lengths=()),
         points=tuple(
             ScenePoint(label=label, x_m=float(x), y_m=float(y))
             for label, (x, y) in zip(labels, xy, strict=True)
@@ -80,9 +79,3 @@ def _stations(site: Site, planned: FlightPlanned) -> tuple[Station, ...]:
         )
         for i in range(len(xy))
     )
-
-
-def _kept(habits: HabitSpec) -> dict[str, object]:
-    """Habits that name no point and no line, which are others in a plan."""
-    named = {"raised", "swapped", "wrong_lengths"}
-    return {name: getattr(habits, name) for name in habits.names() if name not in named}

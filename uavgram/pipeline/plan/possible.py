@@ -22,7 +22,7 @@ from uavgram.pipeline.plan.survey import Lines, Marks, hardly_known, planned_sur
 from uavgram.stages.plan.cameras import Cameras, seen
 from uavgram.stages.plan.scene import PlanScene
 from uavgram.stages.plan.spots import MOST_SPOTS, joined, spots
-from uavgram.stages.plan.wanted import Wanted
+from uavgram.stages.plan.wanted import Wanted, equal_weights
 
 LINES_AT_FIRST = 3
 """With which the sigmas of what is measured in other units than metres are compared."""
@@ -40,14 +40,14 @@ class Possible:
         Each line.
     spot_m
         (K, 2) where ends may lie: `Candidates.ends` counts them.
-    value, unit, enough
+    kind, unit, enough
         (M,) of what is wanted, and the sigma that is good enough; NaN where nobody said.
     """
 
     aim: Aim
     candidates: Candidates
     spot_m: Floats
-    value: Floats
+    kind: tuple[str, ...]
     unit: tuple[str, ...]
     enough: Floats
 
@@ -121,8 +121,9 @@ def possible(
     information = points.base + points.information(wanted_rows)
     aim = Aim(information, asked, np.full(len(values.rows), 1.0 / len(values.rows)))
     enough = _by_value(values.rows, wanted, good_enough)
-    aim = replace(aim, weight=_weights(aim, candidates, values.unit, enough))
-    return Possible(aim, candidates, spot[used], values.value, values.unit, enough)
+    kind = tuple(row.request.kind for row in values.rows)
+    aim = replace(aim, weight=_weights(aim, candidates, (kind, values.unit), enough))
+    return Possible(aim, candidates, spot[used], kind, values.unit, enough)
 
 
 def require_seen(wanted: Wanted, certain: Bools) -> None:
@@ -133,9 +134,8 @@ def require_seen(wanted: Wanted, certain: Bools) -> None:
     GeometryError
         Names those that are not.
     """
-    hidden = [
-        one for one, there in zip(wanted.label, certain.any(axis=0), strict=False) if not there
-    ]
+    shown = certain.any(axis=0).tolist()
+    hidden = [one for one, there in zip(wanted.label, shown, strict=False) if not there]
     if hidden:
         raise GeometryError(
             f"in no photo for certain: {', '.join(hidden[:6])}. Fly higher or take more photos, or "
@@ -150,20 +150,26 @@ def _by_value(rows: Sequence[Measurand], wanted: Wanted, good_enough: Floats | N
     return np.array([enough[place[row.request.name]] for row in rows])
 
 
-def _weights(aim: Aim, candidates: Candidates, unit: tuple[str, ...], enough: Floats) -> Floats:
+def _weights(
+    aim: Aim,
+    candidates: Candidates,
+    kind_unit: tuple[tuple[str, ...], tuple[str, ...]],
+    enough: Floats,
+) -> Floats:
     """(M,) of the sigmas in the criterion: a mean in metres, others in proportion.
 
     What states a sigma that is good enough counts by its share of that. Square metres and degrees
     count as if their sigmas with a few lines were those of the lengths.
     """
-    lengths = np.array([one == "m" for one in unit])
+    equal = equal_weights(*kind_unit)
+    lengths = equal > 0
     if lengths.all() and np.isnan(enough).all():
         return aim.weight
     steps = greedy(aim, candidates, LINES_AT_FIRST)
     lines = steps[-1].lines if steps else ()
     sigma = aim.sigma(covariance_of(aim.information + candidates.information(lines)))
-    usual = float(sigma[lengths].mean()) if lengths.any() else float(sigma.mean())
+    usual = float(sigma @ equal)
     stated = ~np.isnan(enough)
     size = np.where(stated, enough, np.where(lengths, usual, sigma))
     typical = float(np.median(enough[stated & lengths])) if (stated & lengths).any() else usual
-    return np.asarray(typical / size / len(unit))
+    return np.asarray(typical / size / len(size))

@@ -22,7 +22,7 @@ class Predicted:
 
     Attributes
     ----------
-    name, unit, value, sigma
+    name, kind, unit, value, sigma
         (M,) of each.
     request
         (M,) which of the requests each is of.
@@ -31,6 +31,7 @@ class Predicted:
     """
 
     name: tuple[str, ...]
+    kind: tuple[str, ...]
     unit: tuple[str, ...]
     value: Floats
     sigma: Floats
@@ -81,6 +82,7 @@ def predicted(scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats
     place = {request.name: k for k, request in enumerate(wanted.requests)}
     return Predicted(
         name=values.name,
+        kind=tuple(row.request.kind for row in values.rows),
         unit=values.unit,
         value=values.value,
         sigma=values.sigma,

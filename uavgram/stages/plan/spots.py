@@ -27,7 +27,7 @@ def grid_in(area_m: Floats, step_m: float, from_edge_m: float = 0.0) -> Floats:
     along, across = (np.linspace(-r / 2, r / 2, n + 1) for r, n in zip(room, count, strict=True))
     x, y = (part.ravel() for part in np.meshgrid(along, across, indexing="ij"))
     point = middle + x[:, None] * axis + y[:, None] * np.array([-axis[1], axis[0]])
-    return point[contains(area_m, point)]
+    return np.asarray(point[contains(area_m, point)])
 
 
 def spots(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +60,17 @@ def lengths_over(area_m: Floats, cells: int) -> Map:
     label = tuple(name for four in names for name in four)
     point = _moved_in(area_m, middle[:, None, None] + reach.reshape(2, 2, 2)).reshape(-1, 2)
     return Map(middle, cell, length, Wanted(requests, label, point))
+
+
+def equal_weights(kind: Sequence[str], unit: Sequence[str]) -> Floats:
+    """(M,) weights for a plain mean of lengths' sigmas; of all values where there is no length.
+
+    Coordinates are no lengths: their sigmas are those of the log, metres that no line changes.
+    """
+    pairs = zip(kind, unit, strict=True)
+    counted = np.array([one == "m" and what != "coordinate" for what, one in pairs])
+    counted = counted if counted.any() else np.ones(len(counted), dtype=np.bool_)
+    return np.asarray(counted / counted.sum())
 
 
 def _moved_in(area_m: Floats, ends: Floats) -> Floats:
