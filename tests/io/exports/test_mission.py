@@ -160,7 +160,7 @@ def test_what_heights_are_above_is_said(
 
 def test_a_plan_is_written_where_its_photos_are(tmp_path: Path) -> None:
     planned = sample_plan()
-    write_waypoints(tmp_path / "flight.waypoints", planned, "px4")
+    write_waypoints(tmp_path / "flight.waypoints", planned)
     write_qgc_plan(tmp_path / "flight.plan", planned, "px4")
     loader = mavwp.MAVWPLoader()
     loader.load(str(tmp_path / "flight.waypoints"))

@@ -10,7 +10,9 @@ import pytest
 from planned_sample import sample_plan
 
 from uavgram.model.arrays import Floats
+from uavgram.model.planned.parts import AccuracyGrid
 from uavgram.model.units import METRIC
+from uavgram.stages.products.planned_layers import grid_cells
 from uavgram.stages.products.text_places import overlaps
 from uavgram.views.field_sheet.drawing import field_drawing
 from uavgram.views.field_sheet.paper import WIDTH
@@ -94,6 +96,27 @@ def test_cells_of_a_turned_map_lie_side_by_side() -> None:
     assert shared.sum() == 2
     sides = np.linalg.norm(np.roll(first, -1, axis=0) - first, axis=1)
     np.testing.assert_allclose(sides, PLAN.grid.cell_m * scale, atol=3 * ROUNDING)
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 28.0, 100.0])
+def test_cells_fit_a_map_whose_steps_differ(turn_deg: float) -> None:
+    turn = np.deg2rad(turn_deg)
+    ahead, left = np.array([np.cos(turn), np.sin(turn)]), np.array([-np.sin(turn), np.cos(turn)])
+    along, across = np.meshgrid(2.1 * np.arange(9), 1.9 * np.arange(5), indexing="ij")
+    places = along.reshape(-1, 1) * ahead + across.reshape(-1, 1) * left
+    keep = np.arange(len(places)) % 7 != 3  # an area with bays
+    places = np.column_stack([places, np.zeros(len(places))])[keep]
+    grid = AccuracyGrid(
+        center_world_m=places, cell_m=2.0, length_m=5.0, sigma_m=np.full(len(places), 0.01)
+    )
+    cells = grid_cells(dataclasses.replace(PLAN, grid=grid))
+    np.testing.assert_allclose(cells.mean(axis=1), places, atol=1e-9)
+    sides = np.roll(cells, -1, axis=1) - cells
+    lengths = np.sort(np.linalg.norm(sides, axis=2), axis=1)
+    np.testing.assert_allclose(lengths, [[1.9, 1.9, 2.1, 2.1]] * len(cells), atol=1e-9)
+    x, y = cells[..., 0], cells[..., 1]
+    area = np.sum(x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y, axis=1) / 2
+    np.testing.assert_allclose(area, 2.1 * 1.9, atol=1e-9)
 
 
 def test_of_many_photos_some_are_outlined() -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from uavgram.io.exports.mission_items import Command, Frame, MissionItem, mission_items
 from uavgram.io.outputs import replace_text
-from uavgram.model.maps.mission import Autopilot, HeightFrame, Mission
+from uavgram.model.maps.mission import HeightFrame, Mission
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.stages.products.mission import flight_mission
 
@@ -20,10 +20,12 @@ _HEAD = "QGC WPL 110"
 def write_waypoints(
     path: Path,
     planned: FlightPlanned,
-    autopilot: Autopilot = "ardupilot",
     height_frame: HeightFrame = "relative",
 ) -> None:
-    """Write the mission of a plan; see `flight_mission` for the choices.
+    """Write the mission of a plan for ArduPilot; see `flight_mission` for what heights count from.
+
+    Not for PX4: tools that hand such a file to PX4 take its first line, the place of take-off on
+    the ground, for the first stop. `mission_qgc` has a file for both.
 
     Raises
     ------
@@ -32,7 +34,7 @@ def write_waypoints(
     OutputError
         The file cannot be written.
     """
-    replace_text(path, waypoints_text(flight_mission(planned, autopilot, height_frame)))
+    replace_text(path, waypoints_text(flight_mission(planned, "ardupilot", height_frame)))
 
 
 def waypoints_text(mission: Mission) -> str:

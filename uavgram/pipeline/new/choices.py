@@ -21,7 +21,7 @@ PROJECT = "project.yaml"
 PICKED = {"picks": PICKS_HEADER, "lines": LINES_HEADER, "measure": MEASURE_HEADER}
 """Tables that the picking page makes, and their columns."""
 
-_TABLES: tuple[TableRole, ...] = ("picks", "lines", "known", "measure", "control", "check")
+_TABLES: tuple[TableRole, ...] = ("picks", "lines", "known", "measure", "control", "check", "plan")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -247,15 +247,17 @@ def choose_tables(folder: Path, holdings: Holdings, notes: Notes) -> dict[str, s
     names: dict[str, str] = {role: f"{role}.csv" for role in PICKED}
     for role in _TABLES:
         candidates = holdings.tables.get(role, ())
-        usual = folder / f"{role}.csv"
+        is_plan = role == "plan"
+        what = "plans" if is_plan else f"tables of {role}"
+        usual = folder / f"{role}.{'json' if is_plan else 'csv'}"
         if usual in candidates:
             candidates = (usual,)
         if len(candidates) > 1:
             listed = ", ".join(_relative(folder, path) for path in candidates)
             raise InputError(
                 folder,
-                f"holds {len(candidates)} tables of {role}: {listed}; call the one to use "
-                f"{usual.name}, in the folder itself",
+                f"holds {len(candidates)} {what}: {listed}; call the one to use {usual.name}, in "
+                "the folder itself",
             )
         if candidates:
             names[role] = _relative(folder, candidates[0])

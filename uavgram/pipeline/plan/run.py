@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from uavgram.config.scenario import scenario_document
@@ -9,21 +10,52 @@ from uavgram.config.scenario_text import scenario_text
 from uavgram.errors import GeometryError, InputError
 from uavgram.io.exports.kml import write_kml
 from uavgram.io.exports.layers_geojson import write_layers_geojson
+from uavgram.io.exports.mission_litchi import write_litchi
 from uavgram.io.exports.mission_qgc import write_qgc_plan
 from uavgram.io.exports.mission_waypoints import write_waypoints
-from uavgram.io.outputs import replace_text, staged_output
+from uavgram.io.outputs import replace_bytes, replace_text, staged_output
 from uavgram.io.results.plan_json import write_plan
+from uavgram.model.maps.mission import Autopilot, HeightFrame
+from uavgram.model.maps.plan import Paper
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.scenario.scenario import Scenario
+from uavgram.model.units import METRIC, Units
 from uavgram.pipeline.plan.flown import flown
 from uavgram.pipeline.plan.make import plan_of
 from uavgram.pipeline.plan.scene import scene_of
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.products.planned_layers import plan_layers
-from uavgram.views.field_sheet.page import field_sheet
+from uavgram.views.field_sheet.page import NAME as SHEET
+from uavgram.views.field_sheet.page import field_sheet, field_sheet_pdf
+from uavgram.views.pages_pdf import weasyprint_for
+from uavgram.views.planned_recording.write import write_plan_recording
 
-PLAN_FILE, SHEET_FILE = "plan.json", "field_sheet.html"
+PLAN_FILE, SHEET_FILE = "plan.json", f"{SHEET}.html"
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanOutputs:
+    """How the files of a plan are made.
+
+    Attributes
+    ----------
+    units
+        Of the sheet and of the recording.
+    pdf
+        Paper of field_sheet.pdf; None: there is none.
+    autopilot, heights
+        Whose commands the missions are written in, and what their heights count from. Only
+        ArduPilot has mission.waypoints.
+    """
+
+    units: Units = METRIC
+    pdf: Paper | None = None
+    autopilot: Autopilot = "ardupilot"
+    heights: HeightFrame = "relative"
+
+
+AS_USUAL = PlanOutputs()
 
 
 @with_one_blas_thread
@@ -54,7 +86,11 @@ def plan(path: Path, progress: Progress = silent) -> tuple[FlightPlanned, Scenar
 
 
 def write_outputs(
-    planned: FlightPlanned, as_flown: Scenario, folder: Path, source: Path
+    planned: FlightPlanned,
+    as_flown: Scenario,
+    folder: Path,
+    source: Path,
+    made: PlanOutputs = AS_USUAL,
 ) -> tuple[str, ...]:
     """Write all files of a plan at once; their names.
 
@@ -66,19 +102,30 @@ def write_outputs(
         Where to.
     source
         Which no output may replace.
+    made
+        How.
 
     Raises
     ------
     OutputError
         The folder cannot be written.
+    UavgramError
+        A PDF is asked for, and what makes it is missing.
     """
-    layers = plan_layers(planned)
+    if made.pdf is not None:
+        weasyprint_for(SHEET)
+    layers, sheet = plan_layers(planned), field_sheet(planned, made.units)
     with staged_output(folder, [source]) as hidden:
-        replace_text(hidden / SHEET_FILE, field_sheet(planned))
+        replace_text(hidden / SHEET_FILE, sheet)
+        if made.pdf is not None:
+            replace_bytes(hidden / f"{SHEET}.pdf", field_sheet_pdf(sheet, made.pdf))
         write_layers_geojson(layers, hidden / "plan.geojson")
         write_kml(layers, hidden / "plan.kml")
-        write_waypoints(hidden / "mission.waypoints", planned)
-        write_qgc_plan(hidden / "mission.plan", planned)
+        if made.autopilot == "ardupilot":
+            write_waypoints(hidden / "mission.waypoints", planned, made.heights)
+        write_qgc_plan(hidden / "mission.plan", planned, made.autopilot, made.heights)
+        write_litchi(hidden / "mission_litchi.csv", planned, made.heights)
+        write_plan_recording(planned, hidden / "plan.rrd", made.units)
         write_plan(planned, hidden / PLAN_FILE)
         remark = "The planned survey: `uavgram simulate` repeats it against known truth."
         replace_text(hidden / "scenario.yaml", scenario_text(as_flown, remark))

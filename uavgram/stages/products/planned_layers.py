@@ -11,6 +11,9 @@ from uavgram.model.planned.plan import FlightPlanned
 from uavgram.stages.products.measured_shapes import shape
 from uavgram.stages.products.mission import planned_origin
 
+MOST_BASES = 60
+"""Cells whose neighbours tell how the map lies: enough to meet some that have all of theirs."""
+
 _CELL = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) / 2
 
 
@@ -88,19 +91,31 @@ def plan_layers(planned: FlightPlanned) -> Features:
 
 
 def grid_cells(planned: FlightPlanned) -> Floats:
-    """(K, 4, 3) corners of the cells of the accuracy map, which lie as their middles do.
+    """(K, 4, 3) corners of the cells of the accuracy map, counterclockwise from above.
 
-    Counterclockwise from above; turned where the map is.
+    They lie side by side, as their middles do: turned, and a little longer one way than the other,
+    where the map is fitted to its area.
     """
     grid = planned.grid
-    middles = grid.center_world_m
-    flat = grid.cell_m * _CELL
-    away = middles[:, :2] - middles[:1, :2]
-    near = np.flatnonzero(np.abs(np.hypot(*away.T) - grid.cell_m) < 1e-3 * grid.cell_m)
-    if len(near):
-        east, north = away[near[0]] / grid.cell_m
-        flat = flat @ np.array([[east, north], [-north, east]])
-    return np.asarray(middles[:, None] + np.column_stack([flat, np.zeros(4)]))
+    steps = _grid_steps(grid.center_world_m[:, :2], grid.cell_m)
+    corners = np.column_stack([_CELL @ steps, np.zeros(4)])
+    return np.asarray(grid.center_world_m[:, None] + corners)
+
+
+def _grid_steps(middles_m: Floats, cell_m: float) -> Floats:
+    """(2, 2) from one cell (K, 2) to the next, and to the one on its left."""
+    away = (middles_m[None] - middles_m[:MOST_BASES, None]).reshape(-1, 2)
+    far = np.hypot(away[:, 0], away[:, 1])
+    away = away[(far > 0.5 * cell_m) & (far < 1.5 * cell_m)]
+    if not len(away):  # one cell, or cells apart
+        return cell_m * np.eye(2)
+    far = np.hypot(away[:, 0], away[:, 1])
+    first = away[np.argmin(far)]
+    left = np.array([-first[1], first[0]])
+    others = away[away @ left > 0.9 * far * np.hypot(*left)]
+    if not len(others):  # one row
+        return np.stack([first, left])
+    return np.stack([first, others[np.argmin(np.hypot(others[:, 0], others[:, 1]))]])
 
 
 def _flight(planned: FlightPlanned) -> Layer:

@@ -1,0 +1,53 @@
+"""The mission for DJI drones, read back by its documented columns."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from planned_sample import HEIGHT_M, PITCH_DEG, sample_plan
+from pyproj import Transformer
+
+from uavgram.io.exports.mission_litchi import write_litchi
+from uavgram.model.maps.mission import HeightFrame
+
+PLAN = sample_plan()
+
+
+def rows_of(folder: Path, height_frame: HeightFrame = "relative") -> list[dict[str, str]]:
+    write_litchi(folder / "mission.csv", PLAN, height_frame)
+    with (folder / "mission.csv").open(encoding="utf-8", newline="") as file:
+        table = csv.DictReader(file)
+        assert table.fieldnames is not None
+        assert len(table.fieldnames) == len(set(table.fieldnames)) == 8 + 2 * 15 + 2 + 4 + 2
+        return list(table)
+
+
+def test_stops_are_where_the_photos_are(tmp_path: Path) -> None:
+    rows, site = rows_of(tmp_path), PLAN.site
+    flat = Transformer.from_crs(
+        "EPSG:4326",
+        f"+proj=aeqd +lat_0={site.latitude_deg} +lon_0={site.longitude_deg} +datum=WGS84",
+        always_xy=True,
+    )
+    lonlat = [[float(row[axis]) for row in rows] for axis in ("longitude", "latitude")]
+    place = np.column_stack(flat.transform(*lonlat))
+    np.testing.assert_allclose(place, PLAN.frames.center_world_m[:, :2], atol=0.002, rtol=0)
+    assert [float(row["altitude(m)"]) for row in rows] == pytest.approx([HEIGHT_M] * 6)
+
+
+def test_at_each_stop_it_turns_tilts_waits_and_takes_one_photo(tmp_path: Path) -> None:
+    for row, heading in zip(rows_of(tmp_path), PLAN.frames.heading_deg, strict=True):
+        done = [(int(row[f"actiontype{k}"]), float(row[f"actionparam{k}"])) for k in range(1, 16)]
+        # rotate aircraft, tilt camera, stay for [ms], take photo
+        stay_ms = 1000 * PLAN.flight.seconds_per_photo
+        assert done[:4] == [(4, round(heading)), (5, PITCH_DEG), (0, stay_ms), (1, 0)]
+        assert {action for action, _ in done[4:]} == {-1}
+        assert row["photo_timeinterval"] == row["photo_distinterval"] == "-1"
+
+
+def test_what_heights_count_from_is_said(tmp_path: Path) -> None:
+    assert {row["altitudemode"] for row in rows_of(tmp_path)} == {"0"}
+    assert {row["altitudemode"] for row in rows_of(tmp_path, "terrain")} == {"1"}
