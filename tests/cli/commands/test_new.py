@@ -12,10 +12,12 @@ import pytest
 import yaml
 from camera_photos import camera_photo
 from pick_pages import CAMERA, PROJECT, Page, running, small_project
+from planned_sample import sample_plan
 
 from uavgram.cli import main
 from uavgram.config.project import load_project
 from uavgram.config.project_text import ProjectText, project_text
+from uavgram.io.results.plan_json import write_plan
 
 
 def linked(source: Path, target: Path, *patterns: str) -> Path:
@@ -404,3 +406,26 @@ def test_what_new_writes_is_what_a_person_would(tmp_path: Path) -> None:
     assert main(["new", str(folder)]) == 0
     written = yaml.safe_load((folder / "project.yaml").read_text(encoding="utf-8"))
     assert written == {**yaml.safe_load(PROJECT), "name": "flight"}
+
+
+def test_a_plan_in_the_folder_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = bare(tmp_path)
+    (folder / "before").mkdir()
+    write_plan(sample_plan(), folder / "before" / "plan.json")
+    (folder / "other.json").write_text('{"plan": 1}')
+    assert main(["new", str(folder)]) == 0
+    assert "plan: before/plan.json" in capsys.readouterr().out
+    project = load_project(folder / "project.yaml", unfinished=True)
+    assert project.plan == str(folder / "before" / "plan.json")
+
+
+def test_of_two_plans_one_is_to_be_called_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = bare(tmp_path)
+    for name in ("monday.json", "tuesday.json"):
+        write_plan(sample_plan(), folder / name)
+    assert main(["new", str(folder)]) == 1
+    said = capsys.readouterr().err
+    assert "holds 2 plans: monday.json, tuesday.json; call the one to use plan.json" in said
+    assert not (folder / "project.yaml").exists()

@@ -18,6 +18,8 @@ FILES = {
     "plan.geojson",
     "plan.json",
     "plan.kml",
+    "plan.rrd",
+    "mission_litchi.csv",
     "scenario.yaml",
 }
 PLAN = """

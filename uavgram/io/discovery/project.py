@@ -19,6 +19,7 @@ from uavgram.io.cameras.opencv import is_opencv_calibration
 from uavgram.io.logs.flight_log import is_flight_log
 from uavgram.io.photos.files import bounded
 from uavgram.io.photos.size import image_size
+from uavgram.io.results.plan_json import is_plan
 
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 _CAMERA_SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".txt")
@@ -27,7 +28,7 @@ _CALIBRATION, _CALIBRATED = "calibration.json", "camera.yaml"
 _LARGEST_CAMERA_BYTES = 1_000_000
 
 TableRole = Literal[
-    "picks", "lines", "known", "measure", "control", "control_lines", "check", "poses"
+    "picks", "lines", "known", "measure", "control", "control_lines", "check", "poses", "plan"
 ]
 
 # Columns that tell a table, the most telling first.
@@ -78,7 +79,7 @@ def search_folder(folder: Path) -> Holdings:
     files = tuple(path for path in bounded(_files(folder), folder) if path.is_file())
     tables: dict[TableRole, tuple[Path, ...]] = {}
     for path in files:
-        role = _table_role(path) if path.suffix.lower() == ".csv" else None
+        role = _role(path)
         if role is not None:
             tables[role] = (*tables.get(role, ()), path)
     marks = tuple(p for p in files if p.suffix.lower() == ".mrk" or p.name.lower() == "geo.txt")
@@ -89,6 +90,13 @@ def search_folder(folder: Path) -> Holdings:
         poses=(*marks, *tables.get("poses", ())),
         tables=tables,
     )
+
+
+def _role(path: Path) -> TableRole | None:
+    """What a table is of, or that it is a plan; None where neither."""
+    if path.suffix.lower() == ".csv":
+        return _table_role(path)
+    return "plan" if path.suffix.lower() == ".json" and is_plan(path) else None
 
 
 def grouped(photos: Iterable[Path]) -> tuple[PhotoGroup, ...]:

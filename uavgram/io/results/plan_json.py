@@ -17,6 +17,7 @@ from uavgram.model.planned.parts import AccuracyGrid, PlannedLines, PlannedPoint
 from uavgram.model.planned.plan import FlightPlanned
 
 SCHEMA = 1
+_MARK, _BEGINNING = '"plan_schema"', 200
 
 
 def write_plan(plan: FlightPlanned, path: str | Path) -> None:
@@ -30,6 +31,15 @@ def write_plan(plan: FlightPlanned, path: str | Path) -> None:
     messages = [message.record() for message in plan.messages]
     record = {"plan_schema": SCHEMA} | encode(plan) | {"messages": messages}
     replace_text(Path(path), one_record_a_line(record))
+
+
+def is_plan(path: Path) -> bool:
+    """Whether a file begins as `write_plan` begins its own."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            return _MARK in file.read(_BEGINNING)
+    except (OSError, UnicodeDecodeError):
+        return False
 
 
 def read_plan(path: str | Path) -> FlightPlanned:

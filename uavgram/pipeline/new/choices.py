@@ -22,7 +22,7 @@ PICKED = {"picks": PICKS_HEADER, "lines": LINES_HEADER, "measure": MEASURE_HEADE
 """Tables that the picking page makes, and their columns."""
 
 _TABLES: tuple[TableRole, ...] = (
-    *("picks", "lines", "known", "measure", "control", "control_lines", "check"),
+    *("picks", "lines", "known", "measure", "control", "control_lines", "check", "plan"),
 )
 
 
@@ -249,15 +249,17 @@ def choose_tables(folder: Path, holdings: Holdings, notes: Notes) -> dict[str, s
     names: dict[str, str] = {role: f"{role}.csv" for role in PICKED}
     for role in _TABLES:
         candidates = holdings.tables.get(role, ())
-        usual = folder / f"{role}.csv"
+        is_plan = role == "plan"
+        what = "plans" if is_plan else f"tables of {role}"
+        usual = folder / f"{role}.{'json' if is_plan else 'csv'}"
         if usual in candidates:
             candidates = (usual,)
         if len(candidates) > 1:
             listed = ", ".join(_relative(folder, path) for path in candidates)
             raise InputError(
                 folder,
-                f"holds {len(candidates)} tables of {role}: {listed}; call the one to use "
-                f"{usual.name}, in the folder itself",
+                f"holds {len(candidates)} {what}: {listed}; call the one to use {usual.name}, in "
+                "the folder itself",
             )
         if candidates:
             names[role] = _relative(folder, candidates[0])
