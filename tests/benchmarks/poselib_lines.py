@@ -36,7 +36,7 @@ def p3ll_starts(scenes: MethodScenes) -> Starts:
             for three in [list(triples[t])]
             for pose in poselib.p3ll(normal[three], point[three], along[three])
         ]
-        ranked = []
+        ranked: list[tuple[float, int, Floats, Floats]] = []
         for pose in found:
             turn = np.asarray(pose.R).T
             at = -turn @ np.asarray(pose.t)

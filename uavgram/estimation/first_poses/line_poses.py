@@ -124,7 +124,7 @@ def _poses(rows: _Rows, rays: _Rays, own: Ints) -> Ends:
 
 def _by_frame(survey: Survey, rows: _Rows, rays: _Rays) -> dict[int, Ints]:
     """Rows of each frame that has enough of them."""
-    usable = np.isfinite(rays.ray).all(axis=1)[rows.pick]
+    usable = np.isfinite(rays.ray[rows.pick]).all(axis=1)
     frame = survey.pick_frame[rows.pick]
     found = {f: np.flatnonzero(usable & (frame == f)) for f in range(len(survey.frame_id))}
     return {f: own for f, own in found.items() if len(own) >= FEWEST_ROWS}

@@ -200,7 +200,7 @@ def _off_pose(
 def first_points(rows: FeatureRows, center: Floats, rotation: Floats) -> tuple[Floats, Bools]:
     """Ground points (B, n, 2, 2) of the picks under poses, and whether all reach the ground."""
     point, _, _ = ground_points(rows.calibration, rows.pixel_px, center, rotation)
-    good = np.isfinite(point).all(axis=(1, 2, 3))
+    good: Bools = np.all(np.isfinite(point), axis=(1, 2, 3))
     return np.where(good[:, None, None, None], point, 0.0), good
 
 

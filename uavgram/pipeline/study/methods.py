@@ -69,7 +69,7 @@ class Found:
     @property
     def rms_m(self) -> Floats:
         """(B,) of each scene; inf where there is no pose."""
-        return np.nan_to_num(np.sqrt(np.mean(self.error_m**2, axis=1)), nan=np.inf)
+        return np.asarray(np.nan_to_num(np.sqrt(np.mean(self.error_m**2, axis=1)), nan=np.inf))
 
     @property
     def failed(self) -> Bools:
