@@ -88,13 +88,16 @@ def accuracy_note(result: Result) -> str:
     if np.isfinite(near).any():
         one = spread_text(float(np.nanmedian(near)), "m", units)
         told.append(f"Distances between neighbouring points are known to ± {one}.")
-    if result.world.gauge == "plane" or result.world.origin is None:
+    if result.world.gauge == "plane":
         told.append("Nothing ties this survey to the earth: north is arbitrary, lengths hold.")
     else:
+        where = "on earth"
+        if result.world.origin is None:
+            where = "among the control points and lines, whose east and north these are,"
         sigma = np.sqrt(np.trace(points.covariance_m2, axis1=1, axis2=2) / 2)
         place = spread_text(float(np.median(sigma)), "m", units)
         told.append(
-            f"The place of the whole survey on earth is known to ± {place} (east, north): an error "
+            f"The place of the whole survey {where} is known to ± {place} (east, north): an error "
             "of it shifts the grid, and changes no length."
         )
     return " ".join(told)
