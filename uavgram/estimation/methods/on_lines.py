@@ -76,11 +76,35 @@ class OnLines:
         )
 
     def moved(self, state: State, linear: Linear, step: Floats) -> State:  # noqa: ARG002
-        """The poses after steps (b, 6)."""
+        """The poses after steps.
+
+        Parameters
+        ----------
+        state
+            Of b problems.
+        linear
+            As it was linearised there.
+        step
+            (b, 6) of centre [m] and rotation [rad].
+        """
         return pose_moved(state, step)
 
     def residuals(self, which: Ints, center: Floats, rotation: Floats) -> tuple[Floats, Floats]:
-        """Residuals (b, N) and Jacobians (b, N, 6); NaN where a ray does not go down to ground."""
+        """Residuals and their Jacobians; NaN where a ray does not go down to the ground.
+
+        Parameters
+        ----------
+        which
+            (b,) photos.
+        center, rotation
+            (b, 3), (b, 3, 3) their poses.
+
+        Returns
+        -------
+        residual : (b, N)
+        jacobian : (b, N, 6)
+            By centre [m] and rotation [rad].
+        """
         ray, root, turn = self.ray[which], self.ray_root[which], rotation[:, None]
         along = np.zeros(ray.shape)
         along[..., :2] = self.along[which]
