@@ -10,7 +10,8 @@ from scipy.special import chdtrc
 from uavgram.estimation.first_poses.known_height import known_height
 from uavgram.estimation.first_poses.network import placing
 from uavgram.estimation.methods.damped import Ends
-from uavgram.estimation.methods.on_lines import OnLines, poses_from_lines
+from uavgram.estimation.methods.line_search import poses_from_lines
+from uavgram.estimation.methods.on_lines import OnLines
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.pose import CandidatePoses
