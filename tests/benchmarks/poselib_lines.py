@@ -15,7 +15,7 @@ import poselib
 from uavgram.estimation.methods.on_lines import OnLines
 from uavgram.model.arrays import Bools, Floats
 from uavgram.pipeline.study.method_scenes import MethodScenes
-from uavgram.pipeline.study.methods import Starts, on_lines
+from uavgram.pipeline.study.method_starts import Starts, on_lines
 
 MOST_TRIPLES, KEPT = 20, 4
 
@@ -36,7 +36,7 @@ def p3ll_starts(scenes: MethodScenes) -> Starts:
             for three in [list(triples[t])]
             for pose in poselib.p3ll(normal[three], point[three], along[three])
         ]
-        ranked = []
+        ranked: list[tuple[float, int, Floats, Floats]] = []
         for pose in found:
             turn = np.asarray(pose.R).T
             at = -turn @ np.asarray(pose.t)

@@ -21,17 +21,11 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from poselib_lines import p3ll_starts, pnpl_starts
 
-from uavgram.estimation.methods.on_lines import direct_poses, rivals
+from uavgram.estimation.methods.line_search import rivals
+from uavgram.pipeline.study.method_results import MethodRow
 from uavgram.pipeline.study.method_scenes import Setting, method_scenes
-from uavgram.pipeline.study.methods import (
-    AMBIGUOUS,
-    LIMITS,
-    MethodRow,
-    compared,
-    line_starts,
-    on_lines,
-    solved,
-)
+from uavgram.pipeline.study.method_starts import direct_starts, line_starts
+from uavgram.pipeline.study.methods import AMBIGUOUS, LIMITS, compared, solved
 
 SAME = 1e-2
 """Sums of squares closer than this are of one minimum."""
@@ -75,9 +69,8 @@ def reached(scenes: int, seed: int, *, poselib: bool) -> None:
     """Share of scenes with four lines in which each way to begin leads to the best minimum."""
     drawn = method_scenes(Setting(name="four lines"), 4, scenes, seed)
     rows = replace(drawn.rows, start_on_line=True, end_on_line=True)
-    direct = direct_poses(on_lines(drawn))
     ends = {
-        "direct": solved(rows, (direct[0][:, None], direct[1][:, None])),
+        "direct": solved(rows, direct_starts(drawn)),
         "search": solved(rows, line_starts(drawn)),
         "truth": solved(rows, (drawn.center[:, None], drawn.rotation[:, None])),
     }

@@ -7,6 +7,7 @@ takes the points for independent thinks their common offset half as large as it 
 from __future__ import annotations
 
 import os
+from functools import partial
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.terms import known_functions
 from uavgram.estimation.survey.terms.known_terms import known_rows
 from uavgram.estimation.survey.unknowns import advance
+from uavgram.geometry.ground.line_of_position import joint_covariance
 from uavgram.model.arrays import Floats
 
 pytestmark = pytest.mark.statistical
@@ -43,7 +45,7 @@ def squares() -> tuple[tuple[float, int], tuple[float, int]]:
         minimum = minimise(
             scene.truth,
             problem.evaluate,
-            lambda state, step, layout=layout: advance(layout, state, step),
+            partial(advance, layout),
             layout.size,
             layout.structure,
         )
@@ -69,7 +71,7 @@ def test_errors_together_are_as_large_as_the_covariance_says() -> None:
 
 
 def test_points_that_count_as_independent_break_the_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = known_functions.joint_covariance
+    right = joint_covariance
 
     def independent(by_ends: Floats, sigma_m: Floats, own_m: float) -> Floats:
         return np.diag(np.diag(right(by_ends, sigma_m, own_m)))

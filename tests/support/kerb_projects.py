@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 from scenes import cv_pixels, look_down
 
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 
 SIZE_PX = (2000, 1500)
 LENS = np.array([1500.0, 1500.0, 999.5, 749.5, -0.05, 0.01, 0.0, 0.0, 0.0])
@@ -99,10 +99,10 @@ def kerb_project(
         made.center[image], made.rotation[image] = center, rotation
         pixel, _ = cv_pixels(LENS, center, rotation, np.array(list(world.values())))
         pixel = pixel + PICK_PX * noise * rng.normal(size=pixel.shape)
-        inside = ((pixel > 0) & (pixel < np.array(SIZE_PX) - 1)).all(axis=1)
+        inside: Bools = np.all((pixel > 0) & (pixel < np.array(SIZE_PX) - 1), axis=1)
         rows += [
             (image, name, *place)
-            for name, place, seen in zip(world, pixel.tolist(), inside, strict=True)
+            for name, place, seen in zip(world, pixel.tolist(), inside.tolist(), strict=True)
             if seen
         ]
         cv2.imwrite(str(folder / image), np.full(SIZE_PX[::-1], 120 + f, np.uint8))

@@ -361,7 +361,12 @@ def utc(time_utc_s: float) -> str:
 def place(result: Result) -> str:
     """Where the origin of the world lies, in one sentence."""
     world = result.world
-    if world.gauge == "plane" or world.origin is None:
+    if world.origin is None and world.gauge == "world":
+        return (
+            "Coordinates are those in which the control points and lines were given; nothing says "
+            "where these lie on the earth, so there is no map."
+        )
+    if world.origin is None:
         return (
             "No telemetry ties this survey to the earth: shapes, lengths and angles hold; "
             "position and north are a free choice, so there is no map."

@@ -17,7 +17,8 @@ from uavgram.model.survey.known import NO_KNOWN
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.pipeline.measure.compute import refined_survey
 from uavgram.pipeline.study.method_scenes import MethodScenes, Setting, method_scenes
-from uavgram.pipeline.study.methods import point_starts, solved
+from uavgram.pipeline.study.method_starts import point_starts
+from uavgram.pipeline.study.methods import solved
 from uavgram.stages.assemble import Observations, assemble
 
 USES: dict[str, dict[str, bool]] = {

@@ -7,13 +7,14 @@ import pytest
 from derivatives import assert_derivative, central_differences
 
 from uavgram.geometry.ground.line_of_position import beside_line, inverse_root, joint_covariance
+from uavgram.model.arrays import Floats
 
 ENDS = np.array([[2.0, -1.0, 0.4], [14.0, 4.0, 1.7]])
 ALONG = (ENDS[1, :2] - ENDS[0, :2]) / 13.0
 LEFT = np.array([-ALONG[1], ALONG[0]])
 
 
-def beside(share: float, left_m: float, above_m: float) -> np.ndarray:
+def beside(share: float, left_m: float, above_m: float) -> Floats:
     place = ENDS[0] + share * (ENDS[1] - ENDS[0]) + [*(left_m * LEFT), above_m]
     return np.asarray(place)
 
@@ -33,11 +34,11 @@ def test_derivatives_by_points_and_by_ends_are_central_differences() -> None:
     point = beside(0.7, 0.0, 0.0)
     found = beside_line(point[None], ENDS, upwards=True)
 
-    def of_point(place: np.ndarray) -> np.ndarray:
-        return beside_line(place[None], ENDS, upwards=True).value[0]
+    def of_point(place: Floats) -> Floats:
+        return np.asarray(beside_line(place[None], ENDS, upwards=True).value[0])
 
-    def of_ends(ends: np.ndarray) -> np.ndarray:
-        return beside_line(point[None], ends.reshape(2, 3), upwards=True).value[0]
+    def of_ends(ends: Floats) -> Floats:
+        return np.asarray(beside_line(point[None], ends.reshape(2, 3), upwards=True).value[0])
 
     assert_derivative(found.gradient[0], central_differences(of_point, point, 1e-5))
     by_ends = found.by_ends[0].reshape(2, 6)

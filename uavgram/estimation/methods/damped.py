@@ -50,7 +50,17 @@ class Problem(Protocol):
         ...
 
     def moved(self, state: State, linear: Linear, step: Floats) -> State:
-        """The state after steps (b, 6)."""
+        """The state after steps of the poses.
+
+        Parameters
+        ----------
+        state
+            Of b problems.
+        linear
+            As it was linearised there.
+        step
+            (b, 6) of centre [m] and rotation [rad].
+        """
         ...
 
 

@@ -113,7 +113,17 @@ class FeatureRows:
         return Linear(cost, normal, slope, ((inverse @ c_right[..., None])[..., 0], gone))
 
     def moved(self, state: State, linear: Linear, step: Floats) -> State:
-        """Poses after steps (b, 6), and the points that follow."""
+        """Poses after steps, and the points that follow.
+
+        Parameters
+        ----------
+        state
+            Of b problems.
+        linear
+            As it was linearised there.
+        step
+            (b, 6) of centre [m] and rotation [rad].
+        """
         alone, gone = linear.rest
         points = -alone - np.einsum("bnik,bi->bnk", gone, step)
         return (*pose_moved(state, step), state[2] + points.reshape(state[2].shape))
@@ -198,9 +208,17 @@ def _off_pose(
 
 
 def first_points(rows: FeatureRows, center: Floats, rotation: Floats) -> tuple[Floats, Bools]:
-    """Ground points (B, n, 2, 2) of the picks under poses, and whether all reach the ground."""
+    """Ground points (B, n, 2, 2) of the picks under poses, and whether all reach the ground.
+
+    Parameters
+    ----------
+    rows
+        What is observed.
+    center, rotation
+        (B, 3), (B, 3, 3).
+    """
     point, _, _ = ground_points(rows.calibration, rows.pixel_px, center, rotation)
-    good = np.isfinite(point).all(axis=(1, 2, 3))
+    good: Bools = np.all(np.isfinite(point), axis=(1, 2, 3))
     return np.where(good[:, None, None, None], point, 0.0), good
 
 

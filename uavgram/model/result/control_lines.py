@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays
-from uavgram.model.result.known import KnownStatus
+
+LineOfPositionStatus = Literal["used", "suspect", "removed", "checked", "unseen"]
+"""As of a known thing; a line is never idle in a world that has its place."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,7 +45,7 @@ class ControlLineResults(FrozenArrays):
     w: Annotated[Floats, "n", NAN_IS_NONE]
     redundancy: Annotated[Floats, "n", NAN_IS_NONE]
     mdb_m: Annotated[Floats, "n", NAN_IS_NONE]
-    status: tuple[KnownStatus, ...]
+    status: tuple[LineOfPositionStatus, ...]
 
 
 NO_LINES_OF_POSITION = ControlLineResults(

@@ -30,8 +30,8 @@ class Outside:
 
     def __init__(self, inputs: Inputs) -> None:
         project = inputs.project
-        names = (inputs.project_path, project.camera_file, project.control, project.control_lines)
-        names += (project.check,)
+        known = (project.control, project.control_lines, project.check)
+        names = (inputs.project_path, project.camera_file, *known)
         self._files = [Path(name) for name in names if name]
         self._known = {digest.sha256 for digest in inputs.digests}
         self._seen: dict[Path, tuple[Stamp, bool]] = {}

@@ -223,8 +223,10 @@ def duplicates_of(inputs: Inputs) -> Duplicates:
 
 def _column_messages(*files: str | None) -> Iterator[Message]:
     """Name the columns of picks, lengths and measurements that are not read."""
-    columns_of = (PICKS_COLUMNS, LINES_COLUMNS, MEASURE_COLUMNS, KNOWN_COLUMNS, TIES_COLUMNS)
-    columns_of += (CONTROL_LINES_COLUMNS,)
+    columns_of = (
+        *(PICKS_COLUMNS, LINES_COLUMNS, MEASURE_COLUMNS, KNOWN_COLUMNS, TIES_COLUMNS),
+        CONTROL_LINES_COLUMNS,
+    )
     tables = zip(files, columns_of, strict=True)
     for file, columns in tables:
         if file and (own := own_columns(file, columns)):

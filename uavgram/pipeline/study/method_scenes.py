@@ -169,7 +169,8 @@ def _lines(setting: Setting, rng: np.random.Generator) -> Floats:
     start = middle + rng.uniform(-half, half, (DRAWS, 2))
     ahead = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     end = start + ahead * rng.uniform(*setting.length_m, (DRAWS, 1))
-    return np.stack([start, end], axis=1)[(np.abs(end - middle) <= half).all(axis=1)]
+    inside = np.all(np.abs(end - middle) <= half, axis=1)
+    return np.asarray(np.stack([start, end], axis=1)[inside])
 
 
 def _kept(ends: Floats, camera: tuple[Calibration, Floats, Floats], count: int) -> Floats:

@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.length_conditions import LengthFrames
-from uavgram.estimation.first_poses.resection import search_frames
 from uavgram.estimation.methods.damped import Ends, minimised
 from uavgram.estimation.methods.features import FeatureRows, first_points, ground_points
-from uavgram.estimation.methods.on_lines import OnLines, direct_poses, poses_from_lines, rivals
-from uavgram.geometry.camera.back_projection import back_project_with_jacobian
-from uavgram.geometry.ground.plane_pose import pose_above_plane
-from uavgram.imaging.known_point_pose import FEWEST_POINTS, poses_from_points
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.estimation.methods.line_search import rivals
+from uavgram.model.arrays import Bools, Ints
+from uavgram.pipeline.study.method_results import Found, MethodRow, row_of
 from uavgram.pipeline.study.method_scenes import MethodScenes, Setting, method_scenes
+from uavgram.pipeline.study.method_starts import (
+    Starts,
+    direct_starts,
+    length_starts,
+    line_starts,
+    log_starts,
+    point_starts,
+)
 
-FAILED = 0.05
-"""Root mean square error of a scene's withheld distances, as a share of them, from which on a
-method counts as failed."""
 AMBIGUOUS = 9.0
 """Rise of the sum of squares up to which another pose fits as well: three sigma."""
-SIGMAS_95 = 1.959964
 
 LIMITS = (
     Setting(name="three lines", features=(3, 3)),
@@ -37,93 +37,7 @@ LIMITS = (
 )
 """Settings beyond the usual one, in which one method or another ends."""
 
-Starts = tuple[Floats, Floats]
-"""Centres (B, S, 3) and rotations (B, S, 3, 3) of S starts of each scene; NaN: no more."""
 Starter = Callable[[MethodScenes], Starts]
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """What a method found of B scenes.
-
-    Attributes
-    ----------
-    error_m
-        (B, m) of the withheld distances; NaN where there is no pose.
-    sigma_m
-        (B, m) predicted; NaN of methods that predict none.
-    true_m
-        (B, m) the distances.
-    cost
-        (B,) sum of squares.
-    ambiguous
-        (B,) whether the method says that another pose fits as well.
-    """
-
-    error_m: Floats
-    sigma_m: Floats
-    true_m: Floats
-    cost: Floats
-    ambiguous: Bools
-
-    @property
-    def rms_m(self) -> Floats:
-        """(B,) of each scene; inf where there is no pose."""
-        return np.nan_to_num(np.sqrt(np.mean(self.error_m**2, axis=1)), nan=np.inf)
-
-    @property
-    def failed(self) -> Bools:
-        """(B,) whether the distances are useless."""
-        return self._are_useless(self.error_m)
-
-    @property
-    def told(self) -> Bools:
-        """(B,) whether the method says so itself: by another pose, or by its sigmas."""
-        if np.isnan(self.sigma_m).all():  # it has none
-            return self.ambiguous
-        return self.ambiguous | self._are_useless(self.sigma_m)
-
-    def _are_useless(self, off_m: Floats) -> Bools:
-        share = np.sqrt(np.mean((off_m / self.true_m) ** 2, axis=1))
-        return ~np.asarray(share <= FAILED)
-
-
-@dataclass(frozen=True, kw_only=True)
-class MethodRow:
-    """One method in one setting.
-
-    Attributes
-    ----------
-    setting, method
-        Names.
-    scenes
-        How many.
-    rms_m, ninth_m
-        Median and 90th percentile of the scenes' root mean square errors.
-    fewest_m, most_m
-        Medians over the scenes with least and with most features.
-    failed
-        Share of scenes in which the distances are useless.
-    ambiguous, told, failed_silently
-        Shares of scenes in which the method says that another pose fits as well; in which it says
-        so, or predicts errors beyond `FAILED`; and that failed without a word.
-    coverage, z
-        Share of the errors within 1.96 predicted sigmas, and their root mean square in sigmas.
-    """
-
-    setting: str
-    method: str
-    scenes: int
-    rms_m: float
-    ninth_m: float
-    fewest_m: float
-    most_m: float
-    failed: float
-    ambiguous: float
-    told: float
-    failed_silently: float
-    coverage: float
-    z: float
 
 
 def compared(
@@ -151,30 +65,7 @@ def compared(
             found.setdefault(name, []).append(method(drawn))
         for name, starter in (more or {}).items():
             found.setdefault(name, []).append(_by_lines(drawn, starter(drawn)))
-    return [_row(setting.name, name, parts) for name, parts in found.items()]
-
-
-def _row(setting: str, method: str, parts: list[Found]) -> MethodRow:
-    rms = np.concatenate([one.rms_m for one in parts])
-    failed = np.concatenate([one.failed for one in parts])
-    told = np.concatenate([one.told for one in parts])
-    z = np.concatenate([(one.error_m / one.sigma_m).ravel() for one in parts])
-    z = z[np.isfinite(z)]
-    return MethodRow(
-        setting=setting,
-        method=method,
-        scenes=len(rms),
-        rms_m=float(np.median(rms)),
-        ninth_m=float(np.quantile(rms, 0.9, method="inverted_cdf")),
-        fewest_m=float(np.median(parts[0].rms_m)),
-        most_m=float(np.median(parts[-1].rms_m)),
-        failed=float(failed.mean()),
-        ambiguous=float(np.concatenate([one.ambiguous for one in parts]).mean()),
-        told=float(told.mean()),
-        failed_silently=float((failed & ~told).mean()),
-        coverage=float(np.mean(np.abs(z) <= SIGMAS_95)) if len(z) else float("nan"),
-        z=float(np.sqrt(np.mean(z**2))) if len(z) else float("nan"),
-    )
+    return [row_of(setting.name, name, parts) for name, parts in found.items()]
 
 
 def solved(rows: FeatureRows, starts: Starts) -> Ends:
@@ -257,8 +148,7 @@ def by_lines(scenes: MethodScenes) -> Found:
 
 def by_lines_directly(scenes: MethodScenes) -> Found:
     """Lines of known position from the direct linear transformation alone."""
-    center, rotation = direct_poses(on_lines(scenes))
-    return _by_lines(scenes, (center[:, None], rotation[:, None]))
+    return _by_lines(scenes, direct_starts(scenes))
 
 
 def by_lengths(scenes: MethodScenes) -> Found:
@@ -305,72 +195,3 @@ METHODS: Mapping[str, Callable[[MethodScenes], Found]] = {
 def _by_lines(scenes: MethodScenes, starts: Starts) -> Found:
     rows = replace(scenes.rows, start_on_line=True, end_on_line=True)
     return _judged(scenes, solved(rows, starts))
-
-
-def on_lines(scenes: MethodScenes) -> OnLines:
-    """The picks of the scenes' lines, for a first pose."""
-    rows = scenes.rows
-    count = len(rows.pixel_px)
-    ray, by_pixel, _ = back_project_with_jacobian(
-        rows.calibration.model, rows.calibration.parameters, rows.pixel_px.reshape(count, -1, 2)
-    )
-    along = rows.place_m[:, :, 1] - rows.place_m[:, :, 0]
-    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
-    return OnLines(
-        ray=ray,
-        ray_root=by_pixel[..., :2, :] * rows.pick_sigma_px,
-        start_m=rows.place_m.reshape(count, -1, 2),
-        along=np.repeat(along, 2, axis=1),
-        sigma_m=np.full(ray.shape[:2], rows.place_sigma_m),
-    )
-
-
-def line_starts(scenes: MethodScenes) -> Starts:
-    """The best poses that the search of lines finds."""
-    ends = poses_from_lines(on_lines(scenes))
-    some = np.isfinite(ends.cost)[..., None]
-    return np.where(some, ends.center, np.nan), np.where(some[..., None], ends.rotation, np.nan)
-
-
-def point_starts(scenes: MethodScenes) -> Starts:
-    """Both poses of OpenCV's IPPE; it takes four points."""
-    rows = scenes.rows
-    count = len(rows.pixel_px)
-    center, rotation = np.full((count, 2, 3), np.nan), np.full((count, 2, 3, 3), np.nan)
-    start = rows.pixel_px[:, :, 0]
-    ray, _, _ = back_project_with_jacobian(
-        rows.calibration.model, rows.calibration.parameters, start
-    )
-    place = rows.place_m[:, :, 0]
-    world = np.concatenate([place, np.zeros((*place.shape[:2], 1))], axis=-1)
-    for k in range(count if start.shape[1] >= FEWEST_POINTS else 0):
-        found = poses_from_points(world[k], ray[k])
-        if found is not None:
-            some = min(2, len(found[0]))
-            center[k, :some], rotation[k, :some] = found[0][:some], found[1][:some]
-    return center, rotation
-
-
-def length_starts(scenes: MethodScenes, most: int = 4) -> Starts:
-    """Poses over the planes that explain the lengths, standing over the origin."""
-    rows = scenes.rows
-    count, lines = rows.pixel_px.shape[:2]
-    end = np.broadcast_to(np.arange(2 * lines), (count, 2 * lines))
-    frames = LengthFrames(
-        pixel_px=rows.pixel_px.reshape(count, -1, 2),
-        pixel_sigma_px=np.full((count, 2 * lines), rows.pick_sigma_px),
-        start=end[:, ::2],
-        end=end[:, 1::2],
-        length_m=rows.length_m,
-        length_sigma_m=np.full(rows.length_m.shape, rows.length_sigma_m),
-    )
-    center, rotation = np.full((count, most, 3), np.nan), np.full((count, most, 3, 3), np.nan)
-    for k, candidates in enumerate(search_frames(rows.calibration, frames)):
-        for j, candidate in enumerate(candidates[:most]):
-            center[k, j], rotation[k, j] = pose_above_plane(candidate.plane)
-    return center, rotation
-
-
-def log_starts(scenes: MethodScenes) -> Starts:
-    """Where the log has the photos."""
-    return scenes.logged.center[:, None], scenes.logged.rotation[:, None]

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground.line_of_position import beside_line
 from uavgram.model.arrays import Floats
-from uavgram.model.result.control_lines import NO_LINES_OF_POSITION, ControlLineResults
+from uavgram.model.result.control_lines import (
+    NO_LINES_OF_POSITION,
+    ControlLineResults,
+    LineOfPositionStatus,
+)
 from uavgram.model.result.known import KnownResults
 from uavgram.model.survey.control_lines import LinePosition
 from uavgram.model.survey.known import KnownThings
@@ -41,7 +47,7 @@ def judge_control_lines(
         w=judged.w[rows],
         redundancy=judged.redundancy[rows],
         mdb_m=judged.mdb[rows],
-        status=tuple(judged.status[i] for i in rows),
+        status=tuple(cast("LineOfPositionStatus", judged.status[i]) for i in rows),
     )
 
 

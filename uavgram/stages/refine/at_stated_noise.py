@@ -10,6 +10,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.known_frames import odd_ones_out
+from uavgram.estimation.first_poses.line_poses import are_alone, odd_lines
 from uavgram.estimation.survey.adjustment import LeftOut, Refined
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.arrays import Bools
@@ -163,10 +164,14 @@ def _without_gross_known(survey: Survey, keep: Bools, reason: dict[int, LeftOut]
     """Adjusted without the known things, and the lengths, that are wrong beyond doubt.
 
     Only where all does not fit together at once is it asked what fits without any known thing; or,
-    where these place the photos, without which one the others agree.
+    where these place the photos, without which one the others agree: of lines of known position
+    too, without which nothing has a place.
     """
     wrong: frozenset[int] = frozenset()
     if survey.known and not _fits_at_once(survey, keep, reason):
+        if are_alone(survey):
+            wrong = odd_lines(select_picks(survey, keep).survey)
+            return _without_gross_lengths(survey, keep, reason, wrong)
         everything = frozenset(thing.index for thing in survey.known)
         try:
             rest = _without_gross_lengths(survey, keep, reason, everything)

@@ -78,13 +78,16 @@ def accuracy_note(result: Result) -> str:
     if np.isfinite(near).any():
         one = spread_text(float(np.nanmedian(near)), "m", units)
         told.append(f"Lengths: points are known to ± {one} from their neighbours.")
-    if result.world.gauge == "plane" or result.world.origin is None:
+    if result.world.gauge == "plane":
         told.append("Nothing ties this survey to the earth: north is arbitrary, lengths hold.")
     else:
+        where = "Places on earth"
+        if result.world.origin is None:
+            where = "Places among the control points and lines, whose east and north these are"
         sigma = np.sqrt(np.trace(points.covariance_m2, axis1=1, axis2=2) / 2)
         place = spread_text(float(np.median(sigma)), "m", units)
         told.append(
-            f"Places on earth: ± {place} (east, north). An error of those shifts the whole plan "
+            f"{where}: ± {place} (east, north). An error of those shifts the whole plan "
             "with its grid, and changes no length."
         )
     return " ".join(told)

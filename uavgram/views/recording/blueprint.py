@@ -275,8 +275,8 @@ def _profiles(result: Result) -> rrb.Spatial2DView:
 def _plan(scene: Scene) -> rrb.Spatial3DView:
     position = scene.middle_m + np.array([0.0, 0.0, 1.25]) * scene.size_m
     filled = [] if scene.fill_ellipses else ["- /survey/points/ellipse_95_true_size/**"]
-    shown = ("ground/**", "points/**", "known_lengths/**", "lines_of_known_position/**")
-    shown += ("measured/**", "point_names/**")
+    known = ("known_lengths/**", "lines_of_known_position/**")
+    shown = ("ground/**", "points/**", *known, "measured/**", "point_names/**")
     contents = [*(f"+ /survey/{one}" for one in shown), f"+ /{ALL}", f"+ /{CURRENT}", *filled]
     return space_view("Top view, north up", contents, position, scene.middle_m)
 

@@ -173,10 +173,10 @@ def _functions(
     for i, thing in enumerate(things):
         if thing.position is not None:
             k = len(thing.label)
-            residual, covariance = line_departures(thing, world[i, :k])
-            rows = np.flatnonzero(row == i)
-            value[rows], by_point[rows, :k] = residual.value, residual.gradient
-            joint.append((rows, covariance))
+            beside, covariance = line_departures(thing, world[i, :k])
+            own = np.flatnonzero(row == i)
+            value[own], by_point[own, :k] = beside.value, beside.gradient
+            joint.append((own, covariance))
             continue
         flat = on_ground(survey, thing)
         key = thing.kind, len(thing.label), is_condition(thing), flat

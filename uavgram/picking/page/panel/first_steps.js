@@ -54,4 +54,4 @@ function stepsOf() {
 }
 
 // Whether the photos have places in the world without taped lengths: by a log, their tags, or known points.
-const isPlaced = () => store.photos.some(({ seed }) => seed) || store.control.length >= 3;
+const isPlaced = () => store.photos.some(({ seed }) => seed) || store.control.length >= 3 || store.controlLines.length >= 3;

@@ -54,8 +54,7 @@ def log_map(recorder: Recorder, result: Result) -> None:
     known = reference_strips(result)
     statuses = [result.lines.status[row] for row in known]
     log_lines("known_lengths", list(known.values()), [LINE_COLOURS[s] for s in statuses], 4.0)
-    statuses = list(result.control_lines.status)
-    colours = [LINE_COLOURS[status] for status in statuses]
+    colours = [LINE_COLOURS[status] for status in result.control_lines.status]
     log_lines("lines_of_known_position", position_strips(result), colours, 2.0)
     lat_lon = np.column_stack([points.latitude_deg, points.longitude_deg])
     dots = rr.GeoPoints(
