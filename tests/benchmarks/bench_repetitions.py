@@ -79,14 +79,24 @@ def evaluated(scene: Scene, draw: int, unknown: Floats) -> tuple[Floats, Floats]
     return residual, jacobian
 
 
+def residual_of(scene: Scene, draw: int, unknown: Floats) -> Floats:
+    """For scipy."""
+    return evaluated(scene, draw, unknown)[0]
+
+
+def jacobian_of(scene: Scene, draw: int, unknown: Floats) -> Floats:
+    """For scipy."""
+    return evaluated(scene, draw, unknown)[1]
+
+
 def by_scipy(scene: Scene, draws: int, *, numeric: bool) -> Floats:
     """Centres (draws, 3) that scipy finds."""
     centers = []
     for draw in range(draws):
         found = least_squares(
-            lambda x, draw=draw: evaluated(scene, draw, x)[0],
+            partial(residual_of, scene, draw),
             start_of(scene, draw),
-            jac="2-point" if numeric else lambda x, draw=draw: evaluated(scene, draw, x)[1],
+            jac="2-point" if numeric else partial(jacobian_of, scene, draw),
             method="trf" if numeric else "lm",
             x_scale="jac",
             xtol=1e-7,

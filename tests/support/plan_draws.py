@@ -39,7 +39,7 @@ def errors(
     rng: np.random.Generator,
     world: World | None = None,
 ) -> Floats:
-    """(count, M) measured less true values.
+    """(n, M) measured less true values of the surveys that came to rest, `count` at most.
 
     Parameters
     ----------
@@ -66,13 +66,15 @@ def errors(
     found = []
     for _ in range(count):
         true, fitted = _one(planned, truth, rng, world)
+        if fitted is None:
+            continue
         found.append(values_at(to_fit, fitted, *asked) - values_at(to_draw, true, *asked))
     return np.array(found)
 
 
 def _one(
     planned: PlannedSurvey, truth: PlannedSurvey, rng: np.random.Generator, world: World
-) -> tuple[State, State]:
+) -> tuple[State, State | None]:
     """The unknowns as they truly are in one survey, and as its adjustment finds them."""
     true = _drawn_state(truth, rng, world.relief_m)
     blocks = truth.problem.evaluate(true)
@@ -95,7 +97,7 @@ def _one(
         problem.layout.size,
         problem.layout.structure,
     )
-    return true, found.state
+    return true, found.state if found.converged else None
 
 
 def _drawn_state(planned: PlannedSurvey, rng: np.random.Generator, relief_m: float) -> State:

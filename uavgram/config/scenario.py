@@ -8,6 +8,7 @@ from pathlib import Path
 from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import validate
 from uavgram.model.scenario.errors import USUAL
+from uavgram.model.scenario.repeated import RepeatedSurvey
 from uavgram.model.scenario.scenario import Scenario
 
 
@@ -34,15 +35,27 @@ def scenario_document(path: str | Path) -> tuple[Scenario, Document]:
     return scenario, document
 
 
+def load_repeated(path: str | Path) -> RepeatedSurvey:
+    """Read what shall be repeated of a real survey.
+
+    Raises
+    ------
+    InputError
+        Names file, line and key of every mistake.
+    """
+    return validate(RepeatedSurvey, read_yaml(Path(path).absolute()))
+
+
 def _with_usual(document: Document) -> Document:
     """The document with what is usual of its class of telemetry, where it writes nothing."""
     data = document.data
     kind = data.get("telemetry") if isinstance(data, dict) else None
-    if not isinstance(data, dict) or kind not in USUAL:
+    if not isinstance(data, dict) or not isinstance(kind, str) or kind not in USUAL:
         return document
     filled: dict[str, Plain] = dict(data)
     for section, usual in USUAL[kind].items():
         written = data.get(section, {})
         if isinstance(written, dict):
-            filled[section] = {**usual, **written}
+            own: dict[str, Plain] = {key: list(value) for key, value in usual.items()}
+            filled[section] = own | written
     return replace(document, data=filled)

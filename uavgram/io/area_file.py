@@ -76,7 +76,7 @@ def _geojson(path: Path, text: str) -> AreaFile:
     points: list[tuple[str, list[float]]] = []
     try:
         for name, geometry in _geometries(root):
-            kind, at = geometry["type"], geometry.get("coordinates")
+            kind, at = geometry["type"], geometry["coordinates"]
             if kind == "Polygon":
                 areas.append(Area(name, _ring(at[0])))
             elif kind == "MultiPolygon":

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import OutputError
+from uavgram.io.demo_project import project_yaml
 from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.io.own_files import remove_link
 from uavgram.io.photos.tagging.exif_capture import with_exif
@@ -62,7 +63,7 @@ def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[n
         truth = json.dumps(truth_as_json(survey), indent=1) + "\n"
         remove_link(folder / "truth.json").write_text(truth, encoding="utf-8")
         project = remove_link(folder / "project.yaml")
-        project.write_text(_project_yaml(survey), encoding="utf-8")
+        project.write_text(project_yaml(survey), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{folder}: cannot be written: {error.strerror}; name another") from error
     return project
@@ -99,7 +100,7 @@ def write_unpicked(
     ):
         _write_csv(folder / name, header, ())
     project = remove_link(folder / "project.yaml")
-    lines = _project_yaml(survey).splitlines()
+    lines = project_yaml(survey).splitlines()
     kept = [line.partition("; the one")[0] for line in lines if not line.startswith("check:")]
     project.write_text("\n".join([about, *kept[1:], ""]), encoding="utf-8")
     return project
@@ -177,17 +178,16 @@ def _write_photos(
 def _write_observations(folder: Path, survey: SimulatedSurvey) -> None:
     """picks.csv and lines.csv."""
     picks, lines = survey.picks, survey.lines
-    _write_csv(
-        folder / "picks.csv",
-        ("image", "label", "u_px", "v_px", "sigma_px"),
-        zip(
-            picks.image,
-            picks.label,
-            *_texts(picks.pixel_px, 3),
-            *_texts(picks.sigma_px[:, None], 2),
-            strict=True,
-        ),
-    )
+    columns = [picks.image, picks.label, *_texts(picks.pixel_px, 3)]
+    columns += _texts(picks.sigma_px[:, None], 2)
+    header = PICKS_HEADER[: len(columns)]
+    heights = [
+        "free" if free else "" if np.isnan(height) else f"{height:.4f}"
+        for free, height in zip(picks.is_free.tolist(), picks.height_m.tolist(), strict=True)
+    ]
+    if any(heights):
+        header, columns = PICKS_HEADER, [*columns, heights]
+    _write_csv(folder / "picks.csv", header, zip(*columns, strict=True))
     _write_csv(
         folder / "lines.csv",
         ("name", "from", "to", "length_m", "sigma_m", "use"),
@@ -204,16 +204,11 @@ def _write_observations(folder: Path, survey: SimulatedSurvey) -> None:
 
 def _write_requests(folder: Path, survey: SimulatedSurvey) -> None:
     """measure.csv, and check.csv to judge the answers."""
-    checks = survey.checks
-    _write_csv(
-        folder / "check.csv",
-        ("label", "east_m", "north_m", "up_m", "sigma_m"),
-        zip(
-            checks.label,
-            *_texts(np.column_stack([checks.coordinates, checks.sigma_m[:, 0]]), 4),
-            strict=True,
-        ),
-    )
+    for name, points in (("check.csv", survey.checks), ("control.csv", survey.control)):
+        if len(points.label) or name == "check.csv":
+            columns = _texts(np.column_stack([points.coordinates, points.sigma_m[:, 0]]), 4)
+            header = ("label", "east_m", "north_m", "up_m", "sigma_m")
+            _write_csv(folder / name, header, zip(points.label, *columns, strict=True))
     requests = measure_content(None, (), survey.measurements)
     remove_link(folder / "measure.csv").write_bytes(requests or b"")
 
@@ -243,32 +238,3 @@ def _camera_yaml(survey: SimulatedSurvey) -> str:
             "",
         ]
     )
-
-
-def _project_yaml(survey: SimulatedSurvey) -> str:
-    """The project file; its first line says what it is."""
-    errors = survey.scenario.errors
-    arm = ", ".join(number_text(v) for v in errors.lever_arm_m)
-    return f"""\
-# A simulated survey of a road accident; truth.json says what really was.
-name: {survey.scenario.name}
-images: photos/*.jpg
-log: flight.tlog
-camera: camera.yaml
-picks: picks.csv
-lines: lines.csv           # taped lengths; the one of use "check" is withheld
-measure: measure.csv
-check: check.csv           # surveyed points, only to judge the result
-output: out
-ground:
-  height_sigma_m: 0.5      # the scene lies a little below the place of take-off
-mount:
-  gimbal: auto             # the log has the gimbal's attitude
-  boresight_sigma_deg: 1.5
-  lever_arm_m: [{arm}]
-  lever_arm_sigma_m: 0.05
-time:
-  offset_s: auto           # the camera's clock is wrong; the log's camera events tell by how much
-  offset_sigma_s: 0.05
-picks_sigma_px: {number_text(errors.pick_px)}
-"""

@@ -143,6 +143,15 @@ class GroundOptions(_Options):
         object.__setattr__(self, "areas", MappingProxyType(dict(self.areas)))
         super().__post_init__()
 
+    def __getstate__(self) -> dict[str, object]:
+        """For other processes, to which no mapping can go that is protected."""
+        return {**vars(self), "areas": dict(self.areas)}
+
+    def __setstate__(self, state: dict[str, object]) -> None:
+        """As `__getstate__` gave it."""
+        vars(self).update(state)
+        object.__setattr__(self, "areas", MappingProxyType(self.areas))
+
     def _rules(self) -> dict[str, tuple[bool, str]]:
         fault = f"must not name the area {DEFAULT_AREA!r}: its values stand beside `areas`"
         named = {"", DEFAULT_AREA} & set(self.areas)

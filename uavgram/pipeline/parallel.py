@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
+import pickle
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import get_context
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")
@@ -44,11 +45,26 @@ def in_processes(work: Callable[[Item], Made], items: Sequence[Item]) -> Iterato
     if cores < 2 or len(items) <= FEW:
         yield from map(work, items)
         return
-    pool = ProcessPoolExecutor(min(cores, len(items)), mp_context=get_context("spawn"))
+    # Pickled here and once: what cannot be would leave the pool waiting for ever.
+    pool = ProcessPoolExecutor(
+        min(cores, len(items)), get_context("spawn"), _take_work, (pickle.dumps(work),)
+    )
     try:
-        yield from pool.map(work, items, chunksize=1)
+        yield from pool.map(_work_on, items)
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+_work: list[Callable[[Any], Any]] = []
+"""In a process that was started for it: what to do with each item."""
+
+
+def _take_work(pickled: bytes) -> None:
+    _work[:] = [pickle.loads(pickled)]  # noqa: S301  (of the process that started this one)
+
+
+def _work_on(item: object) -> Any:  # noqa: ANN401
+    return _work[0](item)
 
 
 def _cores() -> int:

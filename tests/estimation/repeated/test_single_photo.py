@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ def test_the_minimum_is_that_of_scipy_over_all_unknowns(slope: bool, joined: boo
     assert found.converged.all()
     for draw in range(3):
         best = least_squares(
-            lambda x, draw=draw: residuals(scene, draw, x),
+            partial(residuals, scene, draw),
             start_of(scene, draw),
             jac="3-point",
             method="trf",
@@ -58,12 +59,11 @@ def test_errors_are_as_large_as_the_covariances_say(joined: bool) -> None:  # no
     error = pose_errors(scene, found.center_world_m, found.world_from_camera)
     weight = np.linalg.inv(found.covariance)
     total = float(np.einsum("bi,bij,bj->", error, weight, error))
-    low, high = chi2.ppf([1e-4, 1 - 1e-4], 6 * len(error))
-    assert low < total < high
+    assert chi2.ppf(1e-4, 6 * len(error)) < total < chi2.isf(1e-4, 6 * len(error))
     # The cost has as many degrees of freedom as there are lengths: each pose beforehand and each
     # sighting stand against an unknown.
-    low, high = chi2.ppf([1e-4, 1 - 1e-4], len(scene.design.line) * len(error))
-    assert low < float(found.cost.sum()) < high
+    free = len(scene.design.line) * len(error)
+    assert chi2.ppf(1e-4, free) < float(found.cost.sum()) < chi2.isf(1e-4, free)
 
 
 def pose_errors(scene: Scene, center: Floats, rotation: Floats) -> Floats:

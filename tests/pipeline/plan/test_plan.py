@@ -122,6 +122,7 @@ def test_errors_are_as_large_as_predicted(pattern: str, count: int) -> None:
     flown_case = case.scene, case.cameras, case.wanted
     sigma = predicted(*flown_case, ends).sigma
     found = errors(flown_case, ends, count, np.random.default_rng(5))
+    assert len(found) == count
     # Distances of one survey go together: one of them is judged in each bound.
     square = np.sum((found / sigma) ** 2, axis=0)
     low_bound, high_bound = (float(chi2.ppf(p, count)) for p in (1e-5, 1 - 1e-5))

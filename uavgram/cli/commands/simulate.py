@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter, validators
 
 from uavgram.cli.application import DONE, Flag, Seed, Verbose, app
 from uavgram.cli.terminal import log_to_stderr, progress, say, say_written
+from uavgram.errors import UavgramError
+
+if TYPE_CHECKING:
+    from uavgram.pipeline.simulate.run import Asked
+    from uavgram.pipeline.simulate.worlds import World
 
 Repetitions = Annotated[int, Parameter(validator=validators.Number(gte=2, lte=100_000))]
 
 
 @app.command
 def simulate(
-    scenario: Path,
+    scenario: Path | None = None,
     /,
     *,
+    from_: Annotated[Path | None, Parameter(name="--from")] = None,
     repetitions: Repetitions = 100,
     compare: Flag = False,
     photos: Flag = False,
@@ -30,13 +36,16 @@ def simulate(
     Parameters
     ----------
     scenario
-        The survey: an edited configs/demo.yaml.
+        The survey: an edited configs/demo.yaml. With --from what to add to the real survey, if
+        anything: name, seed, lines (name, start, end) between picked points, tape_m.
+    from_
+        Project of a real survey: its adjusted poses and points are the truth of the repetitions.
     repetitions
         How many surveys are drawn, each run as a real one.
     compare
         Also with nothing amiss, and with each thing alone that the scenario has amiss.
     photos
-        Instead write one of them as a folder with photos and flight log, and run it.
+        Instead write the scenario once, as a folder with photos and flight log, and run that.
     output
         Folder of the results, or of that survey.
     seed
@@ -44,19 +53,36 @@ def simulate(
     verbose
         Say what is being done.
     """
-    from uavgram.pipeline.simulate.run import Asked, simulate_many, write_outputs
+    from uavgram.pipeline.simulate.project_world import read_project_world
+    from uavgram.pipeline.simulate.run import Asked
     from uavgram.pipeline.simulate.scenario import read_world
-    from uavgram.views.simulation.text import simulation_lines
 
     log_to_stderr(verbose=verbose)
+    asked = Asked(repetitions, compare)
+    if from_ is not None:
+        if photos:
+            raise UavgramError("--photos is for scenarios: a real survey has its photos already")
+        return _show(from_, read_project_world(from_, scenario, seed), asked, output)
+    if scenario is None:
+        raise UavgramError(
+            "there is nothing to repeat: name a scenario file (uavgram simulate SCENARIO.yaml, "
+            "such as an edited configs/demo.yaml), or a real survey by --from PROJECT.yaml"
+        )
     world = read_world(scenario, seed)
     if photos:
         from uavgram.cli.commands.demo import show_survey
 
         return show_survey(output, world.scenario, world.calibration, verbose=verbose)
-    asked = Asked(repetitions, compare)
-    found = simulate_many(scenario, world, asked, progress(), say)
-    written = write_outputs(found, output, scenario)
+    return _show(scenario, world, asked, output)
+
+
+def _show(source: Path, world: World, asked: Asked, output: Path) -> int:
+    """Repeat, write and tell."""
+    from uavgram.pipeline.simulate.run import simulate_many, write_outputs
+    from uavgram.views.simulation.text import simulation_lines
+
+    found = simulate_many(source, world, asked, progress(), say)
+    written = write_outputs(found, output, source)
     say("", *simulation_lines(found))
     say_written(output, written)
     return DONE

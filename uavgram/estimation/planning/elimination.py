@@ -168,7 +168,15 @@ def of_points(points: Eliminated, layout: Layout, columns: Ints, jacobian: Float
 
 
 def of_all_points(points: Eliminated, layout: Layout, gradient: Floats) -> Functions:
-    """Functions of any number of points by their gradients (size, N), the points eliminated."""
+    """Functions of any number of points by their gradients (size, N), the points eliminated.
+
+    Parameters
+    ----------
+    points, layout
+        The points, eliminated; the unknowns.
+    gradient
+        (size, N) by all unknowns.
+    """
     size, first = layout.point_size, layout.first_frame
     own = gradient[:first].reshape(layout.points, size, -1)
     used = np.flatnonzero(own.any(axis=(1, 2)))

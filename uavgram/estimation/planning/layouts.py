@@ -154,14 +154,32 @@ def _criterion(aim: Aim, variance: Floats) -> Floats:
 
 
 def criterion_of(aim: Aim, candidates: Candidates, lines: Sequence[int]) -> float:
-    """The criterion with some lines."""
+    """The criterion with some lines.
+
+    Parameters
+    ----------
+    aim, candidates
+        What is wanted, what is possible.
+    lines
+        Candidates by index.
+    """
     return aim.criterion(covariance_of(aim.information + candidates.information(lines)))
 
 
 def greedy(
     aim: Aim, candidates: Candidates, count: int, start: Sequence[int] = ()
 ) -> tuple[Chosen, ...]:
-    """Lines added one after the other: the layouts of each number up to `count`."""
+    """Lines added one after the other: the layouts of each number up to `count`.
+
+    Parameters
+    ----------
+    aim, candidates
+        What is wanted, what is possible.
+    count
+        Most lines.
+    start
+        Lines that are there already.
+    """
     lines = list(start)
     steps = []
     while len(lines) < count:
@@ -176,7 +194,15 @@ def greedy(
 
 
 def exchanged(aim: Aim, candidates: Candidates, start: Chosen) -> Chosen:
-    """The layout after exchanges of single lines, until none is worth it."""
+    """The layout after exchanges of single lines, until none is worth it.
+
+    Parameters
+    ----------
+    aim, candidates
+        What is wanted, what is possible.
+    start
+        The layout to begin with.
+    """
     lines, value = list(start.lines), criterion_of(aim, candidates, start.lines)
     for _ in range(PASSES):
         before = value
@@ -193,7 +219,15 @@ def exchanged(aim: Aim, candidates: Candidates, start: Chosen) -> Chosen:
 
 
 def best_layout(aim: Aim, candidates: Candidates, count: int) -> Chosen:
-    """The best layout of a number of lines that greedy choice and exchange find."""
+    """The best layout of a number of lines that greedy choice and exchange find.
+
+    Parameters
+    ----------
+    aim, candidates
+        What is wanted, what is possible.
+    count
+        How many lines.
+    """
     steps = greedy(aim, candidates, count)
     if not steps:
         return Chosen((), criterion_of(aim, candidates, ()))

@@ -23,7 +23,15 @@ WORST = 0.1
 
 
 def without_each(aim: Aim, candidates: Candidates, lines: Sequence[int]) -> Floats:
-    """(L,) the criterion where one of the lines is lost."""
+    """(L,) the criterion where one of the lines is lost.
+
+    Parameters
+    ----------
+    aim, candidates
+        What is wanted, what is possible.
+    lines
+        The layout: candidates by index.
+    """
     left = (tuple(one for one in lines if one != lost) for lost in lines)
     return np.array([criterion_of(aim, candidates, some) for some in left])
 

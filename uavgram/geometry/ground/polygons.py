@@ -35,7 +35,15 @@ def contains(corner: Floats, point: Floats) -> Bools:
 
 
 def crosses(corner: Floats, start: Floats, end: Floats) -> Bools:
-    """(N,) which segments (N, 2) to (N, 2) lie in a polygon (V, 2), or cross its outline."""
+    """(N,) which segments (N, 2) to (N, 2) lie in a polygon (V, 2), or cross its outline.
+
+    Parameters
+    ----------
+    corner
+        (V, 2) of the polygon.
+    start, end
+        (N, 2) of the segments.
+    """
     a, b = corner, np.roll(corner, -1, axis=0)
     p, q = start[:, None], end[:, None]
     one = _turn(p, q, a) * _turn(p, q, b) <= 0

@@ -132,15 +132,15 @@ class StatedSpec:
         require_sizes(self, "roughness_sigma_m", "tape_scale_sigma")
 
 
-Section = MappingProxyType[str, object]
+Section = MappingProxyType[str, list[float]]
 
 
-def _section(**values: object) -> Section:
+def _section(**values: list[float]) -> Section:
     return MappingProxyType(values)
 
 
 _CENTIMETRES = _section(position_sigma_m=[0.02, 0.03], position_bias_sigma_m=[0.03, 0.05])
-USUAL: MappingProxyType[TelemetryClass, MappingProxyType[str, Section]] = MappingProxyType(
+USUAL: MappingProxyType[str, MappingProxyType[str, Section]] = MappingProxyType(
     {
         "consumer": MappingProxyType({}),
         # A receiver with corrections states 1 cm + 1 ppm and 1.5 cm + 1 ppm (u-blox ZED-F9P data

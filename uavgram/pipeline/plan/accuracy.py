@@ -57,7 +57,17 @@ def mean_sigma(found: Predicted) -> float:
 def planned_lines(
     scene: PlanScene, choice: Choice, lines: Sequence[int], found: Predicted
 ) -> PlannedLines:
-    """The lines of a layout; `found` is what it will reach, its lines as `ends_of` orders them."""
+    """The lines of a layout; `found` is what it will reach, its lines as `ends_of` orders them.
+
+    Parameters
+    ----------
+    scene, choice
+        The ground; flight and candidates.
+    lines
+        The layout: candidates by index.
+    found
+        What it will reach.
+    """
     possible = choice.possible
     ends = ends_of(possible, lines)
     world = scene.on_ground(ends)
@@ -90,7 +100,15 @@ def _without(aim: Aim, possible: Possible, lines: Sequence[int], end: Floats) ->
 def planned_measurements(
     request: PlanRequest, wanted: Wanted, found: Predicted
 ) -> PlannedMeasurements:
-    """The values that are wanted, as they will be known."""
+    """The values that are wanted, as they will be known.
+
+    Parameters
+    ----------
+    request, wanted
+        What is good enough, and of what.
+    found
+        What will be reached.
+    """
     asked = [wanted.requests[k] for k in found.request]
     return PlannedMeasurements(
         name=found.name,
@@ -104,7 +122,15 @@ def planned_measurements(
 
 
 def accuracy_grid(scene: PlanScene, choice: Choice, lines: Sequence[int]) -> AccuracyGrid:
-    """The map: how well lengths will be known over the area."""
+    """The map: how well lengths will be known over the area.
+
+    Parameters
+    ----------
+    scene, choice
+        The ground; flight and candidates.
+    lines
+        The layout: candidates by index.
+    """
     over = lengths_over(scene.area_m, MAP_CELLS)
     found = predicted(scene, choice.flight.cameras, over.wanted, ends_of(choice.possible, lines))
     pairs = found.sigma.reshape(-1, 2)
@@ -126,7 +152,17 @@ def gained_by(possible: Possible, lines: Sequence[int]) -> float:
 def gains(
     scene: PlanScene, request: PlanRequest, wanted: Wanted, choice: Choice, lines: Sequence[int]
 ) -> Iterator[Gain]:
-    """What one more line or photo, one line less, or a sturdier layout would bring."""
+    """What one more line or photo, one line less, or a sturdier layout would bring.
+
+    Parameters
+    ----------
+    scene, request, wanted
+        What the plan is for.
+    choice
+        Flight and candidates.
+    lines
+        The layout: candidates by index.
+    """
     options = choice.possible
     aim, candidates = plain_mean(options), options.candidates
     information = options.aim.information + candidates.information(lines)
@@ -153,7 +189,15 @@ def gains(
 
 
 def one_photo_more(scene: PlanScene, request: PlanRequest, flown: Flight) -> Flight | None:
-    """The same flight with one photo more; None of a grid, whose photos the overlap counts."""
+    """The same flight with one photo more; None of a grid, whose photos the overlap counts.
+
+    Parameters
+    ----------
+    scene, request
+        What the plan is for.
+    flown
+        The flight.
+    """
     if flown.pattern == "grid":
         return None
     pattern = "strip" if flown.pattern == "single" else flown.pattern

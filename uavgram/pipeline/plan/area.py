@@ -24,7 +24,17 @@ NARROWEST_M = 0.3
 
 
 def site_of(site: Site, request: PlanRequest, file: AreaFile | None, path: Path) -> Site:
-    """The scenario's site; that of the area, where its file lies somewhere else."""
+    """The scenario's site; that of the area, where its file lies somewhere else.
+
+    Parameters
+    ----------
+    site, request
+        Of the scenario.
+    file
+        Of the area; None: it is given in metres.
+    path
+        The scenario, for messages.
+    """
     if file is None:
         return site
     middle = file.areas[0].longitude_latitude_deg.mean(axis=0)
@@ -63,6 +73,17 @@ def in_scene(corners: Corners | Floats, site: Site) -> Floats:
 
 def area_of(request: PlanRequest, file: AreaFile | None, site: Site, path: Path) -> Floats:
     """(V, 2) corners of the area.
+
+    Parameters
+    ----------
+    request
+        Of the scenario.
+    file
+        Of the area; None: it is given in metres.
+    site
+        Where the world lies.
+    path
+        The scenario, for messages.
 
     Raises
     ------
@@ -109,7 +130,15 @@ def _is_no_go(area: Area) -> bool:
 
 
 def no_go_of(request: PlanRequest, site: Site, path: Path) -> tuple[Floats, ...]:
-    """Polygons that nobody may enter: of their own file, of the area's, or in metres."""
+    """Polygons that nobody may enter: of their own file, of the area's, or in metres.
+
+    Parameters
+    ----------
+    request, site
+        Of the scenario; where the world lies.
+    path
+        The scenario: names of files are relative to it.
+    """
     found: list[Floats] = []
     for name, only in ((request.area, True), (request.no_go, False)):
         if isinstance(name, str):

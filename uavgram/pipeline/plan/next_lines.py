@@ -155,8 +155,8 @@ def _places(adjustment: Adjustment, project: Path) -> _Places:
     pixel = project_rows(camera, adjustment.problem.intrinsics(state), poses, world[None])
     size = np.array([camera.width_px, camera.height_px]) - 1.0
     with np.errstate(invalid="ignore"):
-        inside = ((pixel > EDGE_PX) & (pixel < size - EDGE_PX)).all(axis=-1)
-    return _Places(world, np.where(inside[..., None], pixel, np.nan))
+        inside = np.all((pixel > EDGE_PX) & (pixel < size - EDGE_PX), axis=-1, keepdims=True)
+    return _Places(world, np.where(inside, pixel, np.nan))
 
 
 def _tape_sigma(lines: KnownLines) -> float:
@@ -231,7 +231,8 @@ def _only(
         line_name=(),
         line_tape=tuple(names[i % len(names)] for i in range(len(pairs))),
         line_along=(),
-        **({} if tapes else {"tape_scale_sigma": 0.0, "own_scale_sigma": ()}),
+        tape_scale_sigma=survey.tape_scale_sigma if tapes else 0.0,
+        own_scale_sigma=survey.own_scale_sigma if tapes else (),
     )
 
 

@@ -134,8 +134,8 @@ def require_seen(wanted: Wanted, certain: Bools) -> None:
     GeometryError
         Names those that are not.
     """
-    shown = certain.any(axis=0).tolist()
-    hidden = [one for one, there in zip(wanted.label, shown, strict=False) if not there]
+    shown = np.flatnonzero(np.count_nonzero(certain, axis=0))
+    hidden = [one for k, one in enumerate(wanted.label) if k not in shown]
     if hidden:
         raise GeometryError(
             f"in no photo for certain: {', '.join(hidden[:6])}. Fly higher or take more photos, or "

@@ -43,7 +43,15 @@ class Predicted:
 def survey_with(
     scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats
 ) -> PlannedSurvey:
-    """The survey of wanted points and lines (L, 2, 2) on the ground."""
+    """The survey of wanted points and lines (L, 2, 2) on the ground.
+
+    Parameters
+    ----------
+    scene, cameras, wanted
+        Ground, photos, and what is measured.
+    ends_m
+        (L, 2, 2) ends of the lines.
+    """
     count, lines = len(wanted.label), len(ends_m)
     world = scene.on_ground(np.concatenate([wanted.point_m, ends_m.reshape(-1, 2)]))
     label = (*wanted.label, *(f"L{i + 1}{end}" for i in range(lines) for end in "ab"))

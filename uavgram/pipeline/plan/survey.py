@@ -215,6 +215,15 @@ def in_plane_gauge(
     """Points (K, 3) and poses (F, 3), (F, 3, 3) in the axes of a survey without a log.
 
     The ground is z = 0, the first camera stands above x = y = 0, and up in its image is north.
+
+    Parameters
+    ----------
+    scene
+        The ground.
+    world_m
+        (K, 3) points.
+    center_m, rotation
+        (F, 3), (F, 3, 3) poses.
     """
     up = np.array([*-scene.slope, 1.0])
     up /= np.linalg.norm(up)

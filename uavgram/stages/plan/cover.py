@@ -32,6 +32,13 @@ TO_COVER = 60
 def covering(scene: PlanScene, request: PlanRequest, wanted: Wanted) -> list[Flight]:
     """Flights that show the area and what is wanted, and end before the battery does.
 
+    Parameters
+    ----------
+    scene, request
+        What the plan is for.
+    wanted
+        Whose points must be seen.
+
     Raises
     ------
     GeometryError

@@ -69,7 +69,15 @@ class Flight(NamedTuple):
 def flights(
     scene: PlanScene, request: PlanRequest, pattern: FlightPattern, height_m: float
 ) -> list[Flight]:
-    """All flights of a pattern at a height: each pitch with each number of photos."""
+    """All flights of a pattern at a height: each pitch with each number of photos.
+
+    Parameters
+    ----------
+    scene, request
+        What the plan is for.
+    pattern, height_m
+        How they are flown, and how high above the ground.
+    """
     pitches = request.pitches_deg or PITCHES_DEG[pattern]
     if pattern == "orbit":  # from a circle one looks inwards
         pitches = tuple(pitch for pitch in pitches if pitch > -85.0)

@@ -27,10 +27,10 @@ def footprints(scene: PlanScene, cameras: Cameras) -> tuple[Floats, Floats]:
     v = np.concatenate([zero, share, one, 1.0 - share])
     size = np.array([camera.width_px, camera.height_px]) - 1.0
     rim = np.column_stack([u, v])[::-1]  # image v runs down: reversed it is counterclockwise
-    whole = on_ground(scene, cameras, np.broadcast_to(rim * size, (len(cameras.center_m), 16, 2)))
+    whole = _on_ground(scene, cameras, np.broadcast_to(rim * size, (len(cameras.center_m), 16, 2)))
     inset = _spread(scene, cameras, whole) + EDGE_PX
     inset = np.minimum(inset, 0.45 * size)
-    return whole, on_ground(scene, cameras, rim * size + np.sign(0.5 - rim) * inset)
+    return whole, _on_ground(scene, cameras, rim * size + np.sign(0.5 - rim) * inset)
 
 
 def _spread(scene: PlanScene, cameras: Cameras, ground_m: Floats) -> Floats:
@@ -44,7 +44,7 @@ def _spread(scene: PlanScene, cameras: Cameras, ground_m: Floats) -> Floats:
     return spread_px(by_point, in_camera, scene.deviation)
 
 
-def on_ground(scene: PlanScene, cameras: Cameras, pixel_px: Floats) -> Floats:
+def _on_ground(scene: PlanScene, cameras: Cameras, pixel_px: Floats) -> Floats:
     """(F, V, 3) where pixels (F, V, 2) of each photo lie on the ground."""
     camera = scene.calibration
     ray = back_project(camera.model, camera.parameters, pixel_px)

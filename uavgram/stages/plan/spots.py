@@ -20,7 +20,17 @@ FROM_EDGE_M = 1.2
 
 
 def grid_in(area_m: Floats, step_m: float, from_edge_m: float = 0.0) -> Floats:
-    """(N, 2) a square grid in a polygon, along its longer side, equally far from all edges."""
+    """(N, 2) a square grid in a polygon, along its longer side, equally far from all edges.
+
+    Parameters
+    ----------
+    area_m
+        (V, 2) the polygon.
+    step_m
+        Largest distance from node to node.
+    from_edge_m
+        Room to leave at the edges of its smallest rectangle.
+    """
     middle, axis, size = long_axis(area_m)
     room = np.maximum(size - 2.0 * from_edge_m, 0.0)
     count = np.maximum(np.ceil(room / step_m - 1e-9).astype(int), 1)

@@ -107,7 +107,8 @@ def exposures(plan: FlightPlan, flown: Route, rng: np.random.Generator) -> Float
 
 def _ahead(plan: FlightPlan, site: Site) -> float:
     """How far ahead of the vehicle the optical axis meets the ground [m]."""
-    return (plan.height_m - site.ground_height_m) / np.tan(np.deg2rad(-plan.gimbal_pitch_deg))
+    above = plan.height_m - site.ground_height_m
+    return float(above / np.tan(np.deg2rad(-plan.gimbal_pitch_deg)))
 
 
 def _strips(plan: FlightPlan, site: Site) -> list[_Leg]:

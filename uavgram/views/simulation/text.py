@@ -6,7 +6,7 @@ from uavgram.model.simulation.repetitions import Simulation
 from uavgram.views.simulation.words import HEADER, costs, counts, headline, reasons, rows_of
 from uavgram.views.terminal import aligned
 
-COST_HEADER = ("what is amiss", "error, times", "error/stated", "within 2 sigma", "green")
+COST_HEADER = ("what is amiss", "error, times", "error/stated", "in 95 %", "green")
 
 
 def simulation_lines(simulation: Simulation) -> list[str]:

@@ -47,7 +47,7 @@ class Cells(NamedTuple):
 
     name: str
     unit: str
-    count: str
+    runs: str
     bias: str
     spread: str
     predicted: str
@@ -97,7 +97,7 @@ def _row(found: Repetitions, accuracy: Accuracy, i: int) -> Cells:
     return Cells(
         name=found.name[i],
         unit=one.symbol,
-        count=str(int(accuracy.count[i])),
+        runs=str(int(accuracy.count[i])),
         bias=ranged(accuracy.bias[i], accuracy.bias_range[i], signed=True),
         spread=ranged(spread, accuracy.spread_range[i]),
         predicted=text(found.predicted[i]),
