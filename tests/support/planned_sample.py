@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
+from pyproj import Transformer
 
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
@@ -91,6 +92,21 @@ def sample_plan() -> FlightPlanned:
             Message("warning", "plan-hidden", "1 wanted value stays above what was asked for."),
         ),
     )
+
+
+def in_metres(lonlat: Floats | list[Any]) -> Floats:
+    """(n, 2) in the sample's world, of longitudes and latitudes [deg].
+
+    By another projection (azimuthal equidistant) than the program's.
+    """
+    site = sample_plan().site
+    flat = Transformer.from_crs(
+        "EPSG:4326",
+        f"+proj=aeqd +lat_0={site.latitude_deg} +lon_0={site.longitude_deg} +datum=WGS84",
+        always_xy=True,
+    )
+    longitude, latitude = np.asarray(lonlat)[:, :2].T
+    return np.column_stack(flat.transform(longitude, latitude))
 
 
 def none_of(part: Any) -> Any:  # noqa: ANN401

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from planned_sample import HEIGHT_M, sample_plan, world_from_camera
+from planned_sample import HEIGHT_M, in_metres, sample_plan, world_from_camera
 from pymavlink import mavutil, mavwp
-from pyproj import Transformer
 from qgc_plan_format import PlacedItem, QgcPlan
 
 from uavgram.errors import GeometryError
@@ -166,16 +165,10 @@ def test_a_plan_is_written_where_its_photos_are(tmp_path: Path) -> None:
     loader.load(str(tmp_path / "flight.waypoints"))
     items = [loader.wp(row) for row in range(loader.count())]
     stops = _stops(items)
-    # by another way than the program's: azimuthal equidistant about the origin
-    site = planned.site
-    flat = Transformer.from_crs(
-        "EPSG:4326",
-        f"+proj=aeqd +lat_0={site.latitude_deg} +lon_0={site.longitude_deg} +datum=WGS84",
-        always_xy=True,
-    )
-    place = np.column_stack(flat.transform([s.y for s in stops], [s.x for s in stops]))
+    place = in_metres([[stop.y, stop.x] for stop in stops])
     np.testing.assert_allclose(place, planned.frames.center_world_m[:, :2], atol=0.002, rtol=0)
     assert [stop.z for stop in stops] == pytest.approx([HEIGHT_M] * 6, abs=1e-3)
+    site = planned.site
     assert items[0].z == pytest.approx(site.height_msl_m + site.ground_height_m, abs=1e-3)
     headed = [world_from_camera(s.param4, planned.flight.gimbal_pitch_deg) for s in stops]
     np.testing.assert_allclose(headed, planned.frames.world_from_camera, atol=1e-6)

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from planned_sample import HEIGHT_M, PITCH_DEG, sample_plan
-from pyproj import Transformer
+from planned_sample import HEIGHT_M, PITCH_DEG, in_metres, sample_plan
 
 from uavgram.io.exports.mission_litchi import write_litchi
 from uavgram.model.maps.mission import HeightFrame
@@ -26,14 +25,8 @@ def rows_of(folder: Path, height_frame: HeightFrame = "relative") -> list[dict[s
 
 
 def test_stops_are_where_the_photos_are(tmp_path: Path) -> None:
-    rows, site = rows_of(tmp_path), PLAN.site
-    flat = Transformer.from_crs(
-        "EPSG:4326",
-        f"+proj=aeqd +lat_0={site.latitude_deg} +lon_0={site.longitude_deg} +datum=WGS84",
-        always_xy=True,
-    )
-    lonlat = [[float(row[axis]) for row in rows] for axis in ("longitude", "latitude")]
-    place = np.column_stack(flat.transform(*lonlat))
+    rows = rows_of(tmp_path)
+    place = in_metres([[float(row["longitude"]), float(row["latitude"])] for row in rows])
     np.testing.assert_allclose(place, PLAN.frames.center_world_m[:, :2], atol=0.002, rtol=0)
     assert [float(row["altitude(m)"]) for row in rows] == pytest.approx([HEIGHT_M] * 6)
 

@@ -10,28 +10,15 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pyogrio
 import pytest
-from planned_sample import HEIGHT_M, sample_plan
-from pyproj import Transformer
+from planned_sample import HEIGHT_M, in_metres, sample_plan
 
 from uavgram.io.exports.kml import write_kml
 from uavgram.io.exports.layers_geojson import write_layers_geojson
-from uavgram.model.arrays import Floats
 from uavgram.stages.products.planned_layers import plan_layers
 
 PLAN = sample_plan()
 FEATURES = plan_layers(PLAN)
 KML = "{http://www.opengis.net/kml/2.2}"
-
-
-def on_ground(lonlat: Floats | list[Any]) -> Floats:
-    """(n, 2) metres, by another projection than the program's."""
-    site = PLAN.site
-    flat = Transformer.from_crs(
-        "EPSG:4326",
-        f"+proj=aeqd +lat_0={site.latitude_deg} +lon_0={site.longitude_deg} +datum=WGS84",
-        always_xy=True,
-    )
-    return np.column_stack(flat.transform(*np.asarray(lonlat)[:, :2].T))
 
 
 @pytest.fixture(scope="module")
@@ -55,14 +42,14 @@ def test_gdal_reads_every_feature(geojson: Path) -> None:
 def test_lines_to_lay_and_photos_are_where_they_are_planned(geojson: Path) -> None:
     lines = of_layer(geojson, "planned_lines")
     for k, line in enumerate(lines):
-        drawn = on_ground(line["geometry"]["coordinates"])
+        drawn = in_metres(line["geometry"]["coordinates"])
         np.testing.assert_allclose(drawn[0], PLAN.lines.start_world_m[k, :2], atol=2e-3)
         np.testing.assert_allclose(drawn[1], PLAN.lines.end_world_m[k, :2], atol=2e-3)
         assert line["properties"]["length_m"] == pytest.approx(
             np.linalg.norm(drawn[1] - drawn[0]), abs=3e-3
         )
     photos = of_layer(geojson, "planned_photos")
-    places = on_ground([photo["geometry"]["coordinates"] for photo in photos])
+    places = in_metres([photo["geometry"]["coordinates"] for photo in photos])
     np.testing.assert_allclose(places, PLAN.frames.center_world_m[:, :2], atol=5e-3)
     assert [photo["properties"]["frame"] for photo in photos] == list(PLAN.frames.name)
 
@@ -72,7 +59,7 @@ def test_rings_are_closed_and_go_round_against_the_clock(geojson: Path) -> None:
         for one in of_layer(geojson, name):
             (ring,) = one["geometry"]["coordinates"]
             assert ring[0] == ring[-1]
-            x, y = on_ground(ring).T
+            x, y = in_metres(ring).T
             assert np.sum(x[:-1] * y[1:] - x[1:] * y[:-1]) > 0
 
 
@@ -98,5 +85,5 @@ def test_a_globe_shows_the_same_with_photos_in_the_air(tmp_path: Path) -> None:
     )
     assert height == HEIGHT_M
     assert photo.findtext(f".//{KML}altitudeMode") == "relativeToGround"
-    place = on_ground(np.array([[longitude, latitude]]))
+    place = in_metres(np.array([[longitude, latitude]]))
     np.testing.assert_allclose(place[0], PLAN.frames.center_world_m[0, :2], atol=5e-3)
