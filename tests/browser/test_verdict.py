@@ -45,9 +45,15 @@ def row(page: Page, name: str) -> Locator:
 
 
 def one_length_off(result: Result) -> Result:
-    again, out = (
-        Remedy(action=act, words=words, corrections=(Correction(action=act, length="L2"),))
-        for act, words in (("read", "Read L2 again"), ("remove-length", "Remove the length L2"))
+    again = Remedy(
+        action="read",
+        words="Read L2 again",
+        corrections=(Correction(action="read", length="L2"),),
+    )
+    out = Remedy(
+        action="remove-length",
+        words="Remove the length L2",
+        corrections=(Correction(action="remove-length", length="L2"),),
     )
     off = Reason(cause="line-suspect", text="L2 does not fit.", lengths=("L2",), mend=again)
     amber = Verdict(level="amber", reasons=(replace(off, instead=(out,)),))

@@ -123,7 +123,8 @@ def _normalised(point: Floats) -> Floats:
     """Points (n, 2) about their middle, sqrt(2) from it on average (Hartley 1997)."""
     away = point - point.mean(axis=0)
     size = float(np.sqrt(np.mean(np.sum(away**2, axis=1)) / 2.0))
-    return away / max(size, np.finfo(float).tiny)
+    scaled: Floats = away / max(size, np.finfo(float).tiny)
+    return scaled
 
 
 def _misfit(x: Floats, y: Floats) -> Floats:
