@@ -7,8 +7,8 @@ import xml.etree.ElementTree as ET
 
 import synthetic_survey as survey
 
+from uavgram.views.page_parts import DRAWING, PHOTO, take_apart
 from uavgram.views.report import render_report
-from uavgram.views.report.parts import DRAWING, PHOTO, take_apart
 
 JPEG = b"\xff\xd8 not quite \xff\xd9"
 INSIDE = f"data:image/jpeg;base64,{base64.b64encode(JPEG).decode()}"
