@@ -23,7 +23,7 @@ from uavgram.estimation.measuring.kinds import refers_to_ground
 from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.refit import refit
-from uavgram.estimation.survey.unknowns import State, advance, between, move
+from uavgram.estimation.survey.unknowns import State, advance, between, move, unstacked
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
@@ -96,12 +96,13 @@ def _pairs(
     rows: Ints,
 ) -> Iterator[tuple[Floats, Floats]]:
     """Values of one request at both ends of each direction; NaN where there is no solution."""
-    for k, step in enumerate(_directions(adjustment, measured, request, rows)):
-        if k < len(rows):
-            states = _adjusted_both_ways(adjustment, REACH * step)
-        else:
-            way = partial(advance, adjustment.problem.layout, adjustment.state)
-            states = way(REACH * step), way(-REACH * step)
+    directions = REACH * _directions(adjustment, measured, request, rows)
+    plain = advance(
+        adjustment.problem.layout, adjustment.state, _both_ways(directions[len(rows) :])
+    )
+    pairs = [_adjusted_both_ways(adjustment, step) for step in directions[: len(rows)]]
+    moved = unstacked(plain)
+    for states in (*pairs, *zip(moved, moved, strict=True)):
         ends = [
             np.full(len(rows), np.nan)
             if state is None
@@ -117,6 +118,11 @@ def _pairs(
             for reach in (REACH, -REACH)
         ]
         yield ends[0], ends[1]
+
+
+def _both_ways(steps: Floats) -> Floats:
+    """(2n, size) each of n steps, and its opposite behind it."""
+    return np.stack([steps, -steps], axis=1).reshape(-1, steps.shape[1])
 
 
 def _adjusted_both_ways(adjustment: Adjustment, step: Floats) -> tuple[State | None, State | None]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -220,6 +221,12 @@ class State:
             object.__setattr__(self, "turning", np.zeros((len(self.center), 0)))
 
 
+def unstacked(states: State) -> Iterator[State]:
+    """Each of the states whose arrays have one leading axis, as `move` gives them."""
+    arrays = [getattr(states, field.name) for field in fields(states)]
+    return (State(*each) for each in zip(*arrays, strict=True))
+
+
 def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
     """Which unknowns a survey has.
 
@@ -266,24 +273,45 @@ def move(layout: Layout, state: State, step: Floats) -> State:
     state
         From where.
     step
-        (size,) increment.
+        (size,) increment; of (..., size) as many states, their arrays with the same leading axes.
     """
-    frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, layout.frame_size)
-    plane = state.plane.copy()
-    plane[len(plane) - layout.plane :] += step[layout.first_plane : layout.first_relief]
+    many = step.shape[:-1]
+    frame_step = _of_frames(layout, step)
+    plane = np.array(np.broadcast_to(state.plane, (*many, state.plane.shape[-1])))
+    plane[..., plane.shape[-1] - layout.plane :] += step[
+        ..., layout.first_plane : layout.first_relief
+    ]
     return State(
-        point=state.point + step[: layout.first_tie].reshape(state.point.shape),
-        center=state.center + frame_step[:, :3],
-        rotation=state.rotation @ exp_so3(frame_step[:, 3:6]),
-        intrinsic=state.intrinsic + step[layout.first_intrinsic : layout.first_plane],
+        point=state.point + _of_points(layout, step),
+        center=state.center + frame_step[..., :3],
+        rotation=state.rotation @ exp_so3(frame_step[..., 3:6]),
+        intrinsic=state.intrinsic + step[..., layout.first_intrinsic : layout.first_plane],
         plane=plane,
-        relief=state.relief + step[layout.first_relief : layout.first_telemetry],
-        telemetry=state.telemetry + step[layout.first_telemetry : layout.first_tape],
-        tape=state.tape + step[layout.first_tape : layout.first_readout],
-        readout=state.readout + step[layout.first_readout :],
-        tie=state.tie + step[layout.first_tie : layout.first_frame].reshape(state.tie.shape),
-        turning=state.turning + frame_step[:, 6:],
+        relief=state.relief + step[..., layout.first_relief : layout.first_telemetry],
+        telemetry=state.telemetry + step[..., layout.first_telemetry : layout.first_tape],
+        tape=state.tape + step[..., layout.first_tape : layout.first_readout],
+        readout=state.readout + step[..., layout.first_readout :],
+        tie=state.tie + _of_ties(layout, state, step),
+        turning=state.turning + frame_step[..., 6:],
     )
+
+
+def _of_points(layout: Layout, step: Floats) -> Floats:
+    """(..., K, point_size) of a step, a view of it."""
+    own = step[..., : layout.first_tie]
+    return own.reshape(*step.shape[:-1], layout.points, layout.point_size)
+
+
+def _of_ties(layout: Layout, state: State, step: Floats) -> Floats:
+    """(..., T, point_size) of a step, a view of it."""
+    own = step[..., layout.first_tie : layout.first_frame]
+    return own.reshape(*step.shape[:-1], *state.tie.shape[-2:])
+
+
+def _of_frames(layout: Layout, step: Floats) -> Floats:
+    """(..., F, frame_size) of a step, a view of it."""
+    own = step[..., layout.first_frame : layout.first_intrinsic]
+    return own.reshape(*step.shape[:-1], layout.frames, layout.frame_size)
 
 
 def between(layout: Layout, start: State, end: State) -> Floats:
@@ -325,55 +353,62 @@ def advance(layout: Layout, state: State, step: Floats) -> State:
     layout, state, step
         As for `move`.
     """
-    point_step = step[: layout.first_tie].reshape(state.point.shape)[:, :2]
-    frame_step = step[layout.first_frame : layout.first_intrinsic].reshape(-1, layout.frame_size)
     middle = state.point[:, :2].mean(axis=0)
     arm = state.point[:, :2] - middle
     size = float(np.vdot(arm, arm))
     if size == 0.0:  # a single point has no heading
         return move(layout, state, step)
     across = arm[:, ::-1] * (-1.0, 1.0)
-    angle = float(np.vdot(across, point_step)) / size
+    angle = (across * _of_points(layout, step)[..., :2]).sum(axis=(-2, -1)) / size
+    by = angle[..., None]
     rest = np.array(step)
-    rest_point = rest[: layout.first_tie].reshape(state.point.shape)
-    rest_tie = rest[layout.first_tie : layout.first_frame].reshape(state.tie.shape)
-    rest_frame = rest[layout.first_frame : layout.first_intrinsic].reshape(-1, layout.frame_size)
-    rest_point[:, :2] -= angle * across
-    rest_tie[:, :2] -= angle * (state.tie[:, :2] - middle)[:, ::-1] * (-1.0, 1.0)
-    rest_frame[:, 0] += angle * (state.center[:, 1] - middle[1])
-    rest_frame[:, 1] -= angle * (state.center[:, 0] - middle[0])
-    rest_frame[:, 3:6] = frame_step[:, 3:6] - angle * state.rotation[:, 2]
-    turned = _turned(state, middle, np.array([np.cos(angle), np.sin(angle)]))
+    rest_frame = _of_frames(layout, rest)
+    _of_points(layout, rest)[..., :2] -= by[..., None] * across
+    tie_across = (state.tie[:, :2] - middle)[:, ::-1] * (-1.0, 1.0)
+    _of_ties(layout, state, rest)[..., :2] -= by[..., None] * tie_across
+    rest_frame[..., 0] += by * (state.center[:, 1] - middle[1])
+    rest_frame[..., 1] -= by * (state.center[:, 0] - middle[0])
+    rest_frame[..., 3:6] -= by[..., None] * state.rotation[:, 2]
+    turned = _turned(state, middle, np.cos(angle), np.sin(angle))
     moved = move(layout, turned, rest)
     return _at_gauge(moved) if layout.free_gauge else moved
 
 
 def _at_gauge(state: State) -> State:
     """A state on the plane z = 0 with its first frame above x = y = 0, image up towards north."""
-    image_up = -state.rotation[0, :2, 1]
-    size = np.linalg.norm(image_up)
-    if size == 0:
-        return state
-    east, north = image_up / size
-    foot = state.center[0, :2]
-    turned = _turned(state, foot, np.array([north, east]))
-    shift = np.array([*foot, 0.0])
-    point = turned.point.copy()
-    point[:, :2] -= foot
-    tie = turned.tie.copy()
-    tie[:, :2] -= foot
-    center = turned.center - shift
+    image_up = -state.rotation[..., 0, :2, 1]
+    size = np.linalg.norm(image_up, axis=-1)
+    is_level = size == 0  # up has no direction in the plan
+    size = np.where(is_level, 1.0, size)
+    sine = np.where(is_level, 0.0, image_up[..., 0] / size)
+    cosine = np.where(is_level, 1.0, image_up[..., 1] / size)
+    foot = np.where(is_level[..., None], 0.0, state.center[..., 0, :2])
+    turned = _turned(state, foot, cosine, sine)
+    point, tie, center = (np.array(a) for a in (turned.point, turned.tie, turned.center))
+    for places in (point, tie, center):
+        places[..., :2] -= foot[..., None, :]
     return replace(turned, point=point, tie=tie, center=center)
 
 
-def _turned(state: State, about: Floats, cosine_sine: Floats) -> State:
-    """All points and cameras turned about the vertical through (2,) `about`."""
-    cosine, sine = cosine_sine
-    turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
-    flat = turn[:2, :2].T
-    point, tie, center = state.point.copy(), state.tie.copy(), state.center.copy()
-    point[:, :2] = about + (point[:, :2] - about) @ flat
-    tie[:, :2] = about + (tie[:, :2] - about) @ flat
-    center[:, :2] = about + (center[:, :2] - about) @ flat
-    rotation = turn @ state.rotation
-    return replace(state, point=point, tie=tie, center=center, rotation=rotation)
+def _turned(state: State, about: Floats, cosine: Floats, sine: Floats) -> State:
+    """All points and cameras turned about the verticals through (..., 2) `about`."""
+    turn = np.zeros((*np.shape(cosine), 3, 3))
+    turn[..., 0, 0] = turn[..., 1, 1] = cosine
+    turn[..., 1, 0], turn[..., 0, 1] = sine, -np.asarray(sine)
+    turn[..., 2, 2] = 1.0
+    flat, about = np.swapaxes(turn[..., :2, :2], -1, -2), about[..., None, :]
+
+    def of(places: Floats) -> Floats:
+        placed = np.array(np.broadcast_to(places, (*np.shape(cosine), *places.shape[-2:])))
+        if placed.size:
+            placed[..., :2] = about + (placed[..., :2] - about) @ flat
+        return placed
+
+    rotation = turn[..., None, :, :] @ state.rotation
+    return replace(
+        state,
+        point=of(state.point),
+        tie=of(state.tie),
+        center=of(state.center),
+        rotation=rotation,
+    )
