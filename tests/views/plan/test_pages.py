@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pikepdf
@@ -225,7 +226,8 @@ def test_a_picture_lies_where_its_raster_says(result: Result) -> None:
 
         assert file.check_pdf_syntax() == []
         assert stored.Filter == "/DCTDecode"
-        found = np.asarray(pikepdf.PdfImage(stored).as_pil_image()).astype(int)
+        shown_as: Any = pikepdf.PdfImage(stored)  # type: ignore[arg-type]
+        found = np.asarray(shown_as.as_pil_image()).astype(int)
     assert found.shape == (10, 20, 3)
     assert np.abs(found - [255, 0, 0]).max() < 8
 
@@ -239,7 +241,7 @@ def test_texts_beside_the_frame_are_clear_of_each_other_and_of_north(
     sheet = Sheet(plan, plan.sheets[-1])
     draw_grid(sheet, result)
     draw_legend(sheet, result, "overview of 100 sheets 1:5000", wanted.notes, "SHA-256 " * 9)
-    renderer = FigureCanvasAgg(sheet.figure).get_renderer()
+    renderer = FigureCanvasAgg(sheet.figure).get_renderer()  # type: ignore[no-untyped-call]
     arrow = [one for one in sheet.axes.patches if isinstance(one, Polygon)][:1]
     drawn: list[Artist] = [*sheet.axes.texts, *arrow]
     boxes = [one.get_window_extent(renderer) for one in drawn]

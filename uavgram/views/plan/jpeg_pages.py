@@ -24,7 +24,8 @@ class JpegPages(PdfPages):
 
     def _ensure_file(self) -> PdfFile:
         if self._file is None:
-            self._file = _JpegFile(self._filename, metadata=self._metadata)
+            make: Any = _JpegFile  # Matplotlib's own has no types
+            self._file = make(self._filename, metadata=self._metadata)
         return self._file
 
 
@@ -33,23 +34,25 @@ class _JpegFile(PdfFile):
         """Store (H, W, 3) RGB without opacity as JPEG, all else as Matplotlib does."""
         height, width, bands = data.shape
         if bands != 3 or smask is not None:
-            super()._writeImg(data, id, smask)
+            super()._writeImg(data, id, smask)  # type: ignore[no-untyped-call]
             return
+        file: Any = self
+        name: Any = Name
         stored = io.BytesIO()
         Image.fromarray(data).save(stored, format="jpeg", quality=QUALITY)
         with rc_context({"pdf.compression": 0}):  # it is compressed already
-            self.beginStream(
+            file.beginStream(
                 id,
-                self.reserveObject("length of image stream"),
+                file.reserveObject("length of image stream"),
                 {
-                    "Type": Name("XObject"),
-                    "Subtype": Name("Image"),
+                    "Type": name("XObject"),
+                    "Subtype": name("Image"),
                     "Width": width,
                     "Height": height,
-                    "ColorSpace": Name("DeviceRGB"),
+                    "ColorSpace": name("DeviceRGB"),
                     "BitsPerComponent": 8,
-                    "Filter": Name("DCTDecode"),
+                    "Filter": name("DCTDecode"),
                 },
             )
-            self.currentstream.write(stored.getvalue())
-            self.endStream()
+            file.currentstream.write(stored.getvalue())
+            file.endStream()
