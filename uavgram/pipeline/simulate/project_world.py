@@ -299,4 +299,5 @@ def _with_more(
 
 def _slopes(count: int) -> tuple[Along, ...]:
     """Lengths along the ground."""
-    return ("slope",) * count
+    slope: Along = "slope"
+    return (slope,) * count

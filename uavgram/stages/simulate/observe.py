@@ -139,7 +139,15 @@ def tape(
 def survey_points(
     truth: SurveyTruth, rows: list[int], noise_m: Floats, sigma_m: float
 ) -> KnownPoints:
-    """Points whose coordinates somebody surveyed: their rows, errors (n, 3) and sigma."""
+    """Points whose coordinates somebody surveyed.
+
+    Parameters
+    ----------
+    truth, rows
+        Which of its points.
+    noise_m, sigma_m
+        (n, 3) their errors, and the sigma of each axis.
+    """
     return KnownPoints(
         label=tuple(truth.label[i] for i in rows),
         kind="local",

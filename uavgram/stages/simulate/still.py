@@ -20,7 +20,13 @@ class Still(np.random.Generator):
         return 0.0 if size is None else np.zeros(size)
 
     def uniform(self, low: Any = 0.0, high: Any = 1.0, size: Any = None) -> Any:  # noqa: ANN401
-        """Draw the middle."""
+        """Draw the middle.
+
+        Parameters
+        ----------
+        low, high, size
+            As of numpy's.
+        """
         middle = 0.5 * (low + high)
         return middle if size is None else np.full(size, middle)
 

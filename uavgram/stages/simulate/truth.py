@@ -77,7 +77,15 @@ def survey_truth(
 
 
 def true_poses(motion: Motion, biases: FlightBiases, instants_s: Floats) -> tuple[Floats, Floats]:
-    """Projection centres (F, 3) and rotations (F, 3, 3) of the camera, as it really was."""
+    """Projection centres (F, 3) and rotations (F, 3, 3) of the camera, as it really was.
+
+    Parameters
+    ----------
+    motion, biases
+        The true flight, and how the camera sits.
+    instants_s
+        (F,) from the start of the recording.
+    """
     roll, pitch, yaw = at(motion, motion.body_rpy_rad, instants_s).T
     world_from_body = ENU_FROM_NED @ matrix_from_ypr(yaw, pitch, roll)
     gimbal_roll, gimbal_pitch, gimbal_yaw = at(motion, motion.gimbal_rpy_rad, instants_s).T
