@@ -74,7 +74,7 @@ def next_lines_of(inputs: Inputs, project: Path) -> NextLines:
     values = _values(adjustment, inputs, posed.frames, project)
     places = _places(adjustment, project)
     shown = np.isfinite(places.pixel_px[..., 0]).astype(np.float64)
-    pairs = joined(places.world_m[:, :2], (), shown.T @ shown > 0, (SHORTEST_M, LONGEST_M))
+    pairs = joined(places.world_m, (), shown.T @ shown > 0, (SHORTEST_M, LONGEST_M))
     if not len(pairs):
         raise InputError(
             project,

@@ -86,7 +86,7 @@ def possible(
     require_seen(wanted, found.certain)
     count = len(wanted.label)
     shown = found.certain[:, count:].astype(np.float64)
-    pairs = joined(spot, scene.no_go_m, shown.T @ shown > 0, lengths_m)
+    pairs = joined(world[count:], scene.no_go_m, shown.T @ shown > 0, lengths_m)
     if not len(pairs):
         raise GeometryError(
             f"no line of {lengths_m[0]:g} to {lengths_m[1]:g} m fits into the area, clear of what "

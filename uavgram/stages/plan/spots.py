@@ -81,7 +81,7 @@ def joined(
     Parameters
     ----------
     spot_m
-        (K, 2) places.
+        (K, 3) places on the ground: a tape lies along it.
     no_go_m
         Polygons that no tape may cross.
     seen_together
@@ -94,6 +94,6 @@ def joined(
     fits = (length >= lengths_m[0]) & (length <= lengths_m[1]) & seen_together[first, second]
     first, second = first[fits], second[fits]
     for polygon in no_go_m:
-        free = ~crosses(polygon, spot_m[first], spot_m[second])
+        free = ~crosses(polygon, spot_m[first, :2], spot_m[second, :2])
         first, second = first[free], second[free]
     return np.stack([first, second], axis=1)
