@@ -23,7 +23,7 @@ class Found:
     error_m
         (B, m) of the withheld distances; NaN where there is no pose.
     sigma_m
-        (B, m) predicted; NaN of methods that predict none.
+        (B, m) predicted; inf where nothing determines the pose; NaN of methods that predict none.
     true_m
         (B, m) the distances.
     cost
@@ -112,7 +112,7 @@ def row_of(setting: str, method: str, parts: list[Found]) -> MethodRow:
     failed = np.concatenate([one.failed for one in parts])
     told = np.concatenate([one.told for one in parts])
     z = np.concatenate([(one.error_m / one.sigma_m).ravel() for one in parts])
-    z = z[np.isfinite(z)]
+    z = z[np.isfinite(z) & np.isfinite(np.concatenate([one.sigma_m.ravel() for one in parts]))]
     return MethodRow(
         setting=setting,
         method=method,

@@ -113,7 +113,8 @@ def _judged(scenes: MethodScenes, ends: Ends, told: Bools | None = None) -> Foun
     solvable = np.isfinite(ends.cost[:, 0])
     normal = np.where(solvable[:, None, None], ends.normal[:, 0], np.eye(6))
     whole = np.einsum("bmi,bij,bmj->bm", of_pose, np.linalg.pinv(normal, hermitian=True), of_pose)
-    variance = np.maximum(whole, 0.0) + np.sum(of_picks**2, axis=(2, 3))
+    whole = np.where(whole >= 0, whole, np.inf)  # to rounding nothing determines it
+    variance = whole + np.sum(of_picks**2, axis=(2, 3))
     none = np.where(solvable, 0.0, np.nan)[:, None]
     return Found(
         error_m=length - scenes.check_m + none,
