@@ -133,6 +133,7 @@ export const beneath = (columns, kind = "") => node("tr", { class: "beneath" }, 
 /** @param {number | null | undefined} w @param {string | undefined} status */
 export function wCell(w, status, why = "") {
   if (w === null || w === undefined) return missing;
-  if (isSuspect(status)) return node("span", { class: "bad", title: why || "suspect" }, `\u25c6 ${fixed(w, 1)}`);
-  return why ? node("span", { title: why }, fixed(w, 1)) : fixed(w, 1);
+  const words = fixed(w, Math.abs(w) < 100 ? 1 : 0); // what is so far off leaves the row no room for more
+  if (isSuspect(status)) return node("span", { class: "bad", title: why || "suspect" }, `\u25c6 ${words}`);
+  return why ? node("span", { title: why }, words) : words;
 }

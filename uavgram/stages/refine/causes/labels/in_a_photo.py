@@ -136,7 +136,17 @@ def _where_they_belong(standing: Standing, found: Strays, own: Ints, picks: Ints
 
 
 def swapped_message(standing: Standing, right: Mapping[int, int], _: Explained | None) -> Message:
-    """The message on picks of one photo, and the labels that belong there."""
+    """The message on picks of one photo, and the labels that belong there.
+
+    Parameters
+    ----------
+    standing
+        The survey.
+    right
+        Pick -> the label that belongs there.
+    _
+        Of the linear test: nothing is told of it.
+    """
     survey = standing.survey
     frame = survey.frame_id[survey.pick_frame[next(iter(right))]]
     names = {survey.label[survey.pick_label[k]]: survey.label[v] for k, v in right.items()}
