@@ -93,7 +93,8 @@ class Grid:
         """
         cell = self.cell_px
         middles = np.arange(cell) + 0.5
-        nodes = np.linspace(0.5, cell - 0.5, min(2 + cell // 16, MOST_NODES))
+        count = min(2 + cell // 16, MOST_NODES)
+        nodes: Floats = np.linspace(0.5, cell - 0.5, count).astype(np.float64)
         found = self._in_cells(cameras, frame, i, j, nodes)
         at_edge = np.isnan(found).any(axis=(1, 2, 3))
         between = _lagrange(nodes, middles)
