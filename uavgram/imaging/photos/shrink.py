@@ -37,7 +37,8 @@ def shrunk(pixels: Pixels, longest_px: int, *, across_only: bool = False) -> Pix
 
 
 def _is_even(pixels: Pixels) -> bool:
-    return pixels.shape[0] % 2 == 0 and pixels.shape[1] % 2 == 0
+    height, width = pixels.shape[:2]
+    return not (height % 2 or width % 2)
 
 
 def half(pixels: Pixels) -> Pixels:

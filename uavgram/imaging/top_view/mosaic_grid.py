@@ -92,8 +92,9 @@ class Grid:
             (n,) row and column of each cell.
         """
         cell = self.cell_px
-        middles = np.arange(cell) + 0.5
-        nodes = np.linspace(0.5, cell - 0.5, min(2 + cell // 16, MOST_NODES))
+        middles: Floats = np.arange(cell, dtype=np.float64) + 0.5
+        count = min(2 + cell // 16, MOST_NODES)
+        nodes = np.linspace(0.5, cell - 0.5, count)
         found = self._in_cells(cameras, frame, i, j, nodes)
         at_edge = np.isnan(found).any(axis=(1, 2, 3))
         between = _lagrange(nodes, middles)
