@@ -22,7 +22,7 @@ QUALITY = 88
 class JpegPages(PdfPages):
     """`PdfPages` whose pictures in colour are stored as JPEG."""
 
-    def _ensure_file(self) -> PdfFile:
+    def _ensure_file(self) -> Any:  # noqa: ANN401
         if self._file is None:
             make: Any = _JpegFile  # Matplotlib's own has no types
             self._file = make(self._filename, metadata=self._metadata)
