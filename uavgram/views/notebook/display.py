@@ -31,18 +31,18 @@ def result_html(result: Result) -> str:
     """Verdict with its reasons, the measurements, and what was used, as a piece of HTML."""
     words, units, keep = verdict_words(result), units_of(result), names_like_lengths(result)
 
-    def told(text: str) -> str:
+    def converted(text: str) -> str:
         return escape(in_units(text, units, keep))
 
     mark = f"border-left:6px solid {hex_colour(LEVEL_COLOURS[words.level])};padding-left:.6em"
-    reasons = "".join(f"<li>{told(one.text)}</li>" for one in words.reasons[1:])
+    reasons = "".join(f"<li>{converted(one.text)}</li>" for one in words.reasons[1:])
     more = f"<details><summary>{len(words.reasons) - 1} more</summary><ul>{reasons}</ul></details>"
     parts = [
         f"<div><h4>{escape(result.name)}</h4>",
-        f'<p style="{mark}"><b>{told(words.sentence)}</b></p>',
+        f'<p style="{mark}"><b>{converted(words.sentence)}</b></p>',
         more if reasons else "",
         _table(result),
-        f"<p>{told(words.counts)} {told(words.scale)}</p></div>",
+        f"<p>{converted(words.counts)} {converted(words.scale)}</p></div>",
     ]
     return "\n".join(filter(None, parts))
 
