@@ -65,18 +65,18 @@ def in_project_units(
     keep
         Names that stay as they are.
     exact
-        Lengths [m], rising, that are told rounded.
+        Lengths [m], rising, that are worded rounded.
     """
-    told = partial(in_units, units=units, keep=keep, exact=exact)
+    worded = partial(in_units, units=units, keep=keep, exact=exact)
     inner = partial(in_project_units, units=units, keep=keep)
 
     def value_of(key: str, value: Any) -> Any:  # noqa: ANN401 (JSON)
         if isinstance(value, str):
-            return told(value) if key in SENTENCES else value
+            return worded(value) if key in SENTENCES else value
         if key in _WITHOUT or not isinstance(value, dict | list):
             return value
         if key in SENTENCES and all(isinstance(one, str) for one in value):  # several sentences
-            return [told(one) for one in value]
+            return [worded(one) for one in value]
         return inner(value, exact=exact)
 
     if isinstance(message, list):
@@ -86,5 +86,5 @@ def in_project_units(
     if "changes" in message:  # a button says what it would make of a length
         made = [change.get("length_m") for change in message["changes"]]
         exact = rising([*exact, *made])
-        told = partial(in_units, units=units, keep=keep, exact=exact)
+        worded = partial(in_units, units=units, keep=keep, exact=exact)
     return {key: value_of(key, value) for key, value in message.items()}
