@@ -36,6 +36,15 @@ def write_litchi(
 ) -> None:
     """Write the mission of a plan; see `flight_mission` for what heights count from.
 
+    Parameters
+    ----------
+    path
+        The file.
+    planned
+        The plan.
+    height_frame
+        What heights count from.
+
     Raises
     ------
     GeometryError

@@ -33,6 +33,17 @@ def write_qgc_plan(
 ) -> None:
     """Write the mission of a plan; see `flight_mission` for the choices.
 
+    Parameters
+    ----------
+    path
+        The file.
+    planned
+        The plan.
+    autopilot
+        Whose commands it is written in.
+    height_frame
+        What heights count from.
+
     Raises
     ------
     GeometryError

@@ -27,6 +27,15 @@ def write_waypoints(
     Not for PX4: tools that hand such a file to PX4 take its first line, the place of take-off on
     the ground, for the first stop. `mission_qgc` has a file for both.
 
+    Parameters
+    ----------
+    path
+        The file.
+    planned
+        The plan.
+    height_frame
+        What heights count from.
+
     Raises
     ------
     GeometryError

@@ -90,8 +90,7 @@ def judge_survey(
     groups, group_messages = judge_groups(
         refined.adjustment, significance, explained=refined.accused_alone
     )
-    tapes = [lines.tape_of(i) for i in range(len(lines.name))]
-    fit = fit_of(refined, line_results, known, point_checks, overall, tapes)
+    fit = fit_of(refined, line_results, known, point_checks, overall)
     return Judgement(
         examined=examined,
         fit=fit,

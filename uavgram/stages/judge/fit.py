@@ -5,14 +5,12 @@ Priors of the telemetry are meant to be generous: they are left out, as they wou
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from scipy.special import ndtr
 
 from uavgram.estimation.reliability.core import core_fit
-from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY, upper_tail
+from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.message import Message
 from uavgram.model.result.known import KnownResults
@@ -38,20 +36,15 @@ class Fit:
     stated
         The same with sigmas and ground as they were stated.
     checks
-        The smallest of each withheld thing by itself and of all together; 1 without any. Lengths
-        that are outvoted do not count.
+        The smallest of each withheld thing by itself and of all together; 1 without any.
     check_labels
         Labels of the withheld things that are contradicted.
-    outvoted
-        Ends of withheld lengths that more lengths contradict, which fit and were taped alike: such
-        a reading is wrong sooner than the result, and to withhold it makes nothing worse.
     """
 
     core: float = 1.0
     stated: float = 1.0
     checks: float = 1.0
     check_labels: frozenset[str] = frozenset()
-    outvoted: frozenset[str] = frozenset()
 
 
 def fit_of(
@@ -60,7 +53,6 @@ def fit_of(
     known: KnownResults,
     points: PointChecks,
     overall: ChecksOverall | None,
-    tapes: Sequence[str],
 ) -> Fit:
     """How well the core fits, and what was withheld.
 
@@ -73,14 +65,11 @@ def fit_of(
         Of which the withheld ones are judged.
     overall
         Withheld lengths and points together; None where there are none.
-    tapes
-        (L,) names of the tapes of the lengths.
     """
-    outvoted = _outvoted(lines, tapes)
     checks = [
-        (2.0 * float(ndtr(-abs(w))), [lines.start[i], lines.end[i]])
-        for i, (w, status) in enumerate(zip(lines.w.tolist(), lines.status, strict=True))
-        if status == "checked" and i not in outvoted
+        (2.0 * float(ndtr(-abs(w))), ends)
+        for w, status, *ends in zip(lines.w, lines.status, lines.start, lines.end, strict=True)
+        if status == "checked"
     ]
     checks += [
         (2.0 * float(ndtr(-abs(w))), list(labels))
@@ -91,37 +80,14 @@ def fit_of(
         (upper_tail(float(size) ** 2, 3), [label])
         for size, label in zip(points.mahalanobis, points.label, strict=True)
     ]
-    # All together they do not fit where one of them is outvoted: that is told of it alone.
-    together = [] if overall is None or outvoted else [overall.probability]
+    together = [] if overall is None else [overall.probability]
     contradicted = [labels for probability, labels in checks if probability < CONTRADICTED]
     return Fit(
         core=core_fit(refined.adjustment).probability,
         stated=core_fit(refined.stated or refined.adjustment).probability,
         checks=min([1.0, *together, *(probability for probability, _ in checks)]),
         check_labels=frozenset(label for labels in contradicted for label in labels),
-        outvoted=frozenset(end for i in outvoted for end in (lines.start[i], lines.end[i])),
     )
-
-
-def _outvoted(lines: LineResults, tapes: Sequence[str]) -> frozenset[int]:
-    """Rows of withheld lengths that are contradicted, where those of their tape that fit are more.
-
-    Parameters
-    ----------
-    lines
-        Of which those fit that are used and checked by others, and those withheld that agree.
-    tapes
-        (L,) names of their tapes: what one tape has in common, others may contradict rightly.
-    """
-    off, fitting = set(), []
-    for i, (status, w) in enumerate(zip(lines.status, lines.w.tolist(), strict=True)):
-        if status == "checked" and 2.0 * float(ndtr(-abs(w))) < CONTRADICTED:
-            off.add(i)
-        elif status == "checked" or (status == "used" and lines.redundancy[i] > NO_REDUNDANCY):
-            fitting.append(tapes[i])
-    count = Counter(fitting)
-    count.subtract(tapes[i] for i in off)
-    return frozenset(i for i in off if count[tapes[i]] > 0)
 
 
 def judge_fit(fit: Fit, refined: Refined) -> tuple[Message, ...]:

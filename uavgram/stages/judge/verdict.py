@@ -86,7 +86,7 @@ def pass_verdict(
         examined,
         is_contradicted=bent,
         contradicted=fit.check_labels,
-        in_doubt=fit.outvoted.union(*(m.labels for m in still if m.code in TAKING_PART)),
+        in_doubt={label for m in still if m.code in TAKING_PART for label in m.labels},
     )
     told = BENDING | TAKING_PART | NOT_FITTING | UNCHECKED
     told |= LEARNT if fit.stated < UNCLEAR else frozenset()

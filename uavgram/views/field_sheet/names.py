@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
 from uavgram.stages.products.text_places import TextPlaces, around
@@ -48,15 +48,25 @@ class Name:
 
 
 def placed_names(planned: FlightPlanned, paper: Paper, units: Units) -> tuple[Name, ...]:
-    """All names, those that are needed most first: each at the nearest place that is free."""
+    """All names, those that are needed most first: each at the nearest place that is free.
+
+    Parameters
+    ----------
+    planned
+        The plan.
+    paper
+        From the world to the drawing.
+    units
+        Of the lengths that are told.
+    """
     places, found = _taken(planned, paper), []
     for kind, text, at in _names(planned, units):
         size = SIZES[kind]
         half = np.array([_HALF_LETTER * size * len(text) + 2.0, _HALF_LINE * size])
         anchor = paper(at)
 
-        def candidates(ring: int, anchor: Floats = anchor, half: Floats = half) -> Floats:
-            return _inside(around(anchor, half, _BESIDE, ring), paper.height)
+        def candidates(rounds: Ints, anchor: Floats = anchor, half: Floats = half) -> Floats:
+            return _inside(around(anchor, half, _BESIDE, rounds), paper.height)
 
         x, y = places.take_near(candidates)[:2].tolist()
         found.append(Name(x, y, text, size, kind in BOLD, *half.tolist()))

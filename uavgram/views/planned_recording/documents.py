@@ -24,7 +24,17 @@ SUMMARY, LAY, PHOTO = "documents/summary", "documents/lines", "documents/photo"
 
 
 def log_plan_documents(recorder: Recorder, planned: FlightPlanned, units: Units) -> None:
-    """Log all pages."""
+    """Log all pages.
+
+    Parameters
+    ----------
+    recorder
+        Of the recording.
+    planned
+        The plan.
+    units
+        Of the lengths that are told.
+    """
     named = (*planned.lines.name, *planned.measurements.name, *planned.points.label, planned.name)
     kept = like_lengths(named)
     for path, text in ((SUMMARY, summary_page(planned, units)), (LAY, lines_page(planned))):

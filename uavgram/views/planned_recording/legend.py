@@ -28,7 +28,17 @@ BAR_PX = 300
 
 
 def log_plan_legend(recorder: Recorder, planned: FlightPlanned, units: Units) -> None:
-    """Log the picture."""
+    """Log the picture.
+
+    Parameters
+    ----------
+    recorder
+        Of the recording.
+    planned
+        The plan.
+    units
+        Of the lengths that are told.
+    """
     image = np.asarray(draw_plan_legend(planned, units))
     recorder.static(LEGEND, rr.Image(image, color_model="RGB").compress(jpeg_quality=92))
 

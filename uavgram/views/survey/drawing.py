@@ -41,7 +41,15 @@ def frustum_corners(result: Result) -> Floats:
 
 
 def corner_rays(parameters: Floats, width_px: int, height_px: int) -> Floats:
-    """(4, 3) corners of a photo as rays z = 1 of a camera without distortion, clockwise."""
+    """(4, 3) corners of a photo as rays z = 1 of a camera without distortion, clockwise.
+
+    Parameters
+    ----------
+    parameters
+        (n,) fx fy cx cy and more [px].
+    width_px, height_px
+        Size of its photos.
+    """
     fx, fy, cx, cy = parameters[:4]
     u = np.array([0, 1, 1, 0]) * width_px - 0.5
     v = np.array([0, 0, 1, 1]) * height_px - 0.5
