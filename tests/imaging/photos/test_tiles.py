@@ -11,11 +11,11 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos.preview import Pixels
+from uavgram.imaging.photos.shrink import half
 from uavgram.imaging.photos.tiles import (
     FIRST_COARSE,
     TILE_PX,
     fine_tile,
-    half,
     level_count,
     overview_of,
     read_pixels,
