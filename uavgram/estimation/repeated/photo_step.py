@@ -37,8 +37,7 @@ class Draws(NamedTuple):
 
 
 class State(NamedTuple):
-    """(3, B) centres, (3, B) turns of the poses beforehand, (2, E, B) places, (K, B) of camera
-    and tape."""
+    """Centres (3, B), turns of the poses beforehand (3, B), places (2, E, B), the rest (K, B)."""
 
     center: Floats
     turn: Floats
