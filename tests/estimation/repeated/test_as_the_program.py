@@ -12,6 +12,7 @@ from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.refit import refit
 from uavgram.geometry.motion.rotation import log_so3
+from uavgram.model.arrays import Floats
 from uavgram.model.scenario.flight import FlightPlan
 from uavgram.model.scenario.road import SceneLine, ScenePoint
 from uavgram.model.scenario.scenario import CameraSpec, Scenario
@@ -83,6 +84,10 @@ def adjusted(repetition: int, *, shared: bool) -> tuple[Survey, Adjustment]:
     return survey, refine(survey, options)[0].adjustment
 
 
+def root_of(covariance: Floats) -> Floats:
+    return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+
+
 @pytest.mark.parametrize("shared", [False, True])
 def test_the_minimum_is_that_of_the_program(shared: bool) -> None:  # noqa: FBT001
     for repetition in range(3):
@@ -98,7 +103,7 @@ def test_the_minimum_is_that_of_the_program(shared: bool) -> None:  # noqa: FBT0
             pixel_sigma_px=survey.pick_sigma_px[order],
             length_sigma_m=survey.length_sigma_m,
             information=np.linalg.inv(survey.telemetry.covariance[0]),
-            camera_root=np.linalg.cholesky(survey.calibration.covariance) if shared else None,
+            camera_root=root_of(survey.calibration.covariance) if shared else None,
             tape_scale_sigma=survey.tape_scale_sigma,
         )
         draws = PhotoDraws(

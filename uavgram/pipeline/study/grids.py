@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from uavgram.model.study.scene import StudyScene
 from uavgram.pipeline.study.photo_cell import Place
+
+Numbers = Mapping[str, float | str]
+"""Of a scene, by name."""
+
+Scenes = Mapping[str, Numbers]
+"""By the words of a curve, or of a place along the axis."""
+
+USUAL: Numbers = MappingProxyType({})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +36,7 @@ def _curve(
     values: Iterable[float],
     unit: str,
     factor: float = 1.0,
-    **others: float | str,
+    others: Numbers = USUAL,
 ) -> tuple[Place, ...]:
     """Places along one number of the scene; others hold along the curve."""
     return tuple(
@@ -41,9 +50,7 @@ def _curve(
     )
 
 
-def _each(
-    curve: str, scenes: Mapping[str, Mapping[str, float | str]], **others: float | str
-) -> tuple[Place, ...]:
+def _each(curve: str, scenes: Scenes, others: Numbers) -> tuple[Place, ...]:
     """Places with names along the axis."""
     return tuple(
         Place(curve=curve, at=float(k), label=name, scene=_scene({**numbers, **others}))
@@ -57,13 +64,41 @@ def _scene(numbers: dict[str, Any]) -> StudyScene:
 
 MM, PERCENT = 1e3, 1e2
 TAPES = (0.001, 0.003, 0.01, 0.02, 0.03, 0.05, 0.1)
-LOGS: Mapping[str, Mapping[str, float | str]] = {
+LOGS: Scenes = {
     "no log": {"log": "none"},
     "usual log": {"log": "consumer"},
     "RTK": {"log": "rtk"},
 }
-MARKS: Mapping[str, float | str] = {"layout": "plates", "tape_m": 0.0005, "mark_px": 0.1}
+MARKS: Numbers = {"layout": "plates", "tape_m": 0.0005, "mark_px": 0.1}
 """Plates, printed to half a millimetre, whose corners the program itself finds to a tenth pixel."""
+
+CAMERAS: Scenes = {
+    "looking 20° to the side": {},
+    "the same, principal point to 30 px": {"centre_px": 30.0},
+    "the same, principal point to 100 px": {"centre_px": 100.0},
+    "looking 50° to the side": {"tilt_deg": 50.0},
+    "20°, one length and the log": {"lines": 1},
+}
+LAYOUTS: Scenes = {
+    "10 m, around the scene": {},
+    "14 m, around the scene": {"line_m": 14.0},
+    "3 m, around the scene": {"line_m": 3.0},
+    "10 m, all on one side": {"layout": "side"},
+    "3 m, all in a corner": {"layout": "corner", "line_m": 3.0},
+}
+GROUNDS: Scenes = {
+    "looking 20° to the side": {},
+    "looking straight down": {"tilt_deg": 0.0},
+    "looking 50° to the side": {"tilt_deg": 50.0},
+    "20°, read in 30 ms at 5 m/s": {"readout_ms": 30.0},
+    "20°, read in 30 ms at 12 m/s": {"readout_ms": 30.0, "speed_m_s": 12.0},
+}
+LENSES: Scenes = {
+    "looking 20° to the side": {},
+    "looking straight down": {"tilt_deg": 0.0},
+    "straight down, from 80 m": {"tilt_deg": 0.0, "height_m": 80.0},
+}
+PLATE_LOGS: Scenes = {"usual log": {}, "no log": {"log": "none"}}
 
 GRIDS: dict[str, Grid] = {
     "lengths": Grid(
@@ -73,11 +108,11 @@ GRIDS: dict[str, Grid] = {
         is_log=True,
         places=(
             *_curve("picks to 0.8 px", "tape_m", TAPES, "mm", MM),
-            *_curve("picks to 0.3 px", "tape_m", TAPES, "mm", MM, pick_px=0.3),
-            *_curve("picks to 1.5 px", "tape_m", TAPES, "mm", MM, pick_px=1.5),
-            *_curve("picks to 3 px", "tape_m", TAPES, "mm", MM, pick_px=3.0),
+            *_curve("picks to 0.3 px", "tape_m", TAPES, "mm", MM, {"pick_px": 0.3}),
+            *_curve("picks to 1.5 px", "tape_m", TAPES, "mm", MM, {"pick_px": 1.5}),
+            *_curve("picks to 3 px", "tape_m", TAPES, "mm", MM, {"pick_px": 3.0}),
             *_curve(
-                "0.8 px, and a tape scale of 0.1 %", "tape_m", TAPES, "mm", MM, tape_scale=1e-3
+                "0.8 px, and a tape scale of 0.1 %", "tape_m", TAPES, "mm", MM, {"tape_scale": 1e-3}
             ),
         ),
     ),
@@ -94,7 +129,7 @@ GRIDS: dict[str, Grid] = {
                 "pick_px",
                 (0.1, 0.3, 0.8, 1.5, 3.0),
                 "px",
-                height_m=height,
+                others={"height_m": height},
             )
         ),
     ),
@@ -111,7 +146,7 @@ GRIDS: dict[str, Grid] = {
                 "tilt_deg",
                 (0.0, 10.0, 20.0, 30.0, 45.0, 60.0),
                 "°",
-                height_m=height,
+                others={"height_m": height},
             )
         ),
     ),
@@ -122,15 +157,9 @@ GRIDS: dict[str, Grid] = {
         is_log=False,
         places=tuple(
             place
-            for name, others in {
-                "looking 20° to the side": {},
-                "the same, principal point to 30 px": {"centre_px": 30.0},
-                "the same, principal point to 100 px": {"centre_px": 100.0},
-                "looking 50° to the side": {"tilt_deg": 50.0},
-                "20°, one length and the log": {"lines": 1},
-            }.items()
+            for name, others in CAMERAS.items()
             for place in _curve(
-                name, "focal_share", (0.0, 0.002, 0.01, 0.02, 0.05), "%", PERCENT, **others
+                name, "focal_share", (0.0, 0.002, 0.01, 0.02, 0.05), "%", PERCENT, others
             )
         ),
     ),
@@ -141,14 +170,8 @@ GRIDS: dict[str, Grid] = {
         is_log=False,
         places=tuple(
             place
-            for name, others in {
-                "10 m, around the scene": {},
-                "14 m, around the scene": {"line_m": 14.0},
-                "3 m, around the scene": {"line_m": 3.0},
-                "10 m, all on one side": {"layout": "side"},
-                "3 m, all in a corner": {"layout": "corner", "line_m": 3.0},
-            }.items()
-            for place in _curve(name, "lines", (3, 4, 5, 6, 8, 12), "", 1.0, **others)
+            for name, others in LAYOUTS.items()
+            for place in _curve(name, "lines", (3, 4, 5, 6, 8, 12), "", 1.0, others)
         ),
     ),
     "telemetry": Grid(
@@ -160,7 +183,11 @@ GRIDS: dict[str, Grid] = {
             place
             for name, log in LOGS.items()
             for place in _curve(
-                name, "lines", (3, 4, 6, 8) if name == "no log" else (1, 2, 3, 4, 6, 8), "", **log
+                name,
+                "lines",
+                (3, 4, 6, 8) if name == "no log" else (1, 2, 3, 4, 6, 8),
+                "",
+                others=log,
             )
         ),
     ),
@@ -171,16 +198,8 @@ GRIDS: dict[str, Grid] = {
         is_log=False,
         places=tuple(
             place
-            for name, others in {
-                "looking 20° to the side": {},
-                "looking straight down": {"tilt_deg": 0.0},
-                "looking 50° to the side": {"tilt_deg": 50.0},
-                "20°, read in 30 ms at 5 m/s": {"readout_ms": 30.0},
-                "20°, read in 30 ms at 12 m/s": {"readout_ms": 30.0, "speed_m_s": 12.0},
-            }.items()
-            for place in _curve(
-                name, "relief_m", (0.0, 0.01, 0.02, 0.05, 0.1), "cm", 100.0, **others
-            )
+            for name, others in GROUNDS.items()
+            for place in _curve(name, "relief_m", (0.0, 0.01, 0.02, 0.05, 0.1), "cm", 100.0, others)
         ),
     ),
     "distortion": Grid(
@@ -190,13 +209,9 @@ GRIDS: dict[str, Grid] = {
         is_log=False,
         places=tuple(
             place
-            for name, others in {
-                "looking 20° to the side": {},
-                "looking straight down": {"tilt_deg": 0.0},
-                "straight down, from 80 m": {"tilt_deg": 0.0, "height_m": 80.0},
-            }.items()
+            for name, others in LENSES.items()
             for place in _curve(
-                name, "bulge", (-0.1, -0.05, -0.02, -0.01, -0.005, 0.0), "", 1.0, **others
+                name, "bulge", (-0.1, -0.05, -0.02, -0.01, -0.005, 0.0), "", 1.0, others
             )
         ),
     ),
@@ -207,7 +222,7 @@ GRIDS: dict[str, Grid] = {
         is_log=False,
         places=tuple(
             place
-            for name, others in {"usual log": {}, "no log": {"log": "none"}}.items()
+            for name, others in PLATE_LOGS.items()
             for place in _each(
                 name,
                 {
@@ -218,7 +233,7 @@ GRIDS: dict[str, Grid] = {
                     "4 plates\n1 m": {**MARKS, "lines": 4, "line_m": 1.0},
                     "6 plates\n0.5 m": {**MARKS, "lines": 6, "line_m": 0.5},
                 },
-                **others,
+                others,
             )
         ),
     ),
@@ -235,7 +250,7 @@ GRIDS: dict[str, Grid] = {
                 "blunder_m",
                 (0.0, 0.05, 0.1, 0.2, 0.5, 1.0),
                 "m",
-                lines=count,
+                others={"lines": count},
             )
         ),
     ),

@@ -176,8 +176,8 @@ def _taped(scene: StudyScene) -> tuple[Floats, Ints]:
         out = rng.uniform(low, high, (scene.lines, 2)) * np.array(AREA_M) / 2
         angle = np.pi * (np.arange(scene.lines) + rng.random()) / scene.lines
         along = np.array([np.cos(angle), np.sin(angle)]).T
-    half = scene.line_m / 2 * along
-    ends = np.stack([out - half, out + half], axis=1).reshape(-1, 2)
+    reach = scene.line_m / 2 * along
+    ends = np.stack([out - reach, out + reach], axis=1).reshape(-1, 2)
     return ends, np.arange(2 * scene.lines).reshape(-1, 2)
 
 
