@@ -41,15 +41,13 @@ def study(
     verbose
         Say what is being done.
     """
-    from uavgram.pipeline.study.run import make_study, study_names, write_outputs
+    from uavgram.pipeline.study.run import JSON_FILE, PAGE_FILE, make_studies, study_names
     from uavgram.views.study.words import said
 
     log_to_stderr(verbose=verbose)
     names = study_names(name)
-    made = []
-    for one in names:
-        found = make_study(one, repetitions, workers, progress())
-        made.append(found)
+    for found in make_studies(names, output, repetitions, workers, progress()):
         say("", f"{found.title} ({found.seconds:.0f} s)", *(f"  {text}" for text in said(found)))
-    say_written(output, write_outputs(tuple(made), output))
+    figures = [f"{one}.{kind}" for one in names for kind in ("svg", "png")]
+    say_written(output, [JSON_FILE, PAGE_FILE, *figures])
     return DONE

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uavgram.geometry.camera.lens import distort
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats, Ints
@@ -65,7 +66,7 @@ def photo_of(scene: StudyScene) -> Photo:
     center = np.array([0.0, -scene.height_m * np.tan(tilt), scene.height_m])
     # Image up is north; tilting lifts the view from straight down to the north.
     rotation = exp_so3(np.array([tilt, 0.0, 0.0])) @ np.diag([1.0, -1.0, -1.0])
-    pixel = _seen(LENS, place, np.zeros(len(place)), center, rotation)
+    pixel = _exactly(place, center, rotation)
     if not (np.all(pixel > 0) and np.all(pixel < np.array(SIZE_PX))):
         raise ValueError(f"not everything is in the photo: {scene}")
     sigma = np.full(len(place), scene.pick_px)
@@ -99,8 +100,7 @@ def exact_draw(photo: Photo) -> PhotoDraws:
     photo
         The geometry.
     """
-    flat = np.zeros(len(photo.place_m))
-    pixel = _seen(LENS, photo.place_m, flat, photo.center, photo.rotation)
+    pixel = _exactly(photo.place_m, photo.center, photo.rotation)
     return PhotoDraws(
         pixel_px=pixel[None],
         length_m=_lengths(photo.place_m, photo.design.line)[None],
@@ -146,6 +146,12 @@ def draw(photo: Photo, count: int, rng: np.random.Generator) -> tuple[PhotoDraws
         world_from_camera=photo.rotation @ exp_so3(-off[:, 3:]),
     )
     return draws, _lengths(world, photo.pairs)
+
+
+def _exactly(place_m: Floats, center: Floats, rotation: Floats) -> Floats:
+    """(E, 2) pixels of places on level ground by the lens as stated."""
+    world = np.column_stack([place_m, np.zeros(len(place_m))])
+    return project("brown", LENS, (world - center) @ rotation)
 
 
 def _camera_root(scene: StudyScene) -> Floats | None:
@@ -207,22 +213,26 @@ def _relief(photo: Photo, count: int, rng: np.random.Generator) -> Floats:
 
 def _read_out(photo: Photo, lens: Floats, up: Floats) -> Floats:
     """(B, E, 2) pixels, row v being exposed readout (v / height - 1/2) after the photo's middle."""
-    count, scene = len(up), photo.scene
-    pixel = np.empty((count, len(photo.place_m), 2))
-    for b in range(count):
-        pixel[b] = _seen(lens[:, b], photo.place_m, up[b], photo.center, photo.rotation)
+    scene = photo.scene
+    pixel = _seen(lens, photo.place_m, up, photo.center, photo.rotation)
     if not scene.readout_ms:
         return pixel
     speed = np.array([0.0, scene.speed_m_s, 0.0])
     for _ in range(3):
         late = 1e-3 * scene.readout_ms * (pixel[..., 1] / SIZE_PX[1] - 0.5)
-        for b in range(count):
-            at = photo.center + late[b][:, None] * speed
-            pixel[b] = _seen(lens[:, b], photo.place_m, up[b], at, photo.rotation)
+        at = photo.center + late[..., None] * speed
+        pixel = _seen(lens, photo.place_m, up, at, photo.rotation)
     return pixel
 
 
 def _seen(lens: Floats, place_m: Floats, up_m: Floats, center: Floats, rotation: Floats) -> Floats:
-    """(E, 2) pixels of places from one centre (3,), or from one each (E, 3)."""
-    away = np.column_stack([place_m, up_m]) - center
-    return project("brown", lens, away @ rotation)
+    """(B, E, 2) pixels by B lenses (9, B) of places (E, 2) at heights (B, E).
+
+    All from one centre (3,), or each from its own (B, E, 3). Nothing here lies beyond the lens's
+    fold or behind the camera, which `project` would look for.
+    """
+    place = np.broadcast_to(place_m, (*up_m.shape, 2))
+    x, y, ahead = np.moveaxis((np.dstack([place, up_m]) - center) @ rotation, 2, 0)
+    fx, fy, cx, cy = lens[:4, :, None]
+    lens_at = distort("brown", lens[4:, :, None], x / ahead, y / ahead)
+    return np.stack([fx * lens_at.x + cx, fy * lens_at.y + cy], axis=2)

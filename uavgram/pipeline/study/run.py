@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -97,25 +98,37 @@ def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress
     )
 
 
-def write_outputs(studies: tuple[Study, ...], folder: Path) -> tuple[str, ...]:
-    """Write page, figures and tables at once; names of the files.
+def make_studies(
+    names: Iterable[str],
+    folder: Path,
+    repetitions: int,
+    workers: int = 0,
+    progress: Progress = silent,
+) -> Iterator[Study]:
+    """Make studies one after the other; after each, the folder has a page of those made so far.
 
     Parameters
     ----------
-    studies
-        What was made.
+    names
+        Of the studies.
     folder
-        Where to.
+        Of page, figures and tables.
+    repetitions, workers, progress
+        As for `make_study`.
 
     Raises
     ------
     OutputError
         The folder cannot be written.
     """
-    figures = figure_files(studies)
-    with staged_output(folder) as hidden:
-        write_studies(studies, hidden / JSON_FILE)
-        for name, content in figures.items():
-            (hidden / name).write_bytes(content)
-        write_study_page(studies, figures, hidden / PAGE_FILE)
-    return JSON_FILE, PAGE_FILE, *figures
+    studies: tuple[Study, ...] = ()
+    figures: dict[str, bytes] = {}
+    for name in names:
+        made = make_study(name, repetitions, workers, progress)
+        studies, figures = (*studies, made), figures | figure_files((made,))
+        with staged_output(folder) as hidden:
+            write_studies(studies, hidden / JSON_FILE)
+            for file, content in figures.items():
+                (hidden / file).write_bytes(content)
+            write_study_page(studies, figures, hidden / PAGE_FILE)
+        yield made
