@@ -96,6 +96,7 @@ def test_over_all_studies() -> None:
     told = " ".join(overall((one, two)))
     assert "The picks matter most in 4 of them." in told
     assert "The reference lengths matter most in 1 of them: lengths, usual (at 3 mm)" in told
+    assert "The camera file matters most in none of them." in told
     assert ranking((one, two))[0] == ("Title", "40 mm at 1 mm", "400 mm at 9 mm", "10.0")
 
 

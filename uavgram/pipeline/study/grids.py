@@ -43,7 +43,7 @@ def _curve(
         Place(
             curve=curve,
             at=factor * value,
-            label=f"{factor * value:g} {unit}".strip(),
+            label=_label(factor * value, unit),
             scene=_scene({key: value, **others}),
         )
         for value in values
@@ -56,6 +56,12 @@ def _each(curve: str, scenes: Scenes, others: Numbers) -> tuple[Place, ...]:
         Place(curve=curve, at=float(k), label=name, scene=_scene({**numbers, **others}))
         for k, (name, numbers) in enumerate(scenes.items())
     )
+
+
+def _label(value: float, unit: str) -> str:
+    if unit == "°":
+        return f"{value:g}°"
+    return f"{value:g} {unit[:-1] if value == 1 and unit.endswith('s') else unit}"
 
 
 def _scene(numbers: dict[str, Any]) -> StudyScene:
@@ -74,8 +80,8 @@ MARKS: Numbers = {"layout": "plates", "tape_m": 0.0005, "mark_px": 0.1}
 
 CAMERAS: Scenes = {
     "looking 20° to the side": {},
-    "the same, principal point to 30 px": {"centre_px": 30.0},
-    "the same, principal point to 100 px": {"centre_px": 100.0},
+    "20°, principal point to 30 px": {"centre_px": 30.0},
+    "20°, principal point to 100 px": {"centre_px": 100.0},
     "looking 50° to the side": {"tilt_deg": 50.0},
     "20°, one length and the log": {"lines": 1},
 }
@@ -171,7 +177,7 @@ GRIDS: dict[str, Grid] = {
         places=tuple(
             place
             for name, others in LAYOUTS.items()
-            for place in _curve(name, "lines", (3, 4, 5, 6, 8, 12), "", 1.0, others)
+            for place in _curve(name, "lines", (3, 4, 5, 6, 8, 12), "lengths", 1.0, others)
         ),
     ),
     "telemetry": Grid(
@@ -186,7 +192,7 @@ GRIDS: dict[str, Grid] = {
                 name,
                 "lines",
                 (3, 4, 6, 8) if name == "no log" else (1, 2, 3, 4, 6, 8),
-                "",
+                "lengths",
                 others=log,
             )
         ),
@@ -211,7 +217,7 @@ GRIDS: dict[str, Grid] = {
             place
             for name, others in LENSES.items()
             for place in _curve(
-                name, "bulge", (-0.1, -0.05, -0.02, -0.01, -0.005, 0.0), "", 1.0, others
+                name, "bulge", (-0.1, -0.05, -0.02, -0.01, -0.005, 0.0), "in k1", 1.0, others
             )
         ),
     ),

@@ -45,10 +45,15 @@ class SurveyGrid:
     places: tuple[SurveyPlace, ...]
 
 
+def photos_text(count: int) -> str:
+    """So many photos."""
+    return "1 photo" if count == 1 else f"{count} photos"
+
+
 def _places() -> tuple[SurveyPlace, ...]:
     counts = (1, 2, 4, 6)
     found = [
-        SurveyPlace(curve=f"over {base:g} m", at=n, label=str(n), photos=n, base_m=base)
+        SurveyPlace(curve=f"over {base:g} m", at=n, label=photos_text(n), photos=n, base_m=base)
         for base in (6.0, 24.0)
         for n in counts
     ]
@@ -56,7 +61,7 @@ def _places() -> tuple[SurveyPlace, ...]:
         SurveyPlace(
             curve="over 24 m, relief of 5 cm",
             at=n,
-            label=str(n),
+            label=photos_text(n),
             photos=n,
             base_m=24.0,
             relief_m=0.05,

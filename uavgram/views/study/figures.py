@@ -125,7 +125,7 @@ def _sources(axis: Axes, study: Study) -> None:
             np.arange(len(cells)), part, 0.75, bottom, color=colour, label=SOURCE_WORDS[source]
         )
         bottom += part
-    axis.set_xticks(np.arange(len(cells)), [cell.label for cell in cells], fontsize=8)
+    axis.set_xticks(np.arange(len(cells)), [_short(cell) for cell in cells], fontsize=8)
     axis.set_ylim(0, 100)
     axis.set_xlabel(study.axis)
     axis.legend(

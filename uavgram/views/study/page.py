@@ -54,7 +54,7 @@ def _row(cell: Cell) -> dict[str, object]:
     low, high = cell.ratio_range
     return {
         "curve": cell.curve,
-        "at": cell.label.replace("\n", ", ") or f"{cell.at:g}",
+        "at": cell.label.replace("\n", ", "),
         "predicted": f"{1e3 * cell.predicted_m:.1f}",
         "simulated": f"{1e3 * cell.simulated_m:.1f}",
         "ratio": f"{cell.ratio:.3f}",

@@ -111,7 +111,7 @@ def _course(name: str, cells: tuple[Cell, ...]) -> str:
             share = [_share(cell, source) for cell in some]
             where = _at(some[0]) if len(some) == 1 else f"{_at(some[0])} to {_at(some[-1])}"
             parts.append(f"{_source(source)} at {where} ({_percents(share)})")
-        text += f". Most of what is predicted comes from {'; '.join(parts)}"
+        text += f". The largest part of the predicted variance comes from {'; '.join(parts)}"
     return f"{text}."
 
 
@@ -133,7 +133,7 @@ def _thesis(study: Study) -> Iterator[str]:
         else:
             yield (
                 f"{_capital(name)}: the lengths matter most from about {found:.0f} mm on; below "
-                f"that, {_source(most(along[0]))} do."
+                f"that, {_source(most(along[0]))} {_verb(most(along[0]), 'do', 'does')}."
             )
 
 
@@ -166,12 +166,10 @@ def _failing(study: Study) -> list[str]:
         ]
         text = f"{_capital(name)}: "
         if bad:
-            text += f"the prediction fails, the errors are {', '.join(parts)}"
+            text += f"the prediction fails: the errors are {', '.join(parts)}"
         if good:
-            text += (
-                f"{'; it' if bad else 'the prediction'} holds within 5 % or cannot be told to fail "
-                f"at {', '.join(_at(cell) for cell in good)}"
-            )
+            where = ", ".join(_at(cell) for cell in good)
+            text += f"; at {where} no failure shows" if bad else f"no failure shows at {where}"
         found.append(f"{text}.")
     return found
 
@@ -229,10 +227,11 @@ def overall(studies: tuple[Study, ...]) -> list[str]:
     ]
     for source in ("picks", "lengths", "log", "camera"):
         mine = [(study, cell) for study, cell in cells if most(cell) == source]
+        matter = _verb(source, "matter", "matters")
         if not mine:
-            found.append(f"{_capital(_source(source))} matter most in none of them.")
+            found.append(f"{_capital(_source(source))} {matter} most in none of them.")
             continue
-        text = f"{_capital(_source(source))} matter most in {len(mine)} of them"
+        text = f"{_capital(_source(source))} {matter} most in {len(mine)} of them"
         if len(mine) < len(cells) / 2:
             grouped = groupby(mine, lambda pair: (pair[0].name, pair[1].curve))
             where = [
@@ -276,8 +275,12 @@ def _source(source: str) -> str:
     return "the reference lengths" if source == "lengths" else SOURCE_WORDS[source]
 
 
+def _verb(source: str, plural: str, singular: str) -> str:
+    return plural if source in {"lengths", "picks"} else singular
+
+
 def _at(cell: Cell) -> str:
-    return cell.label.replace("\n", " of ") or f"{cell.at:g}"
+    return cell.label.replace("\n", " of ")
 
 
 def _mm(size_m: float) -> str:
