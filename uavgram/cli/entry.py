@@ -28,6 +28,7 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
     rectify,
     run,
     simulate,
+    study,
     targets,
     view,
 )

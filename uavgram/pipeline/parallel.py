@@ -35,13 +35,15 @@ FEW = 4
 """Items for which starting processes does not pay."""
 
 
-def in_processes(work: Callable[[Item], Made], items: Sequence[Item]) -> Iterator[Made]:
-    """Results in order, made by as many processes as there are cores; few items by this one.
+def in_processes(
+    work: Callable[[Item], Made], items: Sequence[Item], workers: int = 0
+) -> Iterator[Made]:
+    """Results in order, made by so many processes (0: as there are cores); few items by this one.
 
     For work in Python. `work` and items are pickled; processes are started afresh, so that no lock
     of a thread is copied into them.
     """
-    cores = _cores()
+    cores = workers or _cores()
     if cores < 2 or len(items) <= FEW:
         yield from map(work, items)
         return

@@ -6,11 +6,13 @@ import dataclasses
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.refit import refit
 from uavgram.geometry.motion.rotation import log_so3
+from uavgram.model.arrays import Floats
 from uavgram.model.scenario.flight import FlightPlan
 from uavgram.model.scenario.road import SceneLine, ScenePoint
 from uavgram.model.scenario.scenario import CameraSpec, Scenario
@@ -28,7 +30,11 @@ EXACT = 1e-7
 """Sigma of what the batch takes as known: metres, radians, seconds."""
 
 
-def scenario() -> Scenario:
+CAMERA_SIGMA = (30.0, 30.0, 20.0, 20.0, 0.02, 0.01, 1e-3, 1e-3, 0.004)
+TAPE_SCALE = 0.003
+
+
+def scenario(sigma: tuple[float, ...]) -> Scenario:
     points = tuple(
         ScenePoint(label=label, x_m=x, y_m=y) for label, (x, y) in zip("ABCDEF", ENDS, strict=True)
     )
@@ -36,14 +42,14 @@ def scenario() -> Scenario:
     return replace(
         Scenario(),
         flight=FlightPlan(pattern="single", gimbal_pitch_deg=-75.0, height_m=35.0),
-        camera=replace(CameraSpec(), sigma=(1e-9,) * 9),
+        camera=replace(CameraSpec(), sigma=sigma),
         points=points,
         lines=lines,
         measurements=(),
     )
 
 
-def known_but_the_pose(survey: Survey) -> Survey:
+def known_but_the_pose(survey: Survey, *, shared: bool) -> Survey:
     """The survey with everything as good as known that the batch takes as known."""
     assert survey.telemetry is not None
     telemetry = replace(
@@ -56,27 +62,36 @@ def known_but_the_pose(survey: Survey) -> Survey:
         position_bias_sigma_m=np.full(3, EXACT),
     )
     ground = replace(survey.ground, height_sigma_m=EXACT, slope_sigma_rad=EXACT / 30)
-    calibration = replace(survey.calibration, covariance=np.zeros((9, 9)))
+    calibration = survey.calibration
+    if not shared:
+        calibration = replace(calibration, covariance=np.zeros((9, 9)))
     return replace(
         survey,
         telemetry=telemetry,
         grounds=(ground,),
         calibration=calibration,
-        tape_scale_sigma=0.0,
+        tape_scale_sigma=TAPE_SCALE if shared else 0.0,
         rolling=None,
     )
 
 
-def adjusted(repetition: int) -> tuple[Survey, Adjustment]:
-    inputs = inputs_of(simulate(scenario(), repetition=repetition))
-    survey = known_but_the_pose(assembled_survey(inputs, pose_frames(inputs)).survey)
+def adjusted(repetition: int, *, shared: bool) -> tuple[Survey, Adjustment]:
+    drawn = scenario(CAMERA_SIGMA if shared else (1e-9,) * 9)
+    inputs = inputs_of(simulate(drawn, repetition=repetition))
+    survey = assembled_survey(inputs, pose_frames(inputs)).survey
+    survey = known_but_the_pose(survey, shared=shared)
     options = dataclasses.replace(inputs.project.solve, noise="stated", significance=1e-12)
     return survey, refine(survey, options)[0].adjustment
 
 
-def test_the_minimum_is_that_of_the_program() -> None:
+def root_of(covariance: Floats) -> Floats:
+    return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_the_minimum_is_that_of_the_program(shared: bool) -> None:  # noqa: FBT001
     for repetition in range(3):
-        survey, adjustment = adjusted(repetition)
+        survey, adjustment = adjusted(repetition, shared=shared)
         assert survey.seeds is not None
         assert survey.telemetry is not None
         order = np.argsort(survey.pick_label)
@@ -88,6 +103,8 @@ def test_the_minimum_is_that_of_the_program() -> None:
             pixel_sigma_px=survey.pick_sigma_px[order],
             length_sigma_m=survey.length_sigma_m,
             information=np.linalg.inv(survey.telemetry.covariance[0]),
+            camera_root=root_of(survey.calibration.covariance) if shared else None,
+            tape_scale_sigma=survey.tape_scale_sigma,
         )
         draws = PhotoDraws(
             pixel_px=survey.pixel_px[order][None],

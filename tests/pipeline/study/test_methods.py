@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavgram.pipeline.study.method_results import MethodRow
+from uavgram.model.study.methods import MethodRow
 from uavgram.pipeline.study.method_scenes import Setting, method_scenes
 from uavgram.pipeline.study.methods import METHODS, compared
 

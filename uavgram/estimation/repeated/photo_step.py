@@ -3,7 +3,9 @@
 An end of a length is seen once, so its place on the ground is where its sighting, error e included,
 meets the ground. Moving the camera by δC and turning it by ω moves that place by P (δC + ω x r),
 with r the ray from camera to place and P the projection along r onto the ground: no derivative of
-the lens is needed for that, only for what e does.
+the lens is needed for that, only for what e does. What all sightings or all readings share, the
+errors of the camera and of the tape, is an error like e: normal, with sigma 1, and eliminated with
+it (`estimation/repeated/common_errors.py`).
 """
 
 from __future__ import annotations
@@ -12,9 +14,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.repeated.common_errors import (
+    by_common,
+    parameters_at,
+    sight_shifts,
+    tape_scale,
+)
 from uavgram.estimation.repeated.small_systems import backward, cholesky, forward
 from uavgram.estimation.repeated.turns import turned
-from uavgram.geometry.camera.lens import distort
+from uavgram.geometry.camera.lens import distort, each
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation.photo import PhotoDesign
 
@@ -29,11 +37,12 @@ class Draws(NamedTuple):
 
 
 class State(NamedTuple):
-    """(3, B) centres, (3, B) turns of the poses beforehand, (2, E, B) places."""
+    """Centres (3, B), turns of the poses beforehand (3, B), places (2, E, B), the rest (K, B)."""
 
     center: Floats
     turn: Floats
     place: Floats
+    common: Floats
 
 
 class Line(NamedTuple):
@@ -52,6 +61,9 @@ class Line(NamedTuple):
         (2, 2, L, B) what the errors of the two ends, u and v, do to the lengths.
     error, to_place
         (2, E, B) of the sightings in sigmas, (2, 2, E, B) what they do to the places.
+    common, by_common, shifts
+        (K, B) the errors of camera and tape, (L, K, B) what they do to the lengths, (2, E, K, B) by
+        how much those of the camera shift a sighting, in sigmas.
     ray, falling, by_turn
         (3, E, B) from camera to place, (E, B) its fall against the ground, (3, 3, B) from a change
         of the turn to a rotation vector in the world.
@@ -66,6 +78,9 @@ class Line(NamedTuple):
     by_error: Floats
     error: Floats
     to_place: Floats
+    common: Floats
+    by_common: Floats
+    shifts: Floats
     ray: Floats
     falling: Floats
     by_turn: Floats
@@ -85,12 +100,14 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
     up = height + slope[0] * x + slope[1] * y + design.height_m[:, None]
     ray = np.stack([x - state.center[0], y - state.center[1], up - state.center[2]])
     falling = ray[2] - slope[0] * ray[0] - slope[1] * ray[1]
-    error, to_place = _sighted(design, draws, rotation, ray)
+    parameters = parameters_at(design, state.common)
+    error, to_place = _sighted(design, draws, rotation, ray, parameters)
     start, end = design.line.T
     leg = np.stack([x[end] - x[start], y[end] - y[start], up[end] - up[start]])
     length = np.sqrt(np.einsum("klb,klb->lb", leg, leg))
     unit = leg / length
-    along = np.stack([unit[k] + unit[2] * slope[k] for k in (0, 1)])
+    scale = tape_scale(design, state.common)
+    along = np.stack([unit[k] + unit[2] * slope[k] for k in (0, 1)]) * scale
     jacobian = _by_pose(slope, along, (ray, falling), (start, end), by_turn)
     by_error = np.stack(
         [
@@ -98,11 +115,15 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
             for sign, at in ((-1.0, start), (1.0, end))
         ]
     )
-    misfit = draws.length - length
+    shifts = sight_shifts(design, parameters, rotation, ray)
+    shared = by_common(design, by_error, shifts, length, scale)
+    misfit = draws.length - scale * length
     off = misfit / design.length_sigma_m[:, None]
     for k, at in enumerate((start, end)):
         misfit = misfit + np.einsum("jlb,jlb->lb", by_error[k], error[:, at])
-    lower = cholesky(_spread(design, by_error))
+    misfit = misfit + np.einsum("lkb,kb->lb", shared, state.common)
+    spread = _spread(design, by_error) + np.einsum("lkb,mkb->lmb", shared, shared)
+    lower = cholesky(spread)
     whitened = forward(lower, np.concatenate([jacobian, misfit[:, None]], axis=1))
     by_pose, missed = whitened[:, :6], whitened[:, 6]
     apart = np.concatenate([state.center - draws.center, state.turn])
@@ -110,6 +131,7 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
     pulled = np.tensordot(known, apart, axes=1)
     normal = np.einsum("lib,ljb->ijb", by_pose, by_pose) + known[:, :, None]
     cost = (error**2).sum(axis=(0, 1)) + (off**2).sum(axis=0) + (apart * pulled).sum(axis=0)
+    cost += (state.common**2).sum(axis=0)
     return Line(
         cost=cost,
         normal=normal,
@@ -120,6 +142,9 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
         by_error=by_error,
         error=error,
         to_place=to_place,
+        common=state.common,
+        by_common=shared,
+        shifts=shifts,
         ray=ray,
         falling=falling,
         by_turn=by_turn,
@@ -152,13 +177,22 @@ def moved(
         pulls = line.by_error[k] * force
         for length, at in enumerate(ends):
             change[:, at] += pulls[:, length]
+    common = np.einsum("lkb,lb->kb", line.by_common, force) - line.common
+    # What a sighting's pixel does not move by its error it moves by the camera's.
+    seen = change - np.einsum("jekb,kb->jeb", line.shifts, common)
     turn = np.einsum("ijb,jb->ib", line.by_turn, step[3:])
     ray, slope = line.ray, design.ground[1:].tolist()
     shift = _shifted(step[:3], turn, ray)
     fall = (shift[2] - slope[0] * shift[0] - slope[1] * shift[1]) / line.falling
-    place = np.einsum("kjeb,jeb->keb", line.to_place, change) + shift[:2] - ray[:2] * fall
-    length2 = (change**2).sum(axis=(0, 1)) + np.einsum("ib,ijb,jb->b", step, line.normal, step)
-    there = State(state.center + step[:3], state.turn + step[3:], state.place + place)
+    place = np.einsum("kjeb,jeb->keb", line.to_place, seen) + shift[:2] - ray[:2] * fall
+    length2 = (change**2).sum(axis=(0, 1)) + (common**2).sum(axis=0)
+    length2 += np.einsum("ib,ijb,jb->b", step, line.normal, step)
+    there = State(
+        state.center + step[:3],
+        state.turn + step[3:],
+        state.place + place,
+        state.common + common,
+    )
     return there, length2
 
 
@@ -172,18 +206,18 @@ def _shifted(shift: Floats, turn: Floats, ray: Floats) -> Floats:
 
 
 def _sighted(
-    design: PhotoDesign, draws: Draws, rotation: Floats, ray: Floats
+    design: PhotoDesign, draws: Draws, rotation: Floats, ray: Floats, parameters: Floats
 ) -> tuple[Floats, Floats]:
     """Errors (2, E, B) of the sightings in sigmas, and their inverse derivatives by the places."""
     camera = design.calibration
-    fx, fy, cx, cy = camera.parameters[:4].tolist()
+    fx, fy, cx, cy = each(parameters[:4])
     right, down, ahead = (
         rotation[0, k] * ray[0] + rotation[1, k] * ray[1] + rotation[2, k] * ray[2]
         for k in range(3)
     )
     near = 1.0 / np.where(ahead > 0, ahead, np.nan)
     u, v = right * near, down * near
-    lens = distort(camera.model, camera.parameters[4:], u, v)
+    lens = distort(camera.model, parameters[4:], u, v)
     weight = 1.0 / design.pixel_sigma_px[:, None]
     error = np.stack(
         [

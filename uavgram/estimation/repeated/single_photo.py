@@ -2,8 +2,8 @@
 
 Unknown are the photo's pose and the places of the lengths' ends on a given ground; observed are the
 ends' pixels, the lengths, and the pose beforehand. Each end is seen once, so its place is its
-sighting's error e: a Gauss-Newton step in the pose alone remains, 6 x 6, once the errors are
-eliminated from
+sighting's error e; errors of the camera and of the tape, where these are not exact, are part of e.
+A Gauss-Newton step in the pose alone remains, 6 x 6, once the errors are eliminated from
 
     length(pose, e) - reading ~ N(0, sigma_t^2),   e ~ N(0, 1)
 
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.estimation.repeated.common_errors import common_count
 from uavgram.estimation.repeated.photo_step import Draws, State, linearise, moved
 from uavgram.estimation.repeated.small_systems import backward, cholesky, forward
 from uavgram.estimation.repeated.turns import turned
@@ -127,7 +128,8 @@ def _first(
         turn = log_so3(np.swapaxes(rotation, 1, 2) @ start[1])
         center, rotation = (np.repeat(one[None], len(center), axis=0) for one in start)
     place = ground_places(design, (center, rotation), draws.pixel_px[rows], design.height_m)
-    return State(center.T.copy(), turn.T.copy(), place[..., :2].transpose(2, 1, 0).copy())
+    common = np.zeros((common_count(design), len(center)))
+    return State(center.T.copy(), turn.T.copy(), place[..., :2].transpose(2, 1, 0).copy(), common)
 
 
 def _newton(
@@ -196,6 +198,7 @@ def _found(
         world_from_camera=rotation.transpose(2, 0, 1),
         covariance=np.where(at_rest[:, None, None], covariance, np.nan),
         place_m=state.place.transpose(2, 1, 0),
+        common=state.common.T,
         cost=np.where(at_rest, line.cost, np.nan),
         converged=at_rest,
         steps=steps,

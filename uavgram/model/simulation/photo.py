@@ -16,7 +16,7 @@ class PhotoDesign(FrozenArrays):
     Attributes
     ----------
     calibration
-        The camera, taken as exact.
+        The camera; its covariance is not read.
     ground
         (3,) height at the origin [m] and slopes to east and north of the ground's plane.
     height_m
@@ -29,6 +29,11 @@ class PhotoDesign(FrozenArrays):
         (6, 6) inverse covariance of the pose beforehand: (δcentre world, δθ camera); 0 where
         nothing is known. Where it leaves the pose's place or heading free altogether, any small
         number there holds the pose without moving a length.
+    camera_root
+        (P, K) what K unknowns, each normal with sigma 1, do to the camera's parameters: a root of
+        their covariance. None: the camera is exact.
+    tape_scale_sigma
+        Of the tape, a share of all lengths; 0: it is exact.
     """
 
     calibration: Calibration
@@ -38,6 +43,8 @@ class PhotoDesign(FrozenArrays):
     pixel_sigma_px: Annotated[Floats, "e"]
     length_sigma_m: Annotated[Floats, "l"]
     information: Annotated[Floats, 6, 6]
+    camera_root: Floats | None = None
+    tape_scale_sigma: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,6 +76,8 @@ class PhotoPosesFound(FrozenArrays):
         to rest.
     place_m
         (B, E, 2) east and north of the ends.
+    common
+        (B, K) the camera's unknowns, and the tape's last; K = 0 where both are exact.
     cost
         (B,) weighted sum of squares.
     converged, steps
@@ -79,6 +88,7 @@ class PhotoPosesFound(FrozenArrays):
     world_from_camera: Annotated[Floats, "b", 3, 3]
     covariance: Annotated[Floats, "b", 6, 6, NAN_IS_NONE]
     place_m: Annotated[Floats, "b", "e", 2, NAN_IS_NONE]
+    common: Annotated[Floats, "b", "k", NAN_IS_NONE]
     cost: Annotated[Floats, "b", NAN_IS_NONE]
     converged: Annotated[Bools, "b"]
     steps: Annotated[Ints, "b"]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats
+from uavgram.model.study.methods import MethodRow
 
 FAILED = 0.05
 """Root mean square error of a scene's withheld distances, as a share of them, from which on a
@@ -58,44 +59,6 @@ class Found:
     def _are_useless(self, off_m: Floats) -> Bools:
         share = np.sqrt(np.mean((off_m / self.true_m) ** 2, axis=1))
         return ~np.asarray(share <= FAILED)
-
-
-@dataclass(frozen=True, kw_only=True)
-class MethodRow:
-    """One method in one setting.
-
-    Attributes
-    ----------
-    setting, method
-        Names.
-    scenes
-        How many.
-    rms_m, ninth_m
-        Median and 90th percentile of the scenes' root mean square errors.
-    fewest_m, most_m
-        Medians over the scenes with least and with most features.
-    failed
-        Share of scenes in which the distances are useless.
-    ambiguous, told, failed_silently
-        Shares of scenes in which the method says that another pose fits as well; in which it says
-        so, or predicts errors beyond `FAILED`; and that failed without a word.
-    coverage, z
-        Share of the errors within 1.96 predicted sigmas, and their root mean square in sigmas.
-    """
-
-    setting: str
-    method: str
-    scenes: int
-    rms_m: float
-    ninth_m: float
-    fewest_m: float
-    most_m: float
-    failed: float
-    ambiguous: float
-    told: float
-    failed_silently: float
-    coverage: float
-    z: float
 
 
 def row_of(setting: str, method: str, parts: list[Found]) -> MethodRow:

@@ -11,7 +11,8 @@ from uavgram.estimation.methods.damped import Ends, minimised
 from uavgram.estimation.methods.features import FeatureRows, first_points, ground_points
 from uavgram.estimation.methods.line_search import rivals
 from uavgram.model.arrays import Bools, Ints
-from uavgram.pipeline.study.method_results import Found, MethodRow, row_of
+from uavgram.model.study.methods import MethodRow
+from uavgram.pipeline.study.method_results import Found, row_of
 from uavgram.pipeline.study.method_scenes import MethodScenes, Setting, method_scenes
 from uavgram.pipeline.study.method_starts import (
     Starts,

@@ -1,0 +1,53 @@
+"""`uavgram study`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter, validators
+
+from uavgram.cli.application import DONE, Verbose, app
+from uavgram.cli.terminal import log_to_stderr, progress, say, say_written
+
+Draws = Annotated[int, Parameter(validator=validators.Number(gte=20, lte=1_000_000))]
+Workers = Annotated[int, Parameter(validator=validators.Number(gte=0, lte=256))]
+
+
+@app.command
+def study(
+    name: str,
+    /,
+    *,
+    repetitions: Draws = 2000,
+    workers: Workers = 0,
+    output: Path = Path("uavgram-study"),
+    verbose: Verbose = False,
+) -> int:
+    """Study which error matters most, where, and where not: predicted and simulated.
+
+    Parameters
+    ----------
+    name
+        lengths, picks, view, camera, lines, telemetry, ground, distortion, plates, blunder, photos
+        or methods; or all.
+    repetitions
+        Draws of each photo; surveys of several photos, which run through the whole program, are
+        drawn a tenth as often.
+    workers
+        Processes; 0: as many as there are cores.
+    output
+        Folder of the page, the figures and the numbers.
+    verbose
+        Say what is being done.
+    """
+    from uavgram.pipeline.study.run import JSON_FILE, PAGE_FILE, make_studies, study_names
+    from uavgram.views.study.words import said
+
+    log_to_stderr(verbose=verbose)
+    names = study_names(name)
+    for found in make_studies(names, output, repetitions, workers, progress()):
+        say("", f"{found.title} ({found.seconds:.0f} s)", *(f"  {text}" for text in said(found)))
+    figures = [f"{one}.{kind}" for one in names for kind in ("svg", "png")]
+    say_written(output, [JSON_FILE, PAGE_FILE, *figures])
+    return DONE

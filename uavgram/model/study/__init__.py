@@ -1,0 +1,1 @@
+"""What studies ask of simulated surveys, and what they found."""

@@ -1,0 +1,91 @@
+"""What studies found: cells of a grid, each predicted and simulated."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from uavgram.model.study.methods import MethodRow
+
+SOURCES = ("lengths", "picks", "log", "camera", "tape")
+"""Of errors: readings of lengths, picks, what the log says, the camera file, the tape's scale."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """One point of a grid.
+
+    Attributes
+    ----------
+    curve
+        Which curve of the figure it belongs to.
+    at, label
+        Where on the axis, and in words.
+    predicted_m
+        Root mean square, over the withheld distances, of the sigmas without any noise.
+    simulated_m
+        Of the errors that the repetitions made.
+    ratio, ratio_range
+        Of the errors over the predicted sigmas, root mean square; it lies in the range with 95 %.
+    bias_m
+        Root mean square of the mean errors.
+    shares
+        What each of `SOURCES` has of the predicted variance; empty where that is not told.
+    told
+        Share of repetitions whose misfit shows that something is wrong (1 in 1,000 by chance).
+    repetitions, lost
+        How many were drawn, and how many gave no result.
+    is_model
+        Whether the world is what the program takes for granted.
+    """
+
+    curve: str
+    at: float
+    label: str
+    predicted_m: float
+    simulated_m: float
+    ratio: float
+    ratio_range: tuple[float, float]
+    bias_m: float
+    shares: tuple[float, ...]
+    told: float
+    repetitions: int
+    lost: int
+    is_model: bool
+
+    def share(self, source: str) -> float:
+        """What a source of errors has of the predicted variance."""
+        return self.shares[SOURCES.index(source)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """A study: its question, its grid, and how long it took.
+
+    Attributes
+    ----------
+    name, title, question
+        Of the study.
+    axis, is_log
+        What varies along the figure, and whether on a logarithmic axis.
+    cells
+        Curve after curve.
+    seconds
+        Of the clock.
+    methods
+        Of the comparison of methods, which has these instead of cells.
+    """
+
+    name: str
+    title: str
+    question: str
+    axis: str
+    is_log: bool
+    cells: tuple[Cell, ...]
+    seconds: float
+    methods: tuple[MethodRow, ...] = ()
+
+    @property
+    def curves(self) -> dict[str, tuple[Cell, ...]]:
+        """Cells by curve, in their order."""
+        names = dict.fromkeys(cell.curve for cell in self.cells)
+        return {name: tuple(c for c in self.cells if c.curve == name) for name in names}

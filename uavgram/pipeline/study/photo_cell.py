@@ -1,0 +1,108 @@
+"""A cell of a study that is one photo: predicted, then drawn and adjusted thousands of times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from zlib import crc32
+
+import numpy as np
+from scipy.special import chdtri
+
+from uavgram.estimation.repeated.predicted_lengths import PredictedLengths, predict_lengths
+from uavgram.estimation.repeated.single_photo import adjust_photos
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.study.scene import StudyScene
+from uavgram.model.study.study import Cell
+from uavgram.pipeline.study.photo_scene import draw, exact_draw, photo_of
+from uavgram.pipeline.threads import one_blas_thread
+
+BY_CHANCE = 1e-3
+"""Share of right surveys whose misfit is called wrong."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where a cell stands in its study: curve, value on the axis and its words, and the scene."""
+
+    curve: str
+    at: float
+    label: str
+    scene: StudyScene
+
+
+def photo_cell(place: Place, repetitions: int) -> Cell:
+    """Predict and simulate.
+
+    Parameters
+    ----------
+    place
+        Which cell.
+    repetitions
+        How many draws.
+    """
+    scene = place.scene
+    with one_blas_thread():
+        photo = photo_of(scene)
+        expected = predict_lengths(photo.design, exact_draw(photo), photo.place_m, photo.pairs)
+        rng = np.random.default_rng([19, crc32(repr(scene).encode())])
+        draws, true = draw(photo, repetitions, rng)
+        found = adjust_photos(photo.design, draws, (photo.center, photo.rotation))
+    ends = found.place_m[:, photo.pairs]
+    error = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2) - true
+    good = found.converged & np.isfinite(error).all(axis=1)
+    # Each reading is one more than is needed where the pose is known beforehand. Without a log
+    # three of them are used up: by the height and the tilt's two angles.
+    free = len(photo.design.line) - (3 if scene.log == "none" else 0)
+    told = found.cost[good] > chdtri(free, BY_CHANCE) if free > 0 else np.zeros(1)
+    return cell_of(place, expected, error, good, float(np.mean(told)), is_model=scene.is_model)
+
+
+def cell_of(
+    place: Place,
+    expected: PredictedLengths,
+    error_m: Floats,
+    good: Bools,
+    told: float,
+    *,
+    is_model: bool,
+) -> Cell:
+    """What the draws say.
+
+    Parameters
+    ----------
+    place, expected, told, is_model
+        Of the cell.
+    error_m, good
+        (B, M), and (B,) which came to rest.
+    """
+    sigma = np.sqrt(expected.variance)
+    error = error_m[good]
+    low, middle, high = ratio_of(error / sigma)
+    parts = (expected.lengths, expected.picks, expected.beforehand, expected.camera, expected.tape)
+    total = expected.variance.sum()
+    return Cell(
+        curve=place.curve,
+        at=place.at,
+        label=place.label,
+        predicted_m=float(np.sqrt(np.mean(expected.variance))),
+        simulated_m=float(np.sqrt(np.mean(error**2))),
+        ratio=middle,
+        ratio_range=(low, high),
+        bias_m=float(np.sqrt(np.mean(error.mean(axis=0) ** 2))),
+        shares=tuple(float(part.sum() / total) for part in parts),
+        told=told,
+        repetitions=len(error_m),
+        lost=int((~good).sum()),
+        is_model=is_model,
+    )
+
+
+def ratio_of(z: Floats) -> tuple[float, float, float]:
+    """Root mean square of (B, M), whose rows are independent, and its range of 95 %."""
+    each = np.mean(z**2, axis=1)
+    middle, half = float(each.mean()), 1.96 * float(each.std(ddof=1)) / np.sqrt(len(each))
+    return (
+        float(np.sqrt(max(middle - half, 0.0))),
+        float(np.sqrt(middle)),
+        float(np.sqrt(middle + half)),
+    )

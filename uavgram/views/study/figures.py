@@ -1,0 +1,171 @@
+"""Figures of studies, as SVG and PNG: errors predicted and simulated, their ratio and sources."""
+
+from __future__ import annotations
+
+import io
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, NullLocator
+
+from uavgram.model.study.methods import MethodRow
+from uavgram.model.study.study import SOURCES, Cell, Study
+from uavgram.views.study.words import AGREES, SOURCE_WORDS
+
+COLOURS = ("#2f6fb5", "#d9730d", "#2b8a3e", "#8e44ad", "#c92a2a")
+SOURCE_COLOURS = ("#c92a2a", "#2f6fb5", "#2b8a3e", "#d9730d", "#8e44ad")
+MARKERS = ("o", "s", "^", "D", "v")
+GRID, GREY = "#e3e5e8", "#8a8f98"
+
+
+def figure_files(studies: tuple[Study, ...]) -> dict[str, bytes]:
+    """Contents of the files NAME.svg and NAME.png of each study.
+
+    Parameters
+    ----------
+    studies
+        What was made.
+    """
+    files = {}
+    # Paths instead of fonts: the same picture wherever it is opened. A fixed salt and no date: the
+    # same study gives the same file.
+    with rc_context({"svg.fonttype": "path", "svg.hashsalt": "uavgram", "font.size": 9.5}):
+        for study in studies:
+            figure = _methods(study.methods) if study.methods else _cells(study)
+            FigureCanvasAgg(figure)
+            for kind in ("svg", "png"):
+                drawn = io.BytesIO()
+                metadata = {"Date": None} if kind == "svg" else {}
+                figure.savefig(drawn, format=kind, dpi=110, metadata=metadata)
+                files[f"{study.name}.{kind}"] = drawn.getvalue()
+    return files
+
+
+def _cells(study: Study) -> Figure:
+    """Errors to the left, ratios in the middle, sources to the right where they are told."""
+    sources = any(cell.shares for cell in study.cells)
+    parts = 3 if sources else 2
+    figure = Figure(figsize=(4.7 * parts, 4.6), dpi=110, layout="constrained")
+    axes = figure.subplots(1, parts)
+    _errors(axes[0], study)
+    _ratios(axes[1], study)
+    if sources:
+        _sources(axes[2], study)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower left", ncols=3, frameon=False)
+    return figure
+
+
+def _errors(axis: Axes, study: Study) -> None:
+    for k, (name, cells) in enumerate(study.curves.items()):
+        colour, marker = COLOURS[k % len(COLOURS)], MARKERS[k % len(MARKERS)]
+        at = [cell.at for cell in cells]
+        predicted = [1e3 * cell.predicted_m for cell in cells]
+        simulated = [1e3 * cell.simulated_m for cell in cells]
+        axis.plot(at, predicted, color=colour, linewidth=1.4, label=name)
+        axis.plot(at, simulated, marker, color=colour, markersize=5, fillstyle="none")
+    axis.set_yscale("log")
+    _plain_ticks(axis)
+    _dress(axis, study, "Errors of measured distances [mm]\nline: predicted, marks: simulated")
+
+
+def _plain_ticks(axis: Axes) -> None:
+    """Numbers that people read, on a logarithmic axis: 1, 2, 5 and their tens."""
+    low, high = axis.get_ylim()
+    steps = [m * 10.0**k for k in range(-2, 6) for m in (1, 2, 5)]
+    shown = [step for step in steps if low <= step <= high]
+    axis.set_yticks(shown, [f"{step:g}" for step in shown])
+    axis.yaxis.set_minor_locator(NullLocator())
+    axis.yaxis.set_minor_formatter(NullFormatter())
+
+
+def _ratios(axis: Axes, study: Study) -> None:
+    axis.axhspan(*AGREES, color="#2b8a3e", alpha=0.13, linewidth=0)
+    axis.axhline(1.0, color=GREY, linewidth=1.0)
+    curves = study.curves
+    for k, cells in enumerate(curves.values()):
+        shift = (k - (len(curves) - 1) / 2) * 0.012
+        for cell in cells:
+            low, high = cell.ratio_range
+            at = _beside(cell.at, shift, study)
+            axis.plot([at, at], [low, high], color=COLOURS[k % len(COLOURS)], linewidth=1.6)
+            axis.plot(
+                at, cell.ratio, MARKERS[k % len(MARKERS)], color=COLOURS[k % len(COLOURS)],
+                markersize=4.5, fillstyle="full" if cell.is_model else "none",
+            )  # fmt: skip
+    if max(cell.ratio_range[1] for cell in study.cells) > 3.0:
+        axis.set_yscale("log")
+        _plain_ticks(axis)
+    else:
+        low = min(0.9, *(cell.ratio_range[0] for cell in study.cells))
+        axis.set_ylim(low - 0.02, max(1.1, *(c.ratio_range[1] for c in study.cells)) + 0.02)
+    _dress(axis, study, "Errors over what is predicted\nbars: 95 %, green: 0.95 to 1.05")
+
+
+def _beside(at: float, shift: float, study: Study) -> float:
+    """A place beside another, by a share of the axis: so that curves do not hide one another."""
+    every = [cell.at for cell in study.cells]
+    if study.is_log:
+        return float(at * (max(every) / min(every)) ** shift)
+    return float(at + shift * (max(every) - min(every)))
+
+
+def _sources(axis: Axes, study: Study) -> None:
+    """What each source has of the predicted variance, of the first curve."""
+    name, cells = next(iter(study.curves.items()))
+    bottom = np.zeros(len(cells))
+    for source, colour in zip(SOURCES, SOURCE_COLOURS, strict=True):
+        part = np.array([100 * cell.share(source) for cell in cells])
+        if part.max() < 0.5:
+            continue
+        axis.bar(
+            np.arange(len(cells)), part, 0.75, bottom, color=colour, label=SOURCE_WORDS[source]
+        )
+        bottom += part
+    axis.set_xticks(np.arange(len(cells)), [_short(cell) for cell in cells], fontsize=8)
+    axis.set_ylim(0, 100)
+    axis.set_xlabel(study.axis)
+    axis.legend(
+        fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2, frameon=False
+    )
+    axis.set_title(
+        f"Where the errors come from [% of the variance]\n{name}", fontsize=9.5, loc="left"
+    )
+
+
+def _dress(axis: Axes, study: Study, title: str) -> None:
+    axis.set_title(title, fontsize=9.5, loc="left")
+    axis.grid(visible=True, color=GRID, linewidth=0.8)
+    axis.set_axisbelow(True)
+    if study.is_log:
+        axis.set_xscale("log")
+        axis.xaxis.set_minor_locator(NullLocator())
+    ticks = {cell.at: _short(cell) for cell in study.cells}
+    axis.set_xticks(list(ticks), list(ticks.values()), fontsize=8)
+    axis.set_xlabel(study.axis)
+
+
+def _short(cell: Cell) -> str:
+    """A cell's tick: its number, or its name."""
+    return cell.label if "\n" in cell.label else f"{cell.at:g}"
+
+
+def _methods(rows: tuple[MethodRow, ...]) -> Figure:
+    """Errors of each method: the median of scenes, and the range to the worst tenth."""
+    figure = Figure(figsize=(9.0, 3.9), dpi=110, layout="constrained")
+    axis = figure.subplots()
+    for k, row in enumerate(rows):
+        y = len(rows) - k
+        axis.plot([1e3 * row.rms_m, 1e3 * row.ninth_m], [y, y], color=COLOURS[0], linewidth=2)
+        axis.plot(1e3 * row.rms_m, y, "o", color=COLOURS[0], markersize=6)
+        axis.plot(1e3 * row.ninth_m, y, "|", color=COLOURS[0], markersize=10)
+    axis.set_yticks(range(len(rows), 0, -1), [row.method for row in rows])
+    axis.set_xscale("log")
+    axis.grid(visible=True, color=GRID, linewidth=0.8)
+    axis.set_xlabel(
+        "error of withheld distances [mm]: dot: half of the scenes are better; bar: nine tenths"
+    )
+    return figure

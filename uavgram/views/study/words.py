@@ -1,0 +1,300 @@
+"""Studies in words: every sentence is made of the study's numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+
+import numpy as np
+
+from uavgram.model.study.study import SOURCES, Cell, Study
+
+AGREES = (0.95, 1.05)
+"""Errors over predicted ones, between which a prediction is called right."""
+
+SOURCE_WORDS = {
+    "lengths": "the readings of the lengths",
+    "picks": "the picks",
+    "log": "the flight log",
+    "camera": "the camera file",
+    "tape": "the scale of the tape",
+}
+LENGTHS = ("lengths", "tape")
+"""Sources that are errors of the reference lengths."""
+
+SEEN = 0.8
+"""Share of surveys from which on a mistake is called seen."""
+
+
+def said(study: Study) -> list[str]:
+    """What a study says, most general first.
+
+    Parameters
+    ----------
+    study
+        The study.
+    """
+    if study.methods:
+        return list(_of_methods(study))
+    found = [*_thesis(study)] if study.name == "lengths" else []
+    found += [_course(name, cells) for name, cells in study.curves.items()]
+    if study.name == "blunder":
+        found += [_unseen(name, cells) for name, cells in study.curves.items()]
+    found += _failing(study)
+    agreed = agreement((study,))
+    return [*found, agreed] if agreed else found
+
+
+def agreement(studies: tuple[Study, ...]) -> str:
+    """How well prediction and simulation agree where the world is the model; empty: nowhere is.
+
+    Parameters
+    ----------
+    studies
+        Whose cells are taken.
+    """
+    cells = [cell for study in studies for cell in study.cells if cell.is_model]
+    if not cells:
+        return ""
+    ratios = [cell.ratio for cell in cells]
+    low, high = AGREES
+    inside = sum(low <= ratio <= high for ratio in ratios)
+    apart = [c for c in cells if c.ratio_range[0] > high or c.ratio_range[1] < low]
+    text = (
+        f"Where the world is what the program takes for granted, the errors were {min(ratios):.2f} "
+        f"to {max(ratios):.2f} times the predicted ones; {inside} of {len(cells)} cells lie "
+        f"between {low:.2f} and {high:.2f}"
+    )
+    if inside < len(cells):
+        text += (
+            f", and of the others {len(apart)} differ by more than their number of repetitions "
+            "explains"
+        )
+    lost = sum(cell.lost for cell in cells)
+    drawn = sum(cell.repetitions for cell in cells)
+    return f"{text}. {lost} of {drawn} repetitions gave no result."
+
+
+def lengths_share(cell: Cell) -> float:
+    """What the errors of the reference lengths have of the variance, the tape's scale included."""
+    return sum(cell.share(source) for source in LENGTHS)
+
+
+def most(cell: Cell) -> str:
+    """The source of most of the variance; readings and tape count together."""
+    shares = {source: cell.share(source) for source in SOURCES if source not in LENGTHS}
+    shares["lengths"] = lengths_share(cell)
+    return max(shares, key=lambda source: shares[source])
+
+
+def size_m(cell: Cell) -> float:
+    """The error to tell: as predicted where that is right, else as simulated."""
+    return cell.predicted_m if cell.is_model else cell.simulated_m
+
+
+def _course(name: str, cells: tuple[Cell, ...]) -> str:
+    """How the error goes along a curve, and where it comes from."""
+    first, last = cells[0], cells[-1]
+    least, worst = min(cells, key=size_m), max(cells, key=size_m)
+    text = (
+        f"{_capital(name)}: the error is {_mm(size_m(first))} at {_at(first)} and "
+        f"{_mm(size_m(last))} at {_at(last)}"
+    )
+    if worst not in {first, last}:
+        text += f", and largest at {_at(worst)} ({_mm(size_m(worst))})"
+    elif least not in {first, last}:
+        text += f", and smallest at {_at(least)} ({_mm(size_m(least))})"
+    if all(cell.shares and cell.is_model for cell in cells):
+        parts = []
+        for source, group in groupby(cells, most):
+            some = list(group)
+            share = [_share(cell, source) for cell in some]
+            where = _at(some[0]) if len(some) == 1 else f"{_at(some[0])} to {_at(some[-1])}"
+            parts.append(f"{_source(source)} at {where} ({_percents(share)})")
+        text += f". The largest part of the predicted variance comes from {'; '.join(parts)}"
+    return f"{text}."
+
+
+def _thesis(study: Study) -> Iterator[str]:
+    """For which conditions the length error is the most significant."""
+    cells = study.cells
+    holding = [cell for cell in cells if most(cell) == "lengths"]
+    yield (
+        f'"The error of the reference lengths is the most significant" holds in {len(holding)} of '
+        f"the {len(cells)} conditions studied here, and not in the other "
+        f"{len(cells) - len(holding)}."
+    )
+    for name, along in study.curves.items():
+        found = _crossing(along)
+        if found is None:
+            always = most(along[0]) == "lengths"
+            where = "at every" if always else "at no"
+            yield f"{_capital(name)}: the lengths matter most {where} precision studied."
+        else:
+            yield (
+                f"{_capital(name)}: the lengths matter most from about {found:.0f} mm on; below "
+                f"that, {_source(most(along[0]))} {_verb(most(along[0]), 'do', 'does')}."
+            )
+
+
+def _crossing(cells: tuple[Cell, ...]) -> float | None:
+    """Where along the axis the lengths become the greatest source, by the logarithm of the axis."""
+    lead = []
+    for cell in cells:
+        others = [cell.share(source) for source in SOURCES if source not in LENGTHS]
+        lead.append(lengths_share(cell) - max(others))
+    for k in range(1, len(cells)):
+        if lead[k - 1] < 0 <= lead[k]:
+            part = -lead[k - 1] / (lead[k] - lead[k - 1])
+            return float(cells[k - 1].at ** (1 - part) * cells[k].at ** part)
+    return None
+
+
+def _failing(study: Study) -> list[str]:
+    """Where the world is not the model: by how much the prediction fails."""
+    found = []
+    for name, cells in study.curves.items():
+        off = [cell for cell in cells if not cell.is_model]
+        if not off:
+            continue
+        bad = [cell for cell in off if cell.ratio_range[0] > AGREES[1]]
+        good = [cell for cell in off if cell not in bad]
+        parts = [
+            f"{cell.ratio:.2f} times ({cell.ratio_range[0]:.2f} to {cell.ratio_range[1]:.2f}) at "
+            f"{_at(cell)}"
+            for cell in bad
+        ]
+        text = f"{_capital(name)}: "
+        if bad:
+            text += f"the prediction fails: the errors are {', '.join(parts)}"
+        if good:
+            where = ", ".join(_at(cell) for cell in good)
+            text += f"; at {where} no failure shows" if bad else f"no failure shows at {where}"
+        found.append(f"{text}.")
+    return found
+
+
+def _unseen(name: str, cells: tuple[Cell, ...]) -> str:
+    """From which size on a misreading shows in the misfit."""
+    parts = [f"{_percent(cell.told)} at {_at(cell)}" for cell in cells if not cell.is_model]
+    seen = [cell for cell in cells if not cell.is_model and cell.told >= SEEN]
+    first = (
+        f"seen in at least {_percent(SEEN)} of the surveys from {_at(seen[0])} on"
+        if seen
+        else f"never seen in {_percent(SEEN)} of the surveys"
+    )
+    return f"{_capital(name)}: a misreading is {first}; it shows in {', '.join(parts)}."
+
+
+def _of_methods(study: Study) -> Iterator[str]:
+    rows = [row for row in study.methods if np.isfinite(row.rms_m)]
+    best, worst = min(rows, key=lambda r: r.rms_m), max(rows, key=lambda r: r.rms_m)
+    yield (
+        f'On the same {best.scenes} photos "{best.method}" is the best: {_mm(best.rms_m)} in the '
+        f'middle one, {_mm(best.ninth_m)} in the worst tenth; "{worst.method}" is the worst with '
+        f"{_mm(worst.rms_m)}."
+    )
+    for row in rows:
+        if row.failed > 0:
+            yield (
+                f'"{row.method}" gives useless distances in {_percent(row.failed)} of the photos, '
+                f"in {_percent(row.failed_silently)} without saying so."
+            )
+    for row in rows:
+        if np.isfinite(row.coverage) and not 0.93 <= row.coverage <= 0.97:
+            yield (
+                f'"{row.method}" states sigmas that hold {_percent(row.coverage)} of the errors '
+                "where 95 % should lie."
+            )
+
+
+def overall(studies: tuple[Study, ...]) -> list[str]:
+    """Which error matters most, where, and where not: over all studies.
+
+    Parameters
+    ----------
+    studies
+        What was made.
+    """
+    cells = [
+        (study, cell) for study in studies for cell in study.cells if cell.is_model and cell.shares
+    ]
+    if len(studies) < 2 or not cells:
+        return []
+    found = [
+        f"{len(cells)} conditions of single photos were studied in which the world is what the "
+        "program takes for granted."
+    ]
+    for source in ("picks", "lengths", "log", "camera"):
+        mine = [(study, cell) for study, cell in cells if most(cell) == source]
+        matter = _verb(source, "matter", "matters")
+        if not mine:
+            found.append(f"{_capital(_source(source))} {matter} most in none of them.")
+            continue
+        text = f"{_capital(_source(source))} {matter} most in {len(mine)} of them"
+        if len(mine) < len(cells) / 2:
+            grouped = groupby(mine, lambda pair: (pair[0].name, pair[1].curve))
+            where = [
+                f"{name}, {curve} (at {', '.join(_at(cell) for _, cell in group)})"
+                for (name, curve), group in grouped
+            ]
+            text += f": {'; '.join(where)}"
+        found.append(f"{text}.")
+    agreed = agreement(studies)
+    return [*found, agreed] if agreed else found
+
+
+def ranking(studies: tuple[Study, ...]) -> list[tuple[str, str, str, str]]:
+    """What varying each thing does on the first curve of each study, the greatest effect first.
+
+    Parameters
+    ----------
+    studies
+        What was made.
+    """
+    rows = []
+    for study in studies:
+        if not study.cells:
+            continue
+        cells = next(iter(study.curves.values()))
+        least, worst = min(cells, key=size_m), max(cells, key=size_m)
+        times = size_m(worst) / size_m(least)
+        rows.append((times, study.title, f"{_mm(size_m(least))} at {_at(least)}", worst))
+    rows.sort(key=lambda row: -row[0])
+    return [
+        (title, best, f"{_mm(size_m(worst))} at {_at(worst)}", f"{times:.1f}")
+        for times, title, best, worst in rows
+    ]
+
+
+def _share(cell: Cell, source: str) -> float:
+    return lengths_share(cell) if source == "lengths" else cell.share(source)
+
+
+def _source(source: str) -> str:
+    return "the reference lengths" if source == "lengths" else SOURCE_WORDS[source]
+
+
+def _verb(source: str, plural: str, singular: str) -> str:
+    return plural if source in {"lengths", "picks"} else singular
+
+
+def _at(cell: Cell) -> str:
+    return cell.label.replace("\n", " of ")
+
+
+def _mm(size_m: float) -> str:
+    return f"{1e3 * size_m:.1f} mm" if size_m < 0.01 else f"{1e3 * size_m:.0f} mm"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %"
+
+
+def _percents(shares: list[float]) -> str:
+    low, high = (f"{100 * one:.0f}" for one in (min(shares), max(shares)))
+    return f"{low} %" if low == high else f"{low} to {high} %"
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
