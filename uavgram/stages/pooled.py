@@ -95,11 +95,12 @@ def _tells(seen: SeenParameter) -> bool:
 def _drift(
     camera: str, name: str, found: Sequence[tuple[float, SeenParameter]], limit: float
 ) -> Drift:
-    """Offset and slope by weighted least squares.
+    """Offset and slope by weighted least squares, from what surveys say without the file.
 
-    The adjusted value is the mean of file and survey, weighted by information (its correlation with
-    other parameters left aside): the file's share is taken out again, so that surveys are
-    independent of it and of each other.
+    An adjustment moves a parameter from its prior by a shift whose covariance, with itself and with
+    the prior's error, is the loss of variance, prior minus adjusted (the Kalman update). So the
+    shift times prior over loss is an estimate that the prior's error does not touch, of variance
+    prior x adjusted / loss, whatever the parameter's correlations with others.
     """
     stated = np.array([one.stated for _, one in found])
     prior = np.array([one.stated_sigma for _, one in found]) ** -2.0
@@ -108,7 +109,9 @@ def _drift(
     shift = np.array([one.value for _, one in found]) - stated
     own = shift * total / weight  # of the survey alone, minus the file
     offset = float(np.sum(weight * own) / np.sum(weight))
-    offset_sigma = math.sqrt(1.0 / float(np.sum(weight)) + found[0][1].stated_sigma ** 2)
+    # Errors of the other parameters reach all surveys alike: no mean makes their share smaller.
+    common = float(np.sum(np.sqrt(weight)) / np.sum(weight))
+    offset_sigma = math.hypot(common, found[0][1].stated_sigma)
     slope, slope_sigma = _slope(np.array([time for time, _ in found]) / _YEAR_S, own, weight)
     return Drift(
         camera=camera,

@@ -81,8 +81,8 @@ def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
     ]
     return BatchMap(
         height=height,
-        meridians=[(x(at), _degrees(at, "E", "W")) for at in _ticks(west, east)],
-        parallels=[(y(at), _degrees(at, "N", "S")) for at in _ticks(south, north)],
+        meridians=[(x(at), text) for at, text in _ticks(west, east, "E", "W")],
+        parallels=[(y(at), text) for at, text in _ticks(south, north, "N", "S")],
         bar=long / metres,
         bar_text=f"{long / 1000.0:g} km" if long >= 1000.0 else f"{long:g} m",
         places=places,
@@ -101,11 +101,13 @@ def _round_down(value: float) -> float:
     return max(step * power for step in _STEPS if step * power <= value)
 
 
-def _ticks(low: float, high: float) -> list[float]:
+def _ticks(low: float, high: float, above: str, below: str) -> list[tuple[float, str]]:
+    """Round degrees between two, with their texts."""
     step = _round_down((high - low) / 2.0)
+    digits = max(0, -math.floor(math.log10(step)))
     first, last = math.ceil(low / step), math.floor(high / step)
-    return [k * step for k in range(first, last + 1)]
+    return [(k * step, _degrees(k * step, digits, above, below)) for k in range(first, last + 1)]
 
 
-def _degrees(value: float, above: str, below: str) -> str:
-    return f"{abs(value):.6g}° {above if value >= 0 else below}"
+def _degrees(value: float, digits: int, above: str, below: str) -> str:
+    return f"{abs(value):.{digits}f}° {above if value >= 0 else below}"

@@ -20,13 +20,14 @@ _LEVELS = {"red": 1, "amber": 2, "green": 4}
 
 
 class Line(NamedTuple):
-    """A survey's row on the page."""
+    """A survey's row on the page; `why` is its problem, or the first reason of its verdict."""
 
     row: SurveyRow
     link: str
     sigma: str
     w: str
     looks: str
+    why: str
 
 
 class Judged(NamedTuple):
@@ -64,9 +65,7 @@ def render_batch_page(batch: Batch, folder: Path) -> str:
             verdict=headline(batch),
             map=batch_map(batch, links),
             lines=[_line(row, links) for row in sorted(batch.rows, key=_worst_first)],
-            pooled=[
-                Judged(one, pooled_words(one), one.is_small or one.is_large) for one in batch.pooled
-            ],
+            pooled=[Judged(one, pooled_words(one), one.is_small) for one in batch.pooled],
             drifts=[
                 Judged(one, drift_words(one), one.is_off or one.drifts) for one in batch.drifts
             ],
@@ -75,8 +74,14 @@ def render_batch_page(batch: Batch, folder: Path) -> str:
 
 
 def _line(row: SurveyRow, links: dict[str, str]) -> Line:
-    w = number(row.worst_w, 1, signed=True)
-    return Line(row, links.get(row.project, ""), number(row.mean_sigma_m), w, row.level or "none")
+    return Line(
+        row=row,
+        link=links.get(row.project, ""),
+        sigma=number(row.mean_sigma_m),
+        w=number(row.worst_w, 1, signed=True),
+        looks=row.level or "none",
+        why=row.message or row.sentence.partition(". ")[2],
+    )
 
 
 def _worst_first(row: SurveyRow) -> tuple[int, float]:

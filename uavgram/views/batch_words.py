@@ -53,8 +53,8 @@ def counts(batch: Batch) -> str:
 
 
 def _is_bad(one: Pooled) -> bool:
-    """What all surveys say; cameras and drones are in their table."""
-    return one.of == "all" and (one.is_small or one.is_large)
+    """Of all surveys, what a reader must know; cameras and drones are in their table."""
+    return one.of == "all" and (one.is_small or (one.is_large and one.kind == "checks"))
 
 
 def kind_words(one: Pooled) -> str:

@@ -98,9 +98,9 @@ def run_batch(
     try:
         for row, record in _outcomes([one for one in tasks if one.project not in clashes], means):
             rows[row.project] = row
-            _tell(tell, row, rows, begun)
             if record is not None and row.status == "done":
                 _keep(output / STATE, record)
+            _tell(tell, row, rows, begun)
         rows |= {outcome.row.project: outcome.row for outcome in clashes.values()}
     finally:  # at Ctrl+C too: the table then says which ones wait
         batch = _batch(tuple(rows.values()), time.monotonic() - begun)
