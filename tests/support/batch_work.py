@@ -68,3 +68,10 @@ def sleep_long(marker: str) -> None:
         time.sleep(60.0)
     finally:
         Path(marker).with_suffix(".ended").touch()
+
+
+def fail_at_two(number: int) -> int:
+    """Fail as a worker does that lacks something."""
+    if number == 2:
+        raise ValueError("two")
+    return number * number

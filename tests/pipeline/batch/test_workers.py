@@ -35,7 +35,7 @@ def test_an_item_that_kills_every_worker_is_given_up_and_the_others_are_not() ->
 
     assert [ended[k].value for k in (0, 2, 3)] == ["a", "b", "c"]
     assert (ended[1].value, ended[1].tries) == (None, MOST_TRIES)
-    assert "SIGKILL" in ended[1].died
+    assert "SIGKILL" in ended[1].why
 
 
 def test_a_worker_that_keeps_much_memory_is_replaced() -> None:
@@ -62,8 +62,10 @@ def test_workers_use_one_thread_and_one_core_each(monkeypatch: pytest.MonkeyPatc
 def test_when_the_caller_leaves_the_workers_clean_up_and_end(tmp_path: Path) -> None:
     marker = tmp_path / "sleeper"
 
+    items: list[int | str] = [2, str(marker)]
+
     def leave_after_the_first() -> None:
-        for one in in_workers(sleep_or_square, [2, str(marker)], 2):
+        for one in in_workers(sleep_or_square, items, 2):
             assert one.value == 4
             wait_for(lambda: marker.exists() and marker.read_text() != "")
             raise KeyboardInterrupt

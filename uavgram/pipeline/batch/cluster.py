@@ -81,15 +81,29 @@ def _ended(
         for number, item in enumerate(items)
     }
     try:
-        for future in distributed.as_completed(futures):
+        for future in distributed.as_completed(futures, loop=client.loop):
             number = futures[future]
             if future.status == "finished":
                 yield Ended(number, future.result(), 1)
             else:
-                yield Ended(number, None, MOST_TRIES, f"ended ({future.exception()})")
+                yield Ended(number, None, MOST_TRIES, _why(future.exception()))
             future.release()
     finally:
         client.cancel([one for one in futures if not one.done()])
+
+
+def _why(fault: BaseException) -> str:
+    import distributed  # noqa: PLC0415
+
+    if isinstance(fault, distributed.KilledWorker):
+        return (
+            f"every worker that measured it died, {fault.allowed_failures + 1} in all: they may "
+            "lack memory for it; run it alone (uavgram run), or give workers more memory"
+        )
+    return (
+        f"its worker could not measure it ({type(fault).__name__}: {fault}): install this version "
+        "of uavgram on every worker, and let all of them see the same folders"
+    )
 
 
 def _alone(work: Callable[[Item], Made], item: Item) -> Made:

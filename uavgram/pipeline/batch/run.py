@@ -114,11 +114,7 @@ def _outcomes(
     for one in _ended(tasks, means):
         outcome = one.value
         if outcome is None:
-            why = (
-                f"its process {one.died} {one.tries} times: the machine may lack memory for it; "
-                "run it alone (uavgram run), or the batch with fewer workers (--workers 1)"
-            )
-            outcome = failed(tasks[one.number], why)
+            outcome = failed(tasks[one.number], one.why)
         yield replace(outcome.row, tries=one.tries), outcome.record
 
 

@@ -47,12 +47,12 @@ _PATIENCE_S = 5.0
 
 @dataclass(frozen=True)
 class Ended(Generic[Made]):
-    """An item's number, what was made of it (None: its process died each time), and the tries."""
+    """An item's number, what was made of it, and the tries; None, and why, if they all failed."""
 
     number: int
     value: Made | None
     tries: int
-    died: str = ""
+    why: str = ""
 
 
 class _Worker:
@@ -160,7 +160,7 @@ class _Pool(Generic[Item]):
             if tries < MOST_TRIES:
                 self._waiting.append(number)
             else:
-                yield Ended(number, None, tries, _how(worker.process.exitcode))
+                yield Ended(number, None, tries, _why(tries, worker.process.exitcode))
             return
         worker.item = None
         if leaves:
@@ -183,11 +183,15 @@ def _end_all(workers: Sequence[_Worker]) -> None:
             worker.process.join()
 
 
-def _how(status: int | None) -> str:
+def _why(tries: int, status: int | None) -> str:
+    how = f"ended with status {status}"
     if status is not None and status < 0:
         with contextlib.suppress(ValueError):
-            return f"was ended by {signal.Signals(-status).name}"
-    return f"ended with status {status}"
+            how = f"was ended by {signal.Signals(-status).name}"
+    return (
+        f"its process {how}, {tries} times: the machine may lack memory for it; run it alone "
+        "(uavgram run), or the batch with fewer workers (--workers 1)"
+    )
 
 
 def _context(preload: Sequence[str]) -> BaseContext:
