@@ -14,6 +14,7 @@ import cyclopts
 
 from uavgram.cli.application import DONE, INTERRUPTED, PROBLEM, WRONG_USAGE, app
 from uavgram.cli.commands import (  # noqa: F401  (each registers itself with the application)
+    batch,
     calibrate,
     camera,
     check,

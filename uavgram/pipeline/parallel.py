@@ -19,12 +19,12 @@ def prefetch(work: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[tu
 
     For work that leaves Python (decoding, warping): it is done by threads.
     """
-    cores = os.cpu_count() or 1
-    with ThreadPoolExecutor(cores) as pool:
+    count = cores()
+    with ThreadPoolExecutor(count) as pool:
         waiting: deque[tuple[Item, Future[Made]]] = deque()
         for item in items:
             waiting.append((item, pool.submit(work, item)))
-            if len(waiting) > 2 * cores:
+            if len(waiting) > 2 * count:
                 first, future = waiting.popleft()
                 yield first, future.result()
         for first, future in waiting:
@@ -43,13 +43,13 @@ def in_processes(
     For work in Python. `work` and items are pickled; processes are started afresh, so that no lock
     of a thread is copied into them.
     """
-    cores = workers or _cores()
-    if cores < 2 or len(items) <= FEW:
+    count = workers or cores()
+    if count < 2 or len(items) <= FEW:
         yield from map(work, items)
         return
     # Pickled here and once: what cannot be would leave the pool waiting for ever.
     pool = ProcessPoolExecutor(
-        min(cores, len(items)), get_context("spawn"), _take_work, (pickle.dumps(work),)
+        min(count, len(items)), get_context("spawn"), _take_work, (pickle.dumps(work),)
     )
     try:
         yield from pool.map(_work_on, items)
@@ -69,8 +69,19 @@ def _work_on(item: object) -> Any:  # noqa: ANN401
     return _work[0](item)
 
 
-def _cores() -> int:
+_allowed: list[int] = []
+"""How many cores this process was told to use, if it was."""
+
+
+def use_one_core() -> None:
+    """From now on use one core: this process is one of as many as there are cores."""
+    _allowed[:] = [1]
+
+
+def cores() -> int:
     """Cores that this process may use."""
+    if _allowed:
+        return _allowed[0]
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

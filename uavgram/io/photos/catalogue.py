@@ -45,7 +45,7 @@ def read_photos(
         A pattern matches nothing, two photos have one name, a file is no photo, or states no
         time in the place that the project names.
     """
-    paths = _find(patterns)
+    paths = find_photos(patterns)
     sizes = np.array([image_size(path) for path in paths], dtype=np.float64)
     readings, source, messages = _times(paths, options)
     photos = Photos(
@@ -73,7 +73,7 @@ def _like_formulas(names: tuple[str, ...]) -> tuple[Message, ...]:
     return (Message("warning", "photo-name-formula", text),)
 
 
-def _find(patterns: tuple[str, ...]) -> list[Path]:
+def find_photos(patterns: tuple[str, ...]) -> list[Path]:
     """Files that the patterns name, in the order of their names."""
     found: dict[str, Path] = {}
     for pattern in patterns:

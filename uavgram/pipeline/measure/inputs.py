@@ -149,18 +149,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     log = read_flight_log(project.log) if project.log else None
     poses, pose_messages = _poses(project, photos)
     notes = () if log is None else log_messages(log)
-    pose_files = [source for source in project.pose_sources if source != FROM_PHOTOS]
-    named = (project.camera_file, picks_file, project.log, *pose_files, lines_file, measure_file)
-    named = (
-        *named,
-        project.known,
-        project.control,
-        project.control_lines,
-        project.check,
-        ties_file,
-        project.plan,
-    )
-    files = [str(path), *(f for f in named if f), *photos.path]
+    files = [*named_files(path, project, picks_file, lines_file, measure_file), *photos.path]
     return Inputs(
         project_path=str(path),
         project=project,
@@ -187,6 +176,42 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
             *notes,
         ),
     )
+
+
+def named_files(
+    path: Path,
+    project: Project,
+    picks: str | None,
+    lines: str | None,
+    measure: str | None,
+) -> tuple[str, ...]:
+    """The project file and every file but photos that is read for it, the ties' where it exists.
+
+    Parameters
+    ----------
+    path
+        The project file.
+    project
+        What it says.
+    picks, lines, measure
+        Those of its tables that exist.
+    """
+    poses = (source for source in project.pose_sources if source != FROM_PHOTOS)
+    named = (
+        project.camera_file,
+        picks,
+        project.log,
+        *poses,
+        lines,
+        measure,
+        project.known,
+        project.control,
+        project.control_lines,
+        project.check,
+        _existing(ties_path(project, path.absolute().parent)),
+        project.plan,
+    )
+    return (str(path), *(name for name in named if name))
 
 
 def ties_path(project: Project, folder: Path) -> Path | None:

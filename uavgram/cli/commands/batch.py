@@ -1,0 +1,111 @@
+"""`uavgram batch`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter, validators
+
+from uavgram.cli.application import DONE, PROBLEM, Verbose, app
+from uavgram.cli.terminal import log_to_stderr, say_as_is, say_written
+
+if TYPE_CHECKING:
+    from uavgram.pipeline.batch.cluster import Cluster
+    from uavgram.pipeline.batch.run import Step
+
+Count = Annotated[int, Parameter(validator=validators.Number(gte=1))]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Scheduler:
+    """Another machine's workers.
+
+    Parameters
+    ----------
+    scheduler
+        Address of a Dask scheduler (tcp://host:8786, tls://host:8786): its workers measure. They
+        see the same folders under the same names. A scheduler executes what it is sent: let only
+        those speak to it who may run programs on its workers.
+    tls_ca_file
+        Certificate (PEM) of the authority that the scheduler's is checked against.
+    tls_cert
+        Certificate (PEM) to show to it.
+    tls_key
+        Key of that certificate.
+    """
+
+    scheduler: str | None = None
+    tls_ca_file: Path | None = None
+    tls_cert: Path | None = None
+    tls_key: Path | None = None
+
+
+@app.command
+def batch(
+    *projects: Path,
+    output: Path = Path("uavgram-batch"),
+    workers: Count | None = None,
+    memory_mb: Count | None = None,
+    pdf: Literal["a4", "letter"] | None = None,
+    scheduler: Scheduler | None = None,
+    verbose: Verbose = False,
+) -> int:
+    """Measure many surveys, and put all of them into one table.
+
+    Each survey's results go where its project says. What is unchanged since it was measured is not
+    measured again; so after Ctrl+C the same command goes on.
+
+    Parameters
+    ----------
+    projects
+        Project files, folders in which every project.yaml is meant, patterns in quotes
+        ('2026/**/project.yaml'), and text files that list these line by line.
+    output
+        Folder of batch.html, batch.csv and batch.parquet.
+    workers
+        Surveys measured at a time on this machine; by default one for each core.
+    memory_mb
+        Most memory of each of them; by default its share of the machine's.
+    pdf
+        Write each report as report.pdf too, on this paper.
+    scheduler
+        Another machine's workers.
+    verbose
+        Say what is being done.
+    """
+    from uavgram.pipeline.batch.run import CSV, PAGE, PARQUET, Means, run_batch
+    from uavgram.pipeline.batch.survey import Asked
+    from uavgram.views.batch_words import headline
+
+    log_to_stderr(verbose=verbose)
+    means = Means(workers=workers, memory_mb=memory_mb, cluster=_cluster(scheduler))
+    found = run_batch(projects, output, Asked(pdf=pdf), means, _tell)
+    words = headline(found)
+    say_as_is("", words.sentence, *(f"  {reason}" for reason in words.reasons))
+    say_written(output, (PAGE, CSV, PARQUET))
+    return PROBLEM if found.count("failed") else DONE
+
+
+def _tell(step: Step) -> None:
+    from uavgram.views.batch_words import survey_line, time_left
+
+    left = f"; {time_left(step.seconds_left)}" if step.ended < step.total else ""
+    say_as_is(f"[{step.ended}/{step.total}{left}] {survey_line(step.row)}")
+
+
+def _cluster(asked: Scheduler | None) -> Cluster | None:
+    from uavgram.errors import UavgramError
+    from uavgram.pipeline.batch.cluster import Cluster
+
+    if asked is None:
+        return None
+    files = (asked.tls_ca_file, asked.tls_cert, asked.tls_key)
+    if asked.scheduler is None:
+        if any(files):
+            raise UavgramError("--tls-... files are for a cluster: name its --scheduler too")
+        return None
+    ca, cert, key = (None if one is None else str(one.absolute()) for one in files)
+    return Cluster(address=asked.scheduler, tls_ca_file=ca, tls_cert=cert, tls_key=key)

@@ -1,0 +1,90 @@
+"""What a batch knows of surveys that it measured: a line of JSON for each, appended as they end.
+
+A killed batch leaves at most a line cut short, which is as good as none.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+from uavgram.io.digest import digest_file
+from uavgram.io.results.codec import encode, from_record
+from uavgram.model.batch import FileState, SurveyRecord
+from uavgram.model.provenance import InputDigest
+
+STATE = "batch-state.jsonl"
+
+
+def read_records(path: Path) -> dict[str, SurveyRecord]:
+    """The newest record of each project, by its file; none where there is no state.
+
+    What cannot be read, such as lines of another version, is left out: it is measured again.
+    """
+    try:
+        lines = path.read_bytes().splitlines()
+    except OSError:
+        return {}
+    found: dict[str, SurveyRecord] = {}
+    for line in lines:
+        try:
+            record = from_record(SurveyRecord, json.loads(line))
+        except (ValueError, TypeError, KeyError, AttributeError):
+            continue
+        found[record.row.project] = record
+    return found
+
+
+def append_record(path: Path, record: SurveyRecord) -> None:
+    """Append a record; it is on disk when this returns.
+
+    Raises
+    ------
+    OSError
+        The disk takes no more.
+    """
+    line = json.dumps(encode(record), ensure_ascii=False).encode() + b"\n"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("ab+") as stream:
+        if stream.tell() and not _ends_a_line(stream.fileno(), stream.tell()):
+            line = b"\n" + line  # a killed batch cut the last one short
+        stream.write(line)
+        stream.flush()
+        os.fsync(stream.fileno())
+
+
+def _ends_a_line(handle: int, size: int) -> bool:
+    return os.pread(handle, 1, size - 1) == b"\n"
+
+
+def stat_of(path: str | Path) -> tuple[int, int]:
+    """Size and time of the last change [ns]; (-1, -1) of a file that is not there."""
+    try:
+        found = Path(path).stat()
+    except OSError:
+        return -1, -1
+    return found.st_size, found.st_mtime_ns
+
+
+def state_of(path: str | Path) -> FileState:
+    """A file as it is now; what changes while it is read is seen next time.
+
+    Raises
+    ------
+    InputError
+        It cannot be read.
+    """
+    _, changed = stat_of(path)
+    digest: InputDigest = digest_file(path)
+    return FileState(
+        path=str(path), size_bytes=digest.size_bytes, changed_ns=changed, sha256=digest.sha256
+    )
+
+
+def is_as_it_was(state: FileState) -> bool:
+    """Whether a file has the content that it had: a file that was only touched has."""
+    size, changed = stat_of(state.path)
+    if size != state.size_bytes:
+        return False
+    return changed == state.changed_ns or digest_file(state.path).sha256 == state.sha256

@@ -1,0 +1,222 @@
+"""Run a batch: find the surveys, measure what is new, and write one table of all."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from uavgram.config.project import load_project
+from uavgram.errors import UavgramError
+from uavgram.io.exports.batch_tables import write_batch_csv, write_batch_parquet
+from uavgram.io.outputs import staged_output
+from uavgram.io.results.batch_state import STATE, append_record, read_records
+from uavgram.model.batch import Batch, SurveyRecord, SurveyRow
+from uavgram.pipeline.batch.cluster import Cluster, on_cluster
+from uavgram.pipeline.batch.projects import find_projects
+from uavgram.pipeline.batch.survey import Asked, Outcome, Task, failed, measure_survey, name_of
+from uavgram.pipeline.batch.workers import Ended, in_workers
+from uavgram.pipeline.parallel import cores
+from uavgram.pipeline.versions import stamp
+from uavgram.stages.pooled import camera_drifts, pooled_fits
+from uavgram.views.batch_page import write_batch_page
+
+log = logging.getLogger(__name__)
+
+CSV, PARQUET, PAGE = "batch.csv", "batch.parquet", "batch.html"
+_MEMORY_SHARE = 0.8
+"""Of the machine's memory, that all workers may take together."""
+_PRELOADED = ("uavgram.pipeline.batch.survey",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Means:
+    """What a batch is run with.
+
+    Attributes
+    ----------
+    workers
+        Processes on this machine; None: one for each core.
+    memory_mb
+        Most that one of them may take; None: its share of the machine's memory.
+    cluster
+        Run on these workers instead.
+    """
+
+    workers: int | None = None
+    memory_mb: int | None = None
+    cluster: Cluster | None = None
+
+
+@dataclass(frozen=True)
+class Step:
+    """A survey ended: its row, how many have, of how many, and the seconds that the rest takes."""
+
+    row: SurveyRow
+    ended: int
+    total: int
+    seconds_left: float
+
+
+def run_batch(
+    wanted: Sequence[str | Path],
+    output: Path,
+    asked: Asked | None = None,
+    means: Means | None = None,
+    tell: Callable[[Step], None] | None = None,
+) -> Batch:
+    """Measure many surveys; each writes its own results, the batch one table of all.
+
+    Parameters
+    ----------
+    wanted
+        As `find_projects` takes them.
+    output
+        Folder of the table, the page, and of what the batch knows of earlier ones.
+    asked
+        What is made of each survey beside what its project says.
+    means
+        What it is run with.
+    tell
+        Called when a survey ends.
+
+    Raises
+    ------
+    UavgramError
+        There is no survey, the scheduler does not answer, or the table cannot be written.
+    """
+    asked, means = asked or Asked(), means or Means()
+    projects = [str(path.absolute()) for path in find_projects(wanted)]
+    known = read_records(output / STATE)
+    tasks = [Task(project=one, asked=asked, before=known.get(one)) for one in projects]
+    rows = {one: _waiting(one) for one in projects}
+    begun = time.monotonic()
+    clashes = _clashes(tasks)
+    try:
+        for row, record in _outcomes([one for one in tasks if one.project not in clashes], means):
+            rows[row.project] = row
+            if record is not None and row.status == "done":
+                _keep(output / STATE, record)
+            _tell(tell, row, rows, begun)
+        rows |= {outcome.row.project: outcome.row for outcome in clashes.values()}
+    finally:  # at Ctrl+C too: the table then says which ones wait
+        batch = _batch(tuple(rows.values()), time.monotonic() - begun)
+        write_batch(batch, output, projects)
+    return batch
+
+
+def _outcomes(
+    tasks: Sequence[Task], means: Means
+) -> Iterator[tuple[SurveyRow, SurveyRecord | None]]:
+    for one in _ended(tasks, means):
+        outcome = one.value
+        if outcome is None:
+            outcome = failed(tasks[one.number], one.why)
+        yield replace(outcome.row, tries=one.tries), outcome.record
+
+
+def _ended(tasks: Sequence[Task], means: Means) -> Iterator[Ended[Outcome]]:
+    if means.cluster is not None:
+        return on_cluster(measure_survey, tasks, means.cluster)
+    workers = means.workers or cores()
+    memory = _memory_bytes(workers) if means.memory_mb is None else means.memory_mb * 2**20
+    return in_workers(measure_survey, tasks, workers, memory, _PRELOADED)
+
+
+def _memory_bytes(workers: int) -> int | None:
+    """A worker's share of the machine's memory; None where the system does not say."""
+    try:
+        total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, ValueError, OSError):
+        return None
+    return int(_MEMORY_SHARE * total / workers)
+
+
+def _clashes(tasks: Sequence[Task]) -> dict[str, Outcome]:
+    """Surveys that would write over each other's results, each with why it is not run."""
+    first: dict[Path, str] = {}
+    found: dict[str, Outcome] = {}
+    for task in tasks:
+        try:
+            folder = Path(load_project(Path(task.project)).output).resolve()
+        except UavgramError:  # told when it is run
+            continue
+        other = first.setdefault(folder, task.project)
+        if other != task.project:
+            why = (
+                f"{task.project}: has the output folder of {other}, {folder}: name another as "
+                "`output` in one of the two"
+            )
+            found[task.project] = failed(task, why)
+    return found
+
+
+def _waiting(project: str) -> SurveyRow:
+    return SurveyRow(
+        name=name_of(project),
+        project=project,
+        status="waiting",
+        message="not begun yet, as the batch was interrupted: the same command goes on",
+    )
+
+
+def _tell(
+    tell: Callable[[Step], None] | None, row: SurveyRow, rows: dict[str, SurveyRow], begun: float
+) -> None:
+    if tell is None:
+        return
+    ended = [one for one in rows.values() if one.status != "waiting"]
+    # what was unchanged took no time, and says nothing of what is left
+    slow = sum(one.status != "unchanged" for one in ended)
+    each = (time.monotonic() - begun) / max(slow, 1)
+    tell(Step(row, len(ended), len(rows), each * (len(rows) - len(ended))))
+
+
+def _keep(path: Path, record: SurveyRecord) -> None:
+    """Remember a survey; a full disk costs only that it is measured again next time."""
+    try:
+        append_record(path, record)
+    except OSError as fault:
+        log.warning(
+            "%s: cannot be written (%s): what was measured now will be measured again next time",
+            path,
+            fault.strerror,
+        )
+
+
+def _batch(rows: tuple[SurveyRow, ...], seconds: float) -> Batch:
+    made = stamp()
+    return Batch(
+        rows=rows,
+        pooled=pooled_fits(rows),
+        drifts=camera_drifts(rows),
+        version=made["version"],
+        created_utc=made["created_utc"],
+        seconds=seconds,
+    )
+
+
+def write_batch(batch: Batch, folder: Path, inputs: Sequence[str]) -> None:
+    """Write the tables and the page, all or none.
+
+    Parameters
+    ----------
+    batch
+        What came out.
+    folder
+        Where to.
+    inputs
+        Files that no output may replace.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written.
+    """
+    with staged_output(folder, inputs) as hidden:
+        write_batch_csv(batch, hidden / CSV)
+        write_batch_parquet(batch, hidden / PARQUET)
+        write_batch_page(batch, hidden / PAGE, folder)

@@ -1,0 +1,140 @@
+"""One survey of a batch, in a worker: measured, or found unchanged, or why neither."""
+
+from __future__ import annotations
+
+import time
+import traceback
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from uavgram.config.project import load_project
+from uavgram.errors import UavgramError
+from uavgram.io.outputs import LAST
+from uavgram.io.photos.catalogue import find_photos
+from uavgram.io.results.batch_state import is_as_it_was, stat_of, state_of
+from uavgram.model.batch import FileState, SurveyRecord, SurveyRow
+from uavgram.model.maps.plan import Paper
+from uavgram.model.options import Project
+from uavgram.model.result.result import Result
+from uavgram.pipeline.batch.rows import row_of
+from uavgram.pipeline.measure.inputs import named_files
+from uavgram.pipeline.measure.run import run
+from uavgram.pipeline.versions import stamp
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What a batch makes of each survey, beside what its project says: paper of a report.pdf."""
+
+    pdf: Paper | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """One survey to measure: its project file, and what is known of it from before, if anything."""
+
+    project: str
+    asked: Asked
+    before: SurveyRecord | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """Its row; the record is None where it has to be measured again next time."""
+
+    row: SurveyRow
+    record: SurveyRecord | None
+
+
+def measure_survey(task: Task) -> Outcome:
+    """Measure a survey, unless nothing changed since it was measured; no problem of it is raised.
+
+    Parameters
+    ----------
+    task
+        Which.
+    """
+    try:
+        return _measured(task)
+    except UavgramError as fault:
+        why = str(fault)
+    except MemoryError:
+        why = (
+            "needs more memory than a worker of the batch may take: run it alone (uavgram run), or "
+            "the batch with fewer workers (--workers 1)"
+        )
+    except Exception as fault:  # noqa: BLE001 (a bug in one survey must not stop the others)
+        where = traceback.extract_tb(fault.__traceback__)[-1]
+        why = (
+            f"the program failed ({type(fault).__name__}: {fault}, in {Path(where.filename).name} "
+            f"line {where.lineno}): this is a bug, please report it with this survey"
+        )
+    return failed(task, why)
+
+
+def failed(task: Task, why: str) -> Outcome:
+    """The outcome of a survey that gave nothing, and why."""
+    row = SurveyRow(name=name_of(task.project), project=task.project, status="failed", message=why)
+    return Outcome(row=row, record=None)
+
+
+def name_of(project: str) -> str:
+    """What a survey is called in the table where its project cannot be read."""
+    path = Path(project)
+    return path.absolute().parent.name if path.stem == "project" else path.stem
+
+
+def _measured(task: Task) -> Outcome:
+    path = Path(task.project)
+    project = load_project(path)
+    if task.before is not None and _is_unchanged(task, task.before, project):
+        return Outcome(row=replace(task.before.row, status="unchanged"), record=task.before)
+    begun, before = time.process_time(), _stats(_inputs(path, project))
+    result = run(path, pdf=task.asked.pdf)
+    row = row_of(result, task.project, str(project.output), time.process_time() - begun)
+    states = _states(result, path.absolute().parent, before)
+    if states is None:
+        return Outcome(row=row, record=None)
+    record = SurveyRecord(
+        row=row,
+        version=stamp()["version"],
+        asked=repr(task.asked),
+        inputs=states,
+        results=state_of(Path(project.output) / LAST),
+    )
+    return Outcome(row=row, record=record)
+
+
+def _inputs(path: Path, project: Project) -> list[str]:
+    named = named_files(path, project, project.picks, project.lines, project.measure)
+    return [str(Path(one).absolute()) for one in (*named, *find_photos(project.images))]
+
+
+def _is_unchanged(task: Task, before: SurveyRecord, project: Project) -> bool:
+    """Whether a run would give what stands there already."""
+    if (before.version, before.asked) != (stamp()["version"], repr(task.asked)):
+        return False
+    if {one.path for one in before.inputs} != set(_inputs(Path(task.project), project)):
+        return False
+    if before.results.path != str(Path(project.output) / LAST):
+        return False
+    return all(map(is_as_it_was, (before.results, *before.inputs)))
+
+
+def _stats(paths: list[str]) -> dict[str, tuple[int, int]]:
+    return {path: stat_of(path) for path in paths}
+
+
+def _states(
+    result: Result, folder: Path, before: dict[str, tuple[int, int]]
+) -> tuple[FileState, ...] | None:
+    """What the run read, as its provenance has it; None where something changed meanwhile."""
+    states = []
+    for one in result.provenance.inputs:
+        path = str(folder / one.path)
+        size, changed = stat_of(path)
+        # a table of ties that the run itself found was not there before
+        if before.get(path, (size, changed)) != (size, changed) or size != one.size_bytes:
+            return None
+        states.append(FileState(path=path, size_bytes=size, changed_ns=changed, sha256=one.sha256))
+    return tuple(states)
