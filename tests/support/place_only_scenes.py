@@ -67,10 +67,14 @@ def place_only(
     frames: int = 6,
     labels: int = 14,
     pitch_deg: float = -90.0,
+    mount_pitch_deg: float | None = None,
     attitude_sigma_deg: tuple[float, float] | Literal["auto"] = "auto",
     ground: GroundOptions | None = None,
 ) -> PlaceOnly:
-    """Photos minutes apart and 40 m up; each picks what it sees of the labels, to 1 px."""
+    """Photos minutes apart and 40 m up; each picks what it sees of the labels, to 1 px.
+
+    `mount_pitch_deg`: what the project says of their tilt, where that is not true.
+    """
     rng = np.random.default_rng((421, seed_))
     ground = ground or GroundOptions()
     rough = rng.normal(0.0, ground.roughness_sigma_m or 1e-9, labels)
@@ -105,7 +109,7 @@ def place_only(
     )
     poses = _poses(center + bias + rng.normal(0, 3.0, center.shape))
     telemetry = TelemetryOptions(attitude_sigma_deg=attitude_sigma_deg)
-    mount = MountOptions(pitch_deg=pitch_deg)
+    mount = MountOptions(pitch_deg=pitch_deg if mount_pitch_deg is None else mount_pitch_deg)
     exposures, _ = place_photos(
         poses, PLACE, mount, telemetry, np.arange(frames, dtype=float) * 60.0
     )

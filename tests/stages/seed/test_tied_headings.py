@@ -9,10 +9,14 @@ import pytest
 from place_only_scenes import LENS, PlaceOnly, place_only
 from scenes import cv_pixels
 
+from uavgram.geometry.motion.rotation import GIMBAL_FROM_CAMERA
 from uavgram.model.arrays import Floats
+from uavgram.model.flight.photo_poses import PhotoExposures
+from uavgram.model.options import SolveOptions
 from uavgram.model.survey.ties import Sightings
+from uavgram.stages.refine.refine import refine
 from uavgram.stages.seed.headings import find_headings
-from uavgram.stages.seed.tied_headings import attitudes_by_ties, turns_about_up
+from uavgram.stages.seed.tied_headings import attitudes_by_ties, tilts_between, turns_about_up
 
 TIES = 600
 
@@ -78,3 +82,37 @@ def test_places_that_contradict_the_ties_turn_nothing() -> None:
     mixed = seeds.center_world_m[[3, 0, 5, 1, 4, 2]] * [20.0, 20.0, 1.0]
     survey = replace(scene.survey, seeds=replace(seeds, center_world_m=mixed))
     assert attitudes_by_ties(survey) is None
+
+
+def test_ties_tilt_photos_that_do_not_look_where_the_mount_says() -> None:
+    """The project says straight down; they look 50 degrees below the horizon."""
+    scene = with_ties(place_only(3, frames=6, labels=11, pitch_deg=-50.0, mount_pitch_deg=-90.0))
+    assert scene.survey.seeds is not None
+    turned, messages = find_headings(scene.survey)
+    seeds, prior, track = turned.seeds, turned.telemetry, turned.track
+    assert seeds is not None
+    assert prior is not None
+    assert isinstance(track, PhotoExposures)
+    assert [one.code for one in messages] == ["attitude-by-ties"]
+    assert len(messages[0].frames) == 6
+    assert tilts_between(scene.survey.seeds.world_from_camera, scene.rotation).min() > 0.5
+    assert tilts_between(seeds.world_from_camera, scene.rotation).max() < 0.25
+    assert off_deg(scene, seeds.world_from_camera).max() < 25.0
+    # What the adjustment holds them to is the same, and says next to nothing.
+    row = [track.frame_id.index(name) for name in turned.frame_id]
+    held = track.world_from_gimbal[row] @ GIMBAL_FROM_CAMERA
+    np.testing.assert_allclose(held, seeds.world_from_camera, atol=1e-9)
+    assert (np.linalg.eigvalsh(prior.covariance[:, 3:, 3:]) > 1.0).all()
+    refined, _ = refine(turned, SolveOptions())
+    assert refined.adjustment.minimum.converged
+    assert np.abs(scene.pose_errors(refined.adjustment)).max() < 4.0
+
+
+def test_ties_that_agree_with_the_mount_tilt_nothing() -> None:
+    scene = with_ties(place_only(4, frames=6, labels=11, pitch_deg=-60.0))
+    turned, messages = find_headings(scene.survey)
+    assert turned.seeds is not None
+    assert scene.survey.seeds is not None
+    assert messages == ()
+    before, after = scene.survey.seeds.world_from_camera, turned.seeds.world_from_camera
+    np.testing.assert_allclose(after[:, 2], before[:, 2], atol=1e-12)

@@ -1,4 +1,4 @@
-"""Stage: headings that the photos' poses do not state, from what the photos share.
+"""Stage: headings and tilts that the photos' poses do not state, from what the photos share.
 
 From half a turn off, no iteration finds back: so the seeds are turned before the adjustment to
 where the common points, the positions and known points agree. How uncertain they are stays as it
@@ -20,7 +20,12 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.message import Message
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.seed.tied_headings import attitudes_by_ties, turns_about_up
+from uavgram.stages.seed.tied_headings import (
+    attitudes_by_ties,
+    tilts_between,
+    turns_about_up,
+    with_attitudes,
+)
 
 UNKNOWN_RAD = 1.0
 """Sigma of a heading from which on it is no prior, but says that it is unknown."""
@@ -36,7 +41,9 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
     """The survey with its seeds turned to the headings that its ties, or else its picks, tell.
 
     Of photos without a stated attitude, and of those whose stated heading is as good as unknown.
-    A log's, and surveys whose photos all state theirs, are left as they are.
+    Where ties show that a photo without a stated attitude looks quite another way than the mount
+    was taken to say, they tell its tilt too. A log's, and surveys whose photos all state theirs,
+    are left as they are.
 
     Parameters
     ----------
@@ -46,9 +53,10 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
     Returns
     -------
     survey
-        Seeds, and the photos' own poses, turned about the vertical.
+        Seeds, and the photos' own poses, turned about the vertical, or wholly.
     messages
-        Photos whose course the picks contradict: their heading counts as unknown.
+        Photos whose course the picks contradict: their heading counts as unknown. And those whose
+        tilt the ties contradict: their attitude does.
     """
     track = survey.track
     if survey.seeds is None or not isinstance(track, PhotoExposures):
@@ -64,7 +72,19 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
         by_ties = turns_about_up(tied, survey.seeds.world_from_camera)
         turn = np.where(free & np.isfinite(by_ties), by_ties, turn)
     doubted = free & (sigma <= UNKNOWN_RAD) & (np.abs(turn) > CONTRADICTED * sigma)
-    return _turned(survey, track, turn, doubted), tuple(_messages(survey, turn, doubted))
+    survey_turned = _turned(survey, track, turn, doubted)
+    messages = tuple(_messages(survey, turn, doubted))
+    if tied is None:
+        return survey_turned, messages
+    off = tilts_between(tied, survey.seeds.world_from_camera)
+    limit = CONTRADICTED * track.sigma_attitude_rad[row, 0]
+    tilted = track.by_course[row] & (np.nan_to_num(off) > limit)
+    if not tilted.any():
+        return survey_turned, messages
+    return with_attitudes(survey_turned, tied, tilted), (
+        *messages,
+        _tilt_message(survey, off, tilted),
+    )
 
 
 def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> Plan:
@@ -152,3 +172,15 @@ def _messages(survey: Survey, turn: Floats, doubted: Bools) -> Iterator[Message]
     )
     frames = tuple(survey.frame_id[k] for k in np.flatnonzero(doubted))
     yield Message("info", "course-contradicted", text, frames=frames)
+
+
+def _tilt_message(survey: Survey, off_rad: Floats, tilted: Bools) -> Message:
+    frames = tuple(survey.frame_id[k] for k in np.flatnonzero(tilted))
+    typical = np.degrees(np.median(off_rad[tilted]))
+    text = (
+        f"{len(frames)} photos that state no attitude do not look where `mount` says: the tie "
+        f"points between them show them tilted by {typical:.0f} degrees from there, and that was "
+        "believed. If you know how the camera was tilted, set mount.pitch_deg, or give yaw_deg, "
+        "pitch_deg and roll_deg in a CSV file (`poses`)."
+    )
+    return Message("info", "attitude-by-ties", text, frames=frames)

@@ -101,6 +101,7 @@ def shown_by_sightings(adjustment: Adjustment) -> Shown:
         level = ~stands
         if level[: len(own)].sum() >= FEW:
             level[len(own) :] = False
+        level &= sigma[points] <= LEAST_OFF_M  # else an error of matching is a hill
         size, chance = _roughness(departure[level], sigma[points][level])
         if size > survey.grounds[area].roughness_sigma_m:
             roughness[area], probability[area] = size, chance
