@@ -64,7 +64,9 @@ def _as_text(table: str) -> str:
     if not rows or len({len(row) for row in rows}) > 1:
         return ""
     # letters that are as wide as two, or none, would spoil the columns
-    if any(ord(letter) >= 0x300 and letter not in "–—…−" for r in rows for c in r for letter in c.text):
+    if any(
+        ord(letter) >= 0x300 and letter not in "–—…−" for r in rows for c in r for letter in c.text
+    ):
         return ""
     heads, body = ([r for r in rows if r[0].head is is_head] for is_head in (True, False))
     return _blocks(heads, body, [cell.right for cell in (body or heads)[0]])
