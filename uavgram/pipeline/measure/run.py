@@ -13,9 +13,8 @@ from uavgram.imaging.photos.preview import Preview, jpeg_preview_scale, read_pre
 from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
 from uavgram.io.outputs import replace_bytes, staged_output
 from uavgram.io.own_files import check_folder_of_project
-from uavgram.io.results.results_json import dump_results, write_results
+from uavgram.io.results.results_json import write_results
 from uavgram.model.maps.plan import PLAN_PDF, Paper, PlanWish
-from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.model.result.ties import TieCloud
 from uavgram.pipeline.measure.compute import Sampling, compute
@@ -29,7 +28,7 @@ from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.summarise_ties import tie_cloud
 from uavgram.views.recording.write import write_recording
-from uavgram.views.report import check_pdf, render_report, report_pdf, write_report
+from uavgram.views.report import check_pdf, report_pdf, write_report
 
 
 class _Output(Enum):
@@ -121,7 +120,7 @@ def _write_outputs(
         "results.json": lambda path: write_results(result, path),
     }
     if pdf is not None:
-        writers["report.pdf"] = lambda path: write_pdf(result, path, pdf, pictures)
+        writers["report.pdf"] = lambda path: write_pdf(result, path, pdf)
     if plan is not None:
         from uavgram.pipeline.measure.plan import write_plan  # noqa: PLC0415 - loads matplotlib
 
@@ -133,8 +132,8 @@ def _write_outputs(
     journal.write(folder / "run.jsonl")
 
 
-def write_pdf(result: Result, path: Path, paper: Paper, pictures: Pictures = NO_PICTURES) -> None:
-    """Write the report as a PDF.
+def write_pdf(result: Result, path: Path, paper: Paper) -> None:
+    """Write the report as a PDF: of report.html and results.json, which stand beside it already.
 
     Parameters
     ----------
@@ -144,8 +143,6 @@ def write_pdf(result: Result, path: Path, paper: Paper, pictures: Pictures = NO_
         The file to write.
     paper
         Its size.
-    pictures
-        Parts of its photos.
 
     Raises
     ------
@@ -153,8 +150,10 @@ def write_pdf(result: Result, path: Path, paper: Paper, pictures: Pictures = NO_
         The file cannot be written.
     """
     made = result.provenance.created_utc
-    html = render_report(result, pictures)
-    page = report_pdf(html, dump_results(result), paper, result.name, made)
+    html, results = (
+        path.with_name(name).read_text(encoding="utf-8") for name in ("report.html", "results.json")
+    )
+    page = report_pdf(html, results, paper, result.name, made)
     replace_bytes(path, page)
 
 

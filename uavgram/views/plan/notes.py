@@ -10,9 +10,10 @@ from uavgram.model.case import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.views.plan.sheet import Sheet, width_mm
 from uavgram.views.plan.surveyed import DOUBT, is_doubtful
+from uavgram.views.survey.accuracy import accuracy_words
 from uavgram.views.survey.verdict import headline
 from uavgram.views.unit_words import in_units, names_like_lengths
-from uavgram.views.units import column, spread_text, units_of
+from uavgram.views.units import column, units_of
 
 TEXT_PT, LEAST_PT = 7.0, 4.5
 """Letters of the notes: as large as have room, between these."""
@@ -61,36 +62,13 @@ def plan_notes(result: Result, sheet: Sheet) -> tuple[str, ...]:
         f"{word}: {text}" for word, text in case_from_options(result.provenance.options)
     )
     verdict = in_units(headline(result), units_of(result), names_like_lengths(result))
-    told = [case, verdict, accuracy_note(result), LEANS, _grid_note(result)]
+    told = [case, verdict, accuracy_words(result), LEANS, _grid_note(result)]
     if is_doubtful(result).any():
         told.append(f"{DOUBT.strip()} after a value: it is in doubt, the report says why.")
     told.append(ACTUAL_SIZE)
     if len(sheet.plan.sheets) > 1:
         told.append(JOIN)
     return tuple(filter(None, told))
-
-
-def accuracy_note(result: Result) -> str:
-    """``Lengths: neighbouring points are known to ± 1 cm ... Places on earth: ± 2 m ...``."""
-    points, units = result.points, units_of(result)
-    near = points.neighbour_sigma_m
-    told = []
-    if np.isfinite(near).any():
-        one = spread_text(float(np.nanmedian(near)), "m", units)
-        told.append(f"Lengths: points are known to ± {one} from their neighbours.")
-    if result.world.gauge == "plane":
-        told.append("Nothing ties this survey to the earth: north is arbitrary, lengths hold.")
-    else:
-        where = "Places on earth"
-        if result.world.origin is None:
-            where = "Places among the control points and lines, whose east and north these are"
-        sigma = np.sqrt(np.trace(points.covariance_m2, axis1=1, axis2=2) / 2)
-        place = spread_text(float(np.median(sigma)), "m", units)
-        told.append(
-            f"{where}: ± {place} (east, north). An error of those shifts the whole plan "
-            "with its grid, and changes no length."
-        )
-    return " ".join(told)
 
 
 def _grid_note(result: Result) -> str:

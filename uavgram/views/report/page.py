@@ -121,7 +121,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             gauge=gauge,
             interval=partial(interval, units=units),
             measurement_text=partial(measurement_text, units=units),
-            option_text=option_text,
+            options=options_told(result),
             group_words=GROUP_WORDS,
             line_words=LINE_STATUS_WORDS,
             frame_words=FRAME_STATUS_WORDS,
@@ -202,6 +202,12 @@ def _made_by(result: Result) -> dict[str, object]:
         "frames_tied": frames_tied(result),
         "measured_alone": measured_alone(result),
     }
+
+
+def options_told(result: Result) -> list[tuple[str, str]]:
+    """Options that have a value: names and texts."""
+    every = result.provenance.options
+    return [(key, option_text(value)) for key, value in every if value is not None and value != ""]
 
 
 def option_text(value: object) -> str:

@@ -18,13 +18,16 @@ def accuracy_words(result: Result) -> str:
         told.append(f"Distances between neighbouring points are known to about ± {one}.")
     if not points.label:
         return ""
-    if result.world.gauge == "plane" or result.world.origin is None:
+    if result.world.gauge == "plane":
         told.append("Nothing ties this survey to the earth: north is arbitrary, lengths hold.")
     else:
         sigma = np.sqrt(np.trace(points.covariance_m2, axis1=1, axis2=2) / 2)
         place = spread_text(float(np.median(sigma)), "m", units)
+        where = "on the earth"
+        if result.world.origin is None:
+            where = "among the control points and lines, whose east and north these are,"
         told.append(
-            f"Where the survey as a whole lies on the earth is known to about ± {place} (east, "
+            f"Where the survey as a whole lies {where} is known to about ± {place} (east, "
             "north): such an error shifts everything together, and changes no length, area or "
             "angle."
         )

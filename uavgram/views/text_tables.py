@@ -1,0 +1,116 @@
+"""Tables of short texts as lines of text, for paper.
+
+A layout program measures each cell of a table three times, and a line of text once: a page of
+correlations costs a tenth of what its table does, and looks the same.
+"""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from html import escape, unescape
+from typing import NamedTuple
+
+MARK = "plain"
+"""Class of the tables that become text: their cells hold words and numbers, nothing else."""
+
+MOST_ROWS = 40
+"""Of one block, which stands below a head of its own and on one page where there is room."""
+
+LARGEST_PT, LEAST_PT = 6.5, 4.6
+"""Letters: as large as the widest line lets them be; below the least the table stays one."""
+
+_ROOM_PT = 182 / 25.4 * 72
+"""Width of the text on A4, the narrower paper."""
+
+_LETTER = 0.61
+"""Width of a letter of fixed width, as a share of its size (DejaVu, Liberation, Courier)."""
+
+_GAP = 2
+_TABLE = re.compile(rf'<table class="[^"]*\b{MARK}\b[^"]*">(.*?)</table>', re.DOTALL)
+_ROW = re.compile(r"<tr([^>]*)>(.*?)</tr>", re.DOTALL)
+_CELL = re.compile(r"<(t[hd])([^>]*)>(.*?)</\1>", re.DOTALL)
+
+SHEET = """
+.columns { break-inside: avoid; margin: 4px 0; }
+.columns pre { font-family: "DejaVu Sans Mono", monospace; line-height: 1.45; margin: 0; }
+.columns .head { font-weight: 700; color: #5b6470; border-bottom: 0.8pt solid #1b1f24; }
+"""
+"""How they look."""
+
+
+class _Cell(NamedTuple):
+    text: str
+    right: bool
+    head: bool
+
+
+def with_text_tables(html: str) -> str:
+    """The page with its marked tables as text, each where all its cells are plain and fit."""
+    return _TABLE.sub(lambda found: _as_text(found[1]) or found[0], html)
+
+
+def _as_text(table: str) -> str:
+    """Empty where it has to stay a table."""
+    rows = []
+    for attributes, content in _ROW.findall(table):
+        cells = [
+            _Cell(unescape(text).replace("\xad", ""), _is_right(more), tag == "th")
+            for tag, more, text in _CELL.findall(content)
+        ]
+        if attributes or any("<" in text for *_, text in _CELL.findall(content)):
+            return ""
+        rows.append(cells)
+    if not rows or len({len(row) for row in rows}) > 1:
+        return ""
+    # letters that are as wide as two, or none, would spoil the columns
+    if any(
+        ord(letter) >= 0x300 and letter not in "–—…−" for r in rows for c in r for letter in c.text
+    ):
+        return ""
+    heads, body = ([r for r in rows if r[0].head is is_head] for is_head in (True, False))
+    return _blocks(heads, body, [cell.right for cell in (body or heads)[0]])
+
+
+def _is_right(attributes: str) -> bool:
+    found = re.search(r'class="([^"]*)"', attributes)
+    return found is not None and not {"n", "figures"}.isdisjoint(found[1].split())
+
+
+def _blocks(heads: list[list[_Cell]], body: list[list[_Cell]], right: list[bool]) -> str:
+    widths = [
+        max([*(len(row[k].text) for row in body), *(_least(row[k].text) for row in heads)])
+        for k in range(len(right))
+    ]
+    size_pt = min(LARGEST_PT, _ROOM_PT / (_LETTER * (sum(widths) + _GAP * (len(widths) - 1))))
+    if size_pt < LEAST_PT:
+        return ""
+    head = "\n".join(line for row in heads for line in _head(row, widths, right))
+    lines = [_line([cell.text for cell in row], widths, right) for row in body]
+    style = f'style="font-size: {size_pt:.2f}pt"'
+    named = f'<pre class="head" {style}>{escape(head)}</pre>' if head else ""
+    return "".join(
+        f'<div class="columns">{named}<pre {style}>{escape(chr(10).join(some))}</pre></div>'
+        for some in (lines[k : k + MOST_ROWS] for k in range(0, len(lines), MOST_ROWS))
+    )
+
+
+def _least(text: str) -> int:
+    """Letters of a head's longest word; heads in columns of their own stay as they are."""
+    return len(text) if "  " in text else max(map(len, text.split()), default=0)
+
+
+def _head(row: list[_Cell], widths: list[int], right: list[bool]) -> list[str]:
+    """A head on as many lines as its longest text takes, the last line at the bottom."""
+    cells = [
+        [cell.text] if "  " in cell.text else textwrap.wrap(cell.text, max(width, 1))
+        for cell, width in zip(row, widths, strict=True)
+    ]
+    deep = max(map(len, cells))
+    filled = [[""] * (deep - len(cell)) + cell for cell in cells]
+    return [_line([cell[k] for cell in filled], widths, right) for k in range(deep)]
+
+
+def _line(texts: list[str], widths: list[int], right: list[bool]) -> str:
+    placed = zip(texts, widths, right, strict=True)
+    return (" " * _GAP).join(t.rjust(w) if r else t.ljust(w) for t, w, r in placed).rstrip()
