@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
 from uavgram.stages.products.text_places import TextPlaces, around
@@ -55,7 +55,7 @@ def placed_names(planned: FlightPlanned, paper: Paper, units: Units) -> tuple[Na
         half = np.array([_HALF_LETTER * size * len(text) + 2.0, _HALF_LINE * size])
         anchor = paper(at)
 
-        def candidates(ring: int, anchor: Floats = anchor, half: Floats = half) -> Floats:
+        def candidates(ring: Ints, anchor: Floats = anchor, half: Floats = half) -> Floats:
             return _inside(around(anchor, half, _BESIDE, ring), paper.height)
 
         x, y = places.take_near(candidates)[:2].tolist()
