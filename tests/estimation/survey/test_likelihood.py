@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from likelihood_scenes import with_relief
 from off_ground import with_third_coordinates
 from scenes import make_scene
 from taped_scenes import read_on_tapes
@@ -14,7 +15,6 @@ from uavgram.estimation.survey.likelihood import SurveyProblem, covariance_root
 from uavgram.estimation.survey.unknowns import between, move
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import Along
-from uavgram.model.survey.survey import Relief, Survey
 
 CASES: dict[str, dict[str, Any]] = {
     "telemetry": {},
@@ -31,21 +31,6 @@ CASES: dict[str, dict[str, Any]] = {
     "free heights, lengths alone": {"thirds": True, "telemetry": False, "gauge": "plane"},
     "a tape, lengths alone": {"tapes": True, "telemetry": False, "gauge": "plane"},
 }
-RELIEFS = (
-    Relief(kind="quadratic", sigma_m=0.2, scale_m=9.0, knots_m=np.array([[1.0, 2.0]])),
-    Relief(
-        kind="correlated",
-        sigma_m=0.1,
-        scale_m=6.0,
-        knots_m=np.array([[0.0, 0.0], [5.0, 1.0], [-4.0, 6.0], [3.0, -7.0]]),
-    ),
-)
-
-
-def with_relief(survey: Survey) -> Survey:
-    """The survey, each of its areas with a relief of another kind."""
-    grounds = zip(survey.grounds, RELIEFS, strict=True)
-    return replace(survey, grounds=tuple(replace(g, relief=relief) for g, relief in grounds))
 
 
 @pytest.mark.parametrize("case", CASES)

@@ -8,7 +8,16 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from uavgram.estimation.survey.unknowns import Layout, State, advance, move, unstacked
+from uavgram.estimation.survey.unknowns import (
+    Layout,
+    State,
+    advance,
+    between,
+    move,
+    some,
+    stacked,
+    unstacked,
+)
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats
 
@@ -54,6 +63,28 @@ def test_each_state_is_that_of_its_own_step(
             one, other = getattr(found, field.name), getattr(alone, field.name)
             assert one.shape == other.shape, field.name
             np.testing.assert_allclose(one, other, atol=1e-12, err_msg=field.name)
+
+
+def test_states_that_stand_together_move_each_by_its_own_step() -> None:
+    layout, rng = LAYOUTS["ties"], np.random.default_rng(6)
+    begin = [
+        State(
+            point=rng.normal(size=(5, 3)), center=9.0 * rng.normal(size=(4, 3)),
+            rotation=exp_so3(rng.normal(size=(4, 3))), intrinsic=np.zeros(3),
+            plane=rng.normal(size=3), relief=np.zeros(2), telemetry=np.zeros(12), tape=np.zeros(1),
+            readout=np.zeros(1), tie=rng.normal(size=(4, 3)), turning=np.zeros((4, 3)),
+        )
+        for _ in range(3)
+    ]  # fmt: skip
+    steps = 0.1 * rng.normal(size=(3, layout.size))
+    ends = advance(layout, stacked(begin), steps)
+
+    for own, end, step in zip(begin, unstacked(ends), steps, strict=True):
+        apart = between(layout, advance(layout, own, step), end)
+        np.testing.assert_allclose(apart, 0.0, atol=1e-12)
+    back = between(layout, stacked(begin), ends)
+    for row, own in enumerate(begin):
+        np.testing.assert_allclose(back[row], between(layout, own, some(ends, row)), atol=1e-12)
 
 
 def test_no_steps_lead_nowhere() -> None:

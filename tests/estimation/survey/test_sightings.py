@@ -6,17 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from likelihood_scenes import MATCH_PX, PATCH_PX, beginning, with_found
 from rolling_scenes import read_in_rows
 from scenes import Scene, make_scene
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import State, between, move
+from uavgram.estimation.survey.unknowns import between, move
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import Sightings
-
-PATCH_PX, MATCH_PX = 0.03, 0.06
 
 
 def dense(block: Block, size: int) -> Floats:
@@ -28,57 +25,8 @@ def dense(block: Block, size: int) -> Floats:
     return whole.reshape(n * r, size)
 
 
-def with_found(survey: Survey, *, chains: int, ties: int) -> Survey:
-    """The survey with its first picks found again in other frames, and some tie points.
-
-    The places are arbitrary: those of other picks of the same labels, and of picks of others.
-    """
-    frame, label = survey.pick_frame, survey.pick_label
-    point, where, pixel, sigma, pick = [], [], [], [], []
-    for chain in range(chains):
-        first = int(np.flatnonzero(label == chain)[0])
-        for row in np.flatnonzero(label == chain):
-            point.append(chain)
-            where.append(int(frame[row]))
-            pixel.append(survey.pixel_px[row])
-            sigma.append(PATCH_PX if row == first else MATCH_PX)
-        pick.append(first)
-    matches = Sightings(
-        frame=np.array(where, dtype=np.int64),
-        point=np.array(point, dtype=np.int64),
-        pixel_px=np.array(pixel).reshape(-1, 2),
-        sigma_px=np.array(sigma),
-        row=np.arange(len(where)),
-        pick=np.array(pick, dtype=np.int64),
-    )
-    rows = np.flatnonzero(label < ties)
-    tied = Sightings(
-        frame=frame[rows],
-        point=label[rows],
-        pixel_px=survey.pixel_px[rows],
-        sigma_px=np.full(len(rows), 0.1),
-        row=rows,
-        pick=np.full(ties, -1),
-    )
-    return replace(survey, matches=matches, ties=tied)
-
-
 def problem_of(scene: Scene) -> SurveyProblem:
     return SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
-
-
-def beginning(problem: SurveyProblem, truth: State) -> State:
-    """The truth, with chains and ties where the labels are that they were made of."""
-    survey, layout = problem.survey, problem.layout
-    chain = survey.pick_label[survey.matches.pick]
-    tie = np.arange(survey.ties.points)
-    point = np.zeros((layout.points, layout.point_size))
-    point[:, : truth.point.shape[1]] = truth.point
-    padded = replace(truth, point=point)
-    world, _, _ = problem.world_points(padded, np.arange(layout.points))
-    own = [point[chain], world[tie][:, : layout.point_size]]
-    turning = np.zeros((layout.frames, layout.frame_size - 6))
-    return replace(padded, tie=np.concatenate(own), turning=turning)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sqlite3
+import struct
+import warnings
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -152,3 +154,51 @@ def test_the_bounds_that_it_states_are_those_of_its_shapes(path: Path) -> None:
         np.testing.assert_allclose(
             stated[layer], read_info(path, layer=layer, force_total_bounds=True)["total_bounds"]
         )
+
+
+def test_a_part_of_a_layer_is_found_by_its_index(path: Path) -> None:
+    for layer, _ in list_layers(path):
+        info = read_info(path, layer=layer)
+        assert info["capabilities"]["fast_spatial_filter"], layer
+    place = points_of(columns(path, "points")[0])[:, :2]
+    west, south, east, north = *place.min(axis=0), *np.median(place, axis=0)
+    _, found, _, _ = read(path, layer="points", bbox=(west, south, east, north), return_fids=True)
+
+    inside = ((place >= [west, south]) & (place <= [east, north])).all(axis=1)
+    assert 0 < inside.sum() < len(place)
+    np.testing.assert_array_equal(found, np.flatnonzero(inside) + 1)
+
+
+def test_gdal_reads_it_without_a_warning(path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for layer, _ in list_layers(path):
+            read(path, layer=layer)
+
+
+def test_the_index_follows_what_other_programs_change(path: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "edited.gpkg"
+    copy.write_bytes(path.read_bytes())
+    with closing(sqlite3.connect(copy)) as file:
+        # What such programs bring along; a point has its place behind head and type.
+        functions = {"ST_MinX": 13, "ST_MaxX": 13, "ST_MinY": 21, "ST_MaxY": 21}
+        for name, at in functions.items():
+            file.create_function(name, 1, lambda geom, at=at: struct.unpack_from("<d", geom, at)[0])
+        file.create_function("ST_IsEmpty", 1, lambda geom: geom is None)
+
+        def indexed() -> list[int]:
+            asked = "SELECT id FROM rtree_points_geom WHERE minx >= 1e7 AND maxy <= 30 ORDER BY id"
+            return [fid for (fid,) in file.execute(asked)]
+
+        head = bytes(file.execute("SELECT geom FROM points WHERE fid = 1").fetchone()[0][:13])
+        far = head + struct.pack("<3d", 2e7, 20.0, 0.0)
+        (last,) = file.execute("SELECT max(fid) FROM points").fetchone()
+        file.execute("UPDATE points SET geom = ? WHERE fid = 2", (far,))
+        file.execute("INSERT INTO points (geom) VALUES (?)", (far,))
+        assert indexed() == [2, last + 1]
+        file.execute("UPDATE points SET fid = ? WHERE fid = 2", (last + 9,))
+        assert indexed() == [last + 1, last + 9]
+        file.execute("UPDATE points SET geom = NULL WHERE fid = ?", (last + 1,))
+        assert indexed() == [last + 9]
+        file.execute("DELETE FROM points WHERE fid = ?", (last + 9,))
+        assert indexed() == []

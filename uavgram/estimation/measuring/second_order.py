@@ -12,7 +12,7 @@ shape: near a coincidence of two points, say, that is what makes a distance too 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -22,8 +22,15 @@ from scipy.linalg import helmert
 from uavgram.estimation.measuring.kinds import refers_to_ground
 from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.refit import refit
-from uavgram.estimation.survey.unknowns import State, advance, between, move, unstacked
+from uavgram.estimation.survey.refit import refit_many
+from uavgram.estimation.survey.unknowns import (
+    State,
+    advance,
+    between,
+    move,
+    stacked,
+    unstacked,
+)
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
@@ -35,6 +42,10 @@ AT_REST = 1e-3
 
 FLAT = 1e-9
 """Variance, as a share of the largest, of directions that do not move the points."""
+
+
+ENTRIES = 2_000_000
+"""Numbers in the derivatives of all states that are adjusted together: 16 MB."""
 
 
 class Curvature(NamedTuple):
@@ -77,15 +88,37 @@ def curvature(
     variance sum(slope^2 + c^2 / 2).
     """
     found = Curvature(*(np.full(len(measured.rows), np.nan) for _ in range(3)))
+    at_once = max(1, ENTRIES // sum(b.jacobian.size for b in adjustment.minimum.blocks.values()))
+    some: list[tuple[MeasurementRequest, Ints]] = []
     first = 0
     for request in requests:
         count = sum(1 for row in measured.rows[first:] if row.request is request)
         rows = np.arange(first, first + count, dtype=np.int64)
         first += len(rows)
         if np.isfinite(measured.value[rows]).all():
-            pairs = list(_pairs(adjustment, measured, request, frames, rows))
-            _collect(np.array(pairs), measured, rows, found)
+            some.append((request, rows))
+        if sum(len(rows) for _, rows in some) >= at_once:
+            _curved(adjustment, measured, some, frames, found)
+            some = []
+    _curved(adjustment, measured, some, frames, found)
     return found
+
+
+def _curved(
+    adjustment: Adjustment,
+    measured: MeasuredValues,
+    some: Sequence[tuple[MeasurementRequest, Ints]],
+    frames: Frames,
+    found: Curvature,
+) -> None:
+    """Second-order terms of some requests, with their rows: their observations move together."""
+    steps = [REACH * _directions(adjustment, measured, *one) for one in some]
+    towards = [own[: len(rows)] for own, (_, rows) in zip(steps, some, strict=True)]
+    adjusted = iter(_adjusted_both_ways(adjustment, np.concatenate(towards)) if some else ())
+    for own, (request, rows) in zip(steps, some, strict=True):
+        ends = [next(adjusted) for _ in rows]
+        pairs = list(_pairs(adjustment, measured, request, frames, rows, ends, own[len(rows) :]))
+        _collect(np.array(pairs), measured, rows, found)
 
 
 def _pairs(
@@ -94,15 +127,15 @@ def _pairs(
     request: MeasurementRequest,
     frames: Frames,
     rows: Ints,
+    adjusted: Sequence[tuple[State | None, State | None]],
+    plainly: Floats,
 ) -> Iterator[tuple[Floats, Floats]]:
-    """Values of one request at both ends of each direction; NaN where there is no solution."""
-    directions = REACH * _directions(adjustment, measured, request, rows)
-    plain = advance(
-        adjustment.problem.layout, adjustment.state, _both_ways(directions[len(rows) :])
-    )
-    pairs = [_adjusted_both_ways(adjustment, step) for step in directions[: len(rows)]]
-    moved = unstacked(plain)
-    for states in (*pairs, *zip(moved, moved, strict=True)):
+    """Values of one request at both ends of each direction; NaN where there is no solution.
+
+    The directions are those with states `adjusted` to them, and the steps `plainly` taken.
+    """
+    moved = unstacked(advance(adjustment.problem.layout, adjustment.state, _both_ways(plainly)))
+    for states in (*adjusted, *zip(moved, moved, strict=True)):
         ends = [
             np.full(len(rows), np.nan)
             if state is None
@@ -125,32 +158,43 @@ def _both_ways(steps: Floats) -> Floats:
     return np.stack([steps, -steps], axis=1).reshape(-1, steps.shape[1])
 
 
-def _adjusted_both_ways(adjustment: Adjustment, step: Floats) -> tuple[State | None, State | None]:
-    """The states that fit observations moved as `step`, and as its opposite, would move them.
+def _adjusted_both_ways(
+    adjustment: Adjustment, steps: Floats
+) -> list[tuple[State | None, State | None]]:
+    """The states that fit observations moved as `steps`, and as their opposites, would move them.
 
     What parts the one from a plain step, in second order parts the other as well: it begins there.
     """
-    layout, way = adjustment.problem.layout, partial(advance, adjustment.problem.layout)
-    ahead = _adjusted(adjustment, step)
-    if ahead is None:
-        return None, _adjusted(adjustment, -step)
-    bent = between(layout, way(adjustment.state, step), ahead)
-    begin = move(layout, way(adjustment.state, -step), bent)
-    behind = _adjusted(adjustment, -step, begin)
-    return ahead, _adjusted(adjustment, -step) if behind is None else behind
+    layout, state = adjustment.problem.layout, adjustment.state
+    ahead = _adjusted(adjustment, steps)
+    behind: list[State | None] = [None] * len(steps)
+    there = [row for row, end in enumerate(ahead) if end is not None]
+    if there:
+        ends = stacked([end for end in ahead if end is not None])
+        bent = between(layout, advance(layout, state, steps[there]), ends)
+        begin = move(layout, advance(layout, state, -steps[there]), bent)
+        for row, end in zip(there, _adjusted(adjustment, -steps[there], begin), strict=True):
+            behind[row] = end
+    alone = [row for row, end in enumerate(behind) if end is None]
+    if alone:
+        for row, end in zip(alone, _adjusted(adjustment, -steps[alone]), strict=True):
+            behind[row] = end
+    return list(zip(ahead, behind, strict=True))
 
 
-def _adjusted(adjustment: Adjustment, step: Floats, begin: State | None = None) -> State | None:
-    """The state that fits observations moved as `step` would move them; None where there is none.
+def _adjusted(
+    adjustment: Adjustment, steps: Floats, begin: State | None = None
+) -> list[State | None]:
+    """The states that fit observations moved as `steps` would move them; None where there is none.
 
     The gauge is no observation, and stays.
     """
     errors = {
-        name: np.einsum("nrk,nk->nr", block.jacobian, step[block.columns])
+        name: (block.jacobian @ steps[:, block.columns][..., None])[..., 0]
         for name, block in adjustment.minimum.blocks.items()
         if name != "gauge"
     }
-    return refit(adjustment, errors, AT_REST, begin)
+    return refit_many(adjustment, errors, AT_REST, begin)
 
 
 def _error_in(one: str, reach: float, source: str) -> float:

@@ -50,11 +50,11 @@ class Block:
     Attributes
     ----------
     residual
-        (n, r) whitened: unit variance where the model holds.
+        (n, r) whitened: unit variance where the model holds. Of many states at once, (..., n, r).
     columns
         (n, k) index of the unknown behind each Jacobian column.
     jacobian
-        (n, r, k).
+        (n, r, k), or (..., n, r, k).
     """
 
     residual: Floats
@@ -157,11 +157,15 @@ def cost_of(blocks: Iterable[Block]) -> float:
 
 
 def gradient_of(blocks: Iterable[Block], size: int) -> Floats:
-    """J^T r of all blocks, (size,)."""
+    """J^T r of all blocks, (..., size), with the leading axes that residuals have, if any."""
     gradient = np.zeros(size)
     for block in blocks:
-        product = (block.residual[:, None, :] @ block.jacobian)[:, 0]
-        gradient += np.bincount(block.columns.ravel(), product.ravel(), minlength=size)
+        product = (block.residual[..., None, :] @ block.jacobian)[..., 0, :]
+        many = product.shape[:-2]
+        first = size * np.arange(int(np.prod(many)))[:, None]
+        at = (first + block.columns.ravel()).ravel()
+        found = np.bincount(at, product.ravel(), minlength=size * len(first))
+        gradient = gradient + found.reshape(*many, size)
     return gradient
 
 

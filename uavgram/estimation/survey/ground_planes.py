@@ -69,36 +69,39 @@ class GroundPlanes:
         self.size = self._planes + relief_size(survey)
 
     def at(self, planes: Floats, relief: Floats, label: Ints, east_north_m: Floats) -> SurfaceAt:
-        """The ground of n labels at their places (n, 2).
+        """The ground of n labels at their places (n, 2); of many states with leading axes.
 
         Parameters
         ----------
         planes
-            (3A,) height at the pivot [m] and slopes of each area's plane.
+            (..., 3A) height at the pivot [m] and slopes of each area's plane.
         relief
-            (R,) coefficients of the areas' relief, one area after the other [m].
+            (..., R) coefficients of the areas' relief, one area after the other [m].
         label
             (n,) by index: they say in which area the places lie.
         east_north_m
-            (n, 2) places.
+            (..., n, 2) places.
         """
         area = self._area[label]
-        plane = planes.reshape(-1, PLANE_SIZE)[area]
+        plane = planes.reshape(*planes.shape[:-1], -1, PLANE_SIZE)[..., area, :]
         from_pivot = east_north_m - self.pivot_m[area]
-        height = plane[:, 0] + np.einsum("ni,ni->n", plane[:, 1:], from_pivot)
-        slope = np.array(plane[:, 1:])
+        height = plane[..., 0] + np.einsum("...i,...i->...", plane[..., 1:], from_pivot)
+        slope = np.array(plane[..., 1:])
         own = min(PLANE_SIZE, self._planes)
-        by_unknowns = np.zeros((len(label), own + self._widest))
+        by_unknowns = np.zeros((*height.shape, own + self._widest))
         if own:
-            by_unknowns[:, 0], by_unknowns[:, 1:PLANE_SIZE] = 1.0, from_pivot
-            by_unknowns[area < self._fixed] = 0.0
+            by_unknowns[..., 0], by_unknowns[..., 1:PLANE_SIZE] = 1.0, from_pivot
+            by_unknowns[..., area < self._fixed, :] = 0.0
         for place, first, shape in self._reliefs:
             rows = np.flatnonzero(area == place)
-            basis = relief_basis(shape, east_north_m[rows])
-            coefficient = relief[first : first + shape.size]
-            height[rows] += basis.value @ coefficient
-            slope[rows] += np.einsum("nbi,b->ni", basis.gradient, coefficient)
-            by_unknowns[rows, own : own + shape.size] = basis.value
+            there = east_north_m[..., rows, :]
+            basis = relief_basis(shape, there.reshape(-1, 2))
+            value = basis.value.reshape(*there.shape[:-1], shape.size)
+            gradient = basis.gradient.reshape(*value.shape, 2)
+            coefficient = relief[..., None, first : first + shape.size]
+            height[..., rows] += (value * coefficient).sum(axis=-1)
+            slope[..., rows, :] += (gradient * coefficient[..., None]).sum(axis=-2)
+            by_unknowns[..., rows, own : own + shape.size] = value
         return SurfaceAt(height, slope, by_unknowns)
 
     @property

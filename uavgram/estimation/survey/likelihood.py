@@ -24,7 +24,7 @@ from uavgram.estimation.survey.terms.sightings import (
 from uavgram.estimation.survey.terms.tapes import Taped, tape_rows, taped_lines, tapes_of
 from uavgram.estimation.survey.terms.telemetry_terms import TelemetryTerms, telemetry_prior
 from uavgram.estimation.survey.terms.third_coordinate import ThirdCoordinate
-from uavgram.estimation.survey.unknowns import Layout, State, layout_of
+from uavgram.estimation.survey.unknowns import Layout, State, layout_of, unstacked
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 
@@ -72,8 +72,8 @@ class SurveyProblem:
         return self.ground.pivot_m
 
     def intrinsics(self, state: State) -> Floats:
-        """(P,) the interior orientation of a state."""
-        return self.survey.calibration.parameters + self.intrinsic_basis @ state.intrinsic
+        """(..., P) the interior orientation of a state."""
+        return self.survey.calibration.parameters + state.intrinsic @ self.intrinsic_basis.T
 
     def world_points(self, state: State, label: Ints) -> tuple[Floats, Floats, Floats]:
         """World coordinates (n, 3) of labels, and their Jacobians.
@@ -86,7 +86,7 @@ class SurveyProblem:
         d_plane : (n, 3, w)
             By the plane and the relief of its area, the unknowns `plane_columns`.
         """
-        return self.placed(state, state.point[label], label)
+        return self.placed(state, state.point[..., label, :], label)
 
     def placed(self, state: State, own: Floats, label: Ints) -> tuple[Floats, Floats, Floats]:
         """World coordinates of points by their own unknowns, as `world_points` of labels.
@@ -101,11 +101,11 @@ class SurveyProblem:
             (n,) the label in whose area, and at whose height above the ground, it lies.
         """
         world, d_point, d_plane = self._on_ground(state, own, label)
-        world[:, 2] += self.survey.height_above_m[label]
+        world[..., 2] += self.survey.height_above_m[label]
         if self.layout.point_size == 3:
             departs = self.third.departs[label]
-            world[:, 2] += np.where(departs, own[:, 2], 0.0)
-            d_point[:, 2, 2] = departs
+            world[..., 2] += np.where(departs, own[..., 2], 0.0)
+            d_point[..., 2, 2] = departs
         return world, d_point, d_plane
 
     def ground_points(self, state: State, label: Ints) -> tuple[Floats, Floats, Floats]:
@@ -114,17 +114,18 @@ class SurveyProblem:
         Plane and relief, without what a point on rough ground departs from them. Shapes and
         unknowns are those of `world_points`.
         """
-        return self._on_ground(state, state.point[label], label)
+        return self._on_ground(state, state.point[..., label, :], label)
 
     def _on_ground(self, state: State, own: Floats, label: Ints) -> tuple[Floats, Floats, Floats]:
-        surface = self.ground.at(state.plane, state.relief, label, own[:, :2])
-        d_point = np.zeros((len(label), 3, self.layout.point_size))
-        d_point[:, 0, 0] = d_point[:, 1, 1] = 1.0
-        d_point[:, 2, :2] = surface.slope
-        d_plane = np.zeros((len(label), 3, surface.by_unknowns.shape[1]))
-        d_plane[:, 2] = surface.by_unknowns
-        world = np.empty((len(label), 3))
-        world[:, :2], world[:, 2] = own[:, :2], surface.height_m
+        surface = self.ground.at(state.plane, state.relief, label, own[..., :2])
+        each = own.shape[:-1]
+        d_point = np.zeros((*each, 3, self.layout.point_size))
+        d_point[..., 0, 0] = d_point[..., 1, 1] = 1.0
+        d_point[..., 2, :2] = surface.slope
+        d_plane = np.zeros((*each, 3, surface.by_unknowns.shape[-1]))
+        d_plane[..., 2, :] = surface.by_unknowns
+        world = np.empty((*each, 3))
+        world[..., :2], world[..., 2] = own[..., :2], surface.height_m
         return world, d_point, d_plane
 
     def plane_columns(self, label: Ints) -> Ints:
@@ -135,8 +136,10 @@ class SurveyProblem:
         """All whitened residuals by group.
 
         None where a picked point lies behind its camera, or the lens would have no focal length.
+        Of many states at once, whose arrays have a leading axis, residuals have it too, and
+        derivatives that differ from state to state; None where one of the states is impossible.
         """
-        if self.intrinsics(state)[:2].min() <= 0:
+        if self.intrinsics(state)[..., :2].min() <= 0:
             return None
         sighted = self._sighted(state)
         if sighted is None:
@@ -166,10 +169,17 @@ class SurveyProblem:
         if self.tapes:
             blocks["tape"] = self._tape(state)
         if self.known:
-            blocks["known"] = known_rows(self, state, self.known).block()
+            blocks["known"] = self._known(state)
         if len(self.survey.control_label):
             blocks["control"] = self._control(state)
         return blocks
+
+    def _known(self, state: State) -> Block:
+        if state.plane.ndim == 1:
+            return known_rows(self, state, self.known).block()
+        each = [known_rows(self, one, self.known).block() for one in unstacked(state)]
+        residual, jacobian = np.stack([b.residual for b in each]), [b.jacobian for b in each]
+        return Block(residual, each[0].columns, np.stack(jacobian))
 
     @cached_property
     def known_thing(self) -> Ints:
@@ -201,7 +211,7 @@ class SurveyProblem:
         reading, jacobian, columns = self.readings(state, taped_lines(survey, self.line_index))
         sigma = survey.length_sigma_m[self.line_index]
         residual = (reading - survey.length_m[self.line_index]) / sigma
-        return Block(residual[:, None], columns, jacobian[:, None, :] / sigma[:, None, None])
+        return Block(residual[..., None], columns, jacobian[..., None, :] / sigma[:, None, None])
 
     def readings(self, state: State, taped: Taped) -> tuple[Floats, Floats, Ints]:
         """What tapes read (n,), the gradients (n, k), and the unknowns' columns (n, k).
@@ -215,11 +225,11 @@ class SurveyProblem:
             return length, jacobian, columns
         row = tape_rows(self.tapes, taped.tape)
         there = row >= 0
-        ratio = 1.0 / (1.0 + np.where(there, state.tape[row], 0.0))
+        ratio = 1.0 / (1.0 + np.where(there, state.tape[..., row], 0.0))
         by_scale = np.where(there, -length * ratio**2, 0.0)
         return (
             length * ratio,
-            np.concatenate([jacobian * ratio[:, None], by_scale[:, None]], axis=1),
+            np.concatenate([jacobian * ratio[..., None], by_scale[..., None]], axis=-1),
             np.concatenate(
                 [columns, (self.layout.first_tape + np.maximum(row, 0))[:, None]], axis=1
             ),
@@ -241,15 +251,17 @@ class SurveyProblem:
         """
         n = len(start)
         world, d_point, d_plane = self.world_points(state, np.concatenate([start, end]))
-        along = world[n:] - world[:n]
+        along = world[..., n:, :] - world[..., :n, :]
         if level is not None:
-            along[level, 2] = 0.0
-        length = np.linalg.norm(along, axis=1)
-        unit = (along / np.where(length > 0, length, 1.0)[:, None])[:, None]
+            along[..., level, 2] = 0.0
+        length = np.linalg.norm(along, axis=-1)
+        unit = (along / np.where(length > 0, length, 1.0)[..., None])[..., None, :]
+        start_by, end_by = d_point[..., :n, :, :], d_point[..., n:, :, :]
+        start_ground, end_ground = d_plane[..., :n, :, :], d_plane[..., n:, :, :]
         jacobian = np.concatenate(
-            [-unit @ d_point[:n], unit @ d_point[n:], -unit @ d_plane[:n], unit @ d_plane[n:]],
-            axis=2,
-        )[:, 0]
+            [-unit @ start_by, unit @ end_by, -unit @ start_ground, unit @ end_ground],
+            axis=-1,
+        )[..., 0, :]
         columns = np.concatenate(
             [
                 self.layout.point_columns(start),
@@ -269,7 +281,7 @@ class SurveyProblem:
         columns = np.concatenate(
             [self.layout.point_columns(label), self.plane_columns(label)], axis=1
         )
-        jacobian = np.concatenate([d_point, d_plane], axis=2)
+        jacobian = np.concatenate([d_point, d_plane], axis=-1)
         residual = (world - survey.control_world_m) * weight
         return Block(residual, columns, jacobian * weight[:, :, None])
 
@@ -281,17 +293,17 @@ class SurveyProblem:
         """Priors of all that makes up the ground."""
         blocks: dict[str, Block] = {}
         if self.layout.point_size == 3:
-            blocks |= self.third.priors(state.point[:, 2])
+            blocks |= self.third.priors(state.point[..., 2])
         if self.layout.relief:
             blocks["relief"] = self._relief(state)
         return blocks | self._planes(state)
 
     def _planes(self, state: State) -> dict[str, Block]:
         """Priors by area; the first area's has the name of old, ``plane``."""
-        unknown = state.plane[len(state.plane) - self.layout.plane :]
+        unknown = state.plane[..., state.plane.shape[-1] - self.layout.plane :]
         blocks = {}
         for prior in self.ground.priors():
-            own = unknown[prior.first : prior.first + len(prior.mean)]
+            own = unknown[..., prior.first : prior.first + len(prior.mean)]
             name = "plane" if prior.area == self.survey.ground.name else f"plane of {prior.area}"
             first = self.layout.first_plane + prior.first
             blocks[name] = independent_prior(own - prior.mean, prior.sigma, first)
@@ -319,14 +331,14 @@ class SurveyProblem:
         u = R (0, -1, 0) is image up in the world; u_east = 0. With R exp(δθ):
         δu = R (δθ x (0, -1, 0)), its east part row R_east . (δθ_z, 0, -δθ_x).
         """
-        east = state.rotation[0, 0]
-        residual = np.array([state.center[0, 0], state.center[0, 1], -east[1]])
-        jacobian = np.zeros((3, 6))
-        jacobian[0, 0] = jacobian[1, 1] = 1.0
-        jacobian[2, 3], jacobian[2, 5] = -east[2], east[0]
+        east = state.rotation[..., 0, 0, :]
+        residual = np.concatenate([state.center[..., 0, :2], -east[..., 1:2]], axis=-1)
+        jacobian = np.zeros((*east.shape, 6))
+        jacobian[..., 0, 0] = jacobian[..., 1, 1] = 1.0
+        jacobian[..., 2, 3], jacobian[..., 2, 5] = -east[..., 2], east[..., 0]
         columns = self.layout.frame_columns(np.zeros(1, dtype=np.int64))
-        whitened = (residual / GAUGE_SIGMA)[None]
-        return Block(whitened, columns, (jacobian / GAUGE_SIGMA[:, None])[None])
+        whitened = (residual / GAUGE_SIGMA)[..., None, :]
+        return Block(whitened, columns, (jacobian / GAUGE_SIGMA[:, None])[..., None, :, :])
 
 
 def covariance_root(covariance: Floats) -> Floats:

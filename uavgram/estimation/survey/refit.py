@@ -14,7 +14,7 @@ import numpy as np
 from uavgram.estimation.solver.levenberg_marquardt import AT_REST, CONVERGED, minimise
 from uavgram.estimation.solver.normal_equations import Block, SingularError, gradient_of
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.unknowns import State, advance
+from uavgram.estimation.survey.unknowns import State, advance, some
 from uavgram.model.arrays import Floats
 
 FAST = 0.5
@@ -59,6 +59,69 @@ def refit(
             return state
         blocks = adjustment.problem.evaluate(state)
     return _in_full(adjustment, before, errors, at_rest)
+
+
+def refit_many(
+    adjustment: Adjustment,
+    errors: Mapping[str, Floats],
+    at_rest: float = CONVERGED,
+    begin: State | None = None,
+) -> list[State | None]:
+    """As `refit`, of many sets of errors: their steps are taken together.
+
+    Parameters
+    ----------
+    adjustment, at_rest
+        As there.
+    errors
+        (m, n, r) by group, of all groups with errors: m sets of them.
+    begin
+        m states near by, stacked; None: where the adjustment stands.
+    """
+    layout, factor = adjustment.problem.layout, adjustment.minimum.factor
+    count = len(next(iter(errors.values())))
+    found: list[State | None] = [None] * count
+    left = np.arange(count)
+    blocks: Mapping[str, Block] | None = adjustment.minimum.blocks
+    states = adjustment.state if begin is None else begin
+    if begin is not None:
+        blocks = adjustment.problem.evaluate(begin)
+    previous = np.full(count, np.inf)
+    while blocks is not None:
+        moved = with_errors(blocks, {name: error[left] for name, error in errors.items()})
+        gradient = gradient_of(moved.values(), layout.size)
+        step = -factor.solve(gradient.T).T
+        length = -(gradient * step).sum(axis=1)
+        is_slow = length > FAST * previous
+        for row in np.flatnonzero(is_slow).tolist():
+            one = {name: error[left[row]] for name, error in errors.items()}
+            state = some(states, row) if states.plane.ndim == 2 else states
+            found[left[row]] = _in_full(adjustment, state, one, at_rest, _of_one(moved, row))
+        trial = advance(layout, states, step)
+        for row in np.flatnonzero(~is_slow & (length < at_rest)).tolist():
+            found[left[row]] = some(trial, row)
+        further = np.flatnonzero(~is_slow & (length >= at_rest))
+        if not len(further):
+            return found
+        left, previous, states = left[further], length[further], some(trial, further)
+        blocks = adjustment.problem.evaluate(states)
+    for row in left.tolist():  # one of them is impossible: each alone
+        one = {name: error[row] for name, error in errors.items()}
+        near = None if begin is None else some(begin, row)
+        found[row] = refit(adjustment, one, at_rest, near)
+    return found
+
+
+def _of_one(blocks: Mapping[str, Block], row: int) -> dict[str, Block]:
+    """The blocks of one of many states."""
+    return {
+        name: Block(
+            block.residual[row] if block.residual.ndim == 3 else block.residual,
+            block.columns,
+            block.jacobian[row] if block.jacobian.ndim == 4 else block.jacobian,
+        )
+        for name, block in blocks.items()
+    }
 
 
 def with_errors(blocks: Mapping[str, Block], errors: Mapping[str, Floats]) -> dict[str, Block]:

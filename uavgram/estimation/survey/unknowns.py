@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
@@ -227,6 +227,16 @@ def unstacked(states: State) -> Iterator[State]:
     return (State(*each) for each in zip(*arrays, strict=True))
 
 
+def some(states: State, rows: Ints | int) -> State:
+    """Those of stacked states that stand at `rows`, stacked as well; at one row, that state."""
+    return State(*(getattr(states, field.name)[rows] for field in fields(states)))
+
+
+def stacked(states: Sequence[State]) -> State:
+    """States as one, whose arrays have a leading axis."""
+    return State(*(np.stack([getattr(s, f.name) for s in states]) for f in fields(State)))
+
+
 def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
     """Which unknowns a survey has.
 
@@ -271,7 +281,7 @@ def move(layout: Layout, state: State, step: Floats) -> State:
     layout
         Where each unknown stands in the vector.
     state
-        From where.
+        From where; or as many states as steps, with the same leading axes.
     step
         (size,) increment; of (..., size) as many states, their arrays with the same leading axes.
     """
@@ -315,28 +325,29 @@ def _of_frames(layout: Layout, step: Floats) -> Floats:
 
 
 def between(layout: Layout, start: State, end: State) -> Floats:
-    """(size,) the increment by which `move` leads from one state to another.
+    """(..., size) the increment by which `move` leads from one state to another.
 
     Parameters
     ----------
     layout
         Where each unknown stands in the vector.
     start, end
-        Two states of the same unknowns.
+        Two states of the same unknowns, or as many of each with the same leading axes.
     """
-    turn = log_so3(np.swapaxes(start.rotation, 1, 2) @ end.rotation)
+    turn = log_so3(np.swapaxes(start.rotation, -1, -2) @ end.rotation)
     parts = (
         end.point - start.point,
         end.tie - start.tie,
-        np.concatenate([end.center - start.center, turn, end.turning - start.turning], axis=1),
+        np.concatenate([end.center - start.center, turn, end.turning - start.turning], axis=-1),
         end.intrinsic - start.intrinsic,
-        (end.plane - start.plane)[len(start.plane) - layout.plane :],
+        (end.plane - start.plane)[..., end.plane.shape[-1] - layout.plane :],
         end.relief - start.relief,
         end.telemetry - start.telemetry,
         end.tape - start.tape,
         end.readout - start.readout,
     )
-    return np.concatenate([part.ravel() for part in parts])
+    many = end.plane.shape[:-1]
+    return np.concatenate([part.reshape(*many, -1) for part in parts], axis=-1)
 
 
 def advance(layout: Layout, state: State, step: Floats) -> State:
@@ -353,22 +364,22 @@ def advance(layout: Layout, state: State, step: Floats) -> State:
     layout, state, step
         As for `move`.
     """
-    middle = state.point[:, :2].mean(axis=0)
-    arm = state.point[:, :2] - middle
-    size = float(np.vdot(arm, arm))
-    if size == 0.0:  # a single point has no heading
+    middle = state.point[..., :2].mean(axis=-2)
+    arm = state.point[..., :2] - middle[..., None, :]
+    size = (arm * arm).sum(axis=(-2, -1))
+    if not np.all(size):  # a single point has no heading
         return move(layout, state, step)
-    across = arm[:, ::-1] * (-1.0, 1.0)
+    across = arm[..., ::-1] * (-1.0, 1.0)
     angle = (across * _of_points(layout, step)[..., :2]).sum(axis=(-2, -1)) / size
     by = angle[..., None]
     rest = np.array(step)
     rest_frame = _of_frames(layout, rest)
     _of_points(layout, rest)[..., :2] -= by[..., None] * across
-    tie_across = (state.tie[:, :2] - middle)[:, ::-1] * (-1.0, 1.0)
+    tie_across = (state.tie[..., :2] - middle[..., None, :])[..., ::-1] * (-1.0, 1.0)
     _of_ties(layout, state, rest)[..., :2] -= by[..., None] * tie_across
-    rest_frame[..., 0] += by * (state.center[:, 1] - middle[1])
-    rest_frame[..., 1] -= by * (state.center[:, 0] - middle[0])
-    rest_frame[..., 3:6] -= by[..., None] * state.rotation[:, 2]
+    rest_frame[..., 0] += by * (state.center[..., 1] - middle[..., 1:])
+    rest_frame[..., 1] -= by * (state.center[..., 0] - middle[..., :1])
+    rest_frame[..., 3:6] -= by[..., None] * state.rotation[..., 2, :]
     turned = _turned(state, middle, np.cos(angle), np.sin(angle))
     moved = move(layout, turned, rest)
     return _at_gauge(moved) if layout.free_gauge else moved

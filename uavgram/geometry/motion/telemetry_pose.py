@@ -93,17 +93,19 @@ class FlightPath:
         self._gimbal = SmoothRotations(*gimbal_track) if len(gimbal_track[0]) else None
 
     def at(self, at_s: Floats) -> Exposures:
-        """Interpolate the flight at instants (N,) on its clock.
+        """Interpolate the flight at instants (..., N) on its clock.
 
         Raises
         ------
         ValueError
             An instant lies outside a track.
         """
-        position, velocity = self._position.at(at_s)
-        body, body_rate = self._body.at(at_s)
-        mount, mount_rate = self._gimbal.at(at_s) if self._gimbal else (body, body_rate)
-        return Exposures(position, velocity, body, body_rate, mount, mount_rate)
+        flat = at_s.ravel()
+        position, velocity = self._position.at(flat)
+        body, body_rate = self._body.at(flat)
+        mount, mount_rate = self._gimbal.at(flat) if self._gimbal else (body, body_rate)
+        found = (position, velocity, body, body_rate, mount, mount_rate)
+        return Exposures(*(one.reshape(*at_s.shape, *one.shape[1:]) for one in found))
 
 
 def exposures_by_time(flight: Flight, frame_id: Sequence[str]) -> Callable[[Floats], Exposures]:
@@ -134,19 +136,19 @@ def exposures_by_time(flight: Flight, frame_id: Sequence[str]) -> Callable[[Floa
 
 
 def corrected_time(shared: Floats, time_s: Floats, middle_s: float) -> Floats:
-    """(N,) instants on the flight's clock [s] of stated ones, after clock correction and drift.
+    """(..., N) instants on the flight's clock [s] of stated ones, after clock correction and drift.
 
     Parameters
     ----------
     shared
-        (12,) unknowns of the telemetry, see `predict_pose`.
+        (..., 12) unknowns of the telemetry, see `predict_pose`.
     time_s
         (N,) stated instants.
     middle_s
         Of the survey's exposures, where a drift leaves the correction alone.
     """
     since_middle = time_s - middle_s
-    return np.asarray(time_s - shared[CLOCK] - shared[CLOCK_DRIFT] * since_middle)
+    return np.asarray(time_s - shared[..., CLOCK] - shared[..., CLOCK_DRIFT] * since_middle)
 
 
 def predict_pose(
@@ -161,7 +163,7 @@ def predict_pose(
     mount_from_camera
         (3, 3) nominal rotation, without boresight.
     shared
-        (12,) boresight [rad], lever arm [m], position bias [m], heading bias [rad], clock
+        (..., 12) boresight [rad], lever arm [m], position bias [m], heading bias [rad], clock
         correction [s], clock drift [s/s]; see the slices of this module. The clock acts through
         `exposures` and is not read here.
     since_middle_s
@@ -169,28 +171,29 @@ def predict_pose(
 
     Returns
     -------
-    center_world : (N, 3)
-    world_from_camera : (N, 3, 3)
-    jacobian : (N, 6, 12)
+    center_world : (..., N, 3)
+    world_from_camera : (..., N, 3, 3)
+    jacobian : (..., N, 6, 12)
         Of (δcentre in world, δθ in camera with R exp(δθ)) by the shared unknowns.
     """
-    turn = exp_so3(shared[HEADING_BIAS] * UP)
+    turn = exp_so3(shared[..., HEADING_BIAS] * UP)[..., None, :, :]
+    lever = shared[..., None, LEVER_ARM, None]
     arm = turn @ exposures.world_from_body
-    offset = arm @ shared[LEVER_ARM]
-    center = exposures.position - shared[POSITION_BIAS] + offset
-    boresight = shared[BORESIGHT]
+    offset = (arm @ lever)[..., 0]
+    center = exposures.position - shared[..., None, POSITION_BIAS] + offset
+    boresight = shared[..., BORESIGHT]
     camera_in_mount = mount_from_camera @ exp_so3(boresight)
-    rotation = turn @ exposures.world_from_mount @ camera_in_mount
+    rotation = turn @ exposures.world_from_mount @ camera_in_mount[..., None, :, :]
 
-    jacobian = np.zeros((len(center), 6, SHARED_SIZE))
-    jacobian[:, :3, LEVER_ARM] = arm
-    jacobian[:, :3, POSITION_BIAS] = -np.eye(3)
-    jacobian[:, 0, 9], jacobian[:, 1, 9] = -offset[:, 1], offset[:, 0]  # up x offset
+    jacobian = np.zeros((*center.shape[:-1], 6, SHARED_SIZE))
+    jacobian[..., :3, LEVER_ARM] = arm
+    jacobian[..., :3, POSITION_BIAS] = -np.eye(3)
+    jacobian[..., 0, 9], jacobian[..., 1, 9] = -offset[..., 1], offset[..., 0]  # up x offset
     # d/dclock of exp(...) at t - clock: the vehicle was further back on its way and in its turn.
-    spin = (hat(exposures.body_rate) @ shared[LEVER_ARM][:, None])[..., 0]
-    jacobian[:, :3, 10] = -exposures.velocity - np.einsum("nij,nj->ni", arm, spin)
-    jacobian[:, 3:, BORESIGHT] = right_jacobian(boresight)
-    jacobian[:, 3:, 9] = rotation[:, 2]  # up, in camera axes
-    jacobian[:, 3:, 10] = -exposures.mount_rate @ camera_in_mount
-    jacobian[:, :, 11] = jacobian[:, :, 10] * since_middle_s[:, None]
+    spin = (hat(exposures.body_rate) @ lever)[..., 0]
+    jacobian[..., :3, 10] = -exposures.velocity - np.einsum("...ij,...j->...i", arm, spin)
+    jacobian[..., 3:, BORESIGHT] = right_jacobian(boresight)[..., None, :, :]
+    jacobian[..., 3:, 9] = rotation[..., 2, :]  # up, in camera axes
+    jacobian[..., 3:, 10] = -exposures.mount_rate @ camera_in_mount
+    jacobian[..., 11] = jacobian[..., 10] * since_middle_s[:, None]
     return center, rotation, jacobian

@@ -16,6 +16,7 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from uavgram.geometry.earth.map_projection import projected_from_enu
+from uavgram.io.exports.geopackage_index import quoted, write_index
 from uavgram.io.exports.qgis_styles import Look, style_of
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.layers import Attribute, Features, Layer, placed
@@ -157,11 +158,9 @@ def _write_layer(
 ) -> None:
     """One table of shapes and attributes, and where it is told of."""
     fields = {key: _field(values) for key, values in attributes.items()}
-    columns = "".join(
-        f", {_quoted(key)} {_kind(key, values)}" for key, values in attributes.items()
-    )
+    columns = "".join(f", {quoted(key)} {_kind(key, values)}" for key, values in attributes.items())
     file.execute(
-        f"CREATE TABLE {_quoted(layer.name)} (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, "
+        f"CREATE TABLE {quoted(layer.name)} (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, "
         f"geom {_TYPES[layer.kind]}{columns})"
     )
     there = [shape[:, :2] for shape in shapes if len(shape)]
@@ -176,15 +175,11 @@ def _write_layer(
         (layer.name, _TYPES[layer.kind], srs_id),
     )
     marks = ", ".join("?" * (1 + len(fields)))
-    names = ", ".join(["geom", *map(_quoted, fields)])
+    names = ", ".join(["geom", *map(quoted, fields)])
     rows = zip((_geometry(layer, s, srs_id) for s in shapes), *fields.values(), strict=True)
-    sql = f"INSERT INTO {_quoted(layer.name)} ({names}) VALUES ({marks})"  # noqa: S608 - quoted
+    sql = f"INSERT INTO {quoted(layer.name)} ({names}) VALUES ({marks})"  # noqa: S608 - quoted
     file.executemany(sql, rows)
-
-
-def _quoted(name: str) -> str:
-    """A name of a table or a column in SQL."""
-    return '"' + name.replace('"', '""') + '"'
+    write_index(file, layer.name, shapes)
 
 
 def _heights(features: Features) -> str:

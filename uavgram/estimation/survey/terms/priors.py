@@ -14,11 +14,11 @@ def independent_prior(off: Floats, sigma: Floats, first: int) -> Block:
     Parameters
     ----------
     off
-        (n,) how far each is from what is known of it.
+        (..., n) how far each is from what is known of it.
     sigma
         (n,) standard deviations of that, in the same units.
     first
         Column of the first unknown.
     """
-    columns = (first + np.arange(len(off)))[:, None]
-    return Block((off / sigma)[:, None], columns, (1.0 / sigma)[:, None, None])
+    columns = (first + np.arange(off.shape[-1]))[:, None]
+    return Block((off / sigma)[..., None], columns, (1.0 / sigma)[:, None, None])

@@ -86,27 +86,25 @@ def rows_of_sightings(
     rows
         What was seen.
     placed
-        (n, 3), (n, 3, point_size), (n, 3, w) the points, and their derivatives by their own
-        unknowns and by those of the ground.
+        (..., n, 3), (..., n, 3, point_size), (..., n, 3, w) the points, and their derivatives by
+        their own unknowns and by those of the ground.
     """
     survey, frame = problem.survey, rows.frame
     world, d_point, d_plane = placed
-    camera_from_world = np.swapaxes(state.rotation, 1, 2)[frame]
-    from_center = world - state.center[frame]
+    camera_from_world = np.swapaxes(state.rotation, -1, -2)[..., frame, :, :]
+    from_center = world - state.center[..., frame, :]
     unturned = None
     if survey.rolling is not None:
         # The row's own pose: centre + a v, R exp(a w), with a the time since the middle row.
         motion = survey.rolling.motion[frame]
         share = row_share(rows.pixel_px[:, 1], survey.calibration.height_px)[:, None]
-        moved = share * sweep_of(survey, state)[frame]
-        from_center = from_center - moved[:, :3]
-        unturned = exp_so3(-moved[:, 3:])
-        in_middle = np.einsum("nij,nj->ni", camera_from_world, from_center)
+        moved = share * sweep_of(survey, state)[..., frame, :]
+        from_center = from_center - moved[..., :3]
+        unturned = exp_so3(-moved[..., 3:])
+        in_middle = np.einsum("...ij,...j->...i", camera_from_world, from_center)
         camera_from_world = unturned @ camera_from_world
-    camera = np.einsum("nij,nj->ni", camera_from_world, from_center)
-    pixel, d_camera, d_intrinsics = project_with_jacobian(
-        survey.calibration.model, problem.intrinsics(state), camera, beyond_fold="extend"
-    )
+    camera = np.einsum("...ij,...j->...i", camera_from_world, from_center)
+    pixel, d_camera, d_intrinsics = _projected(problem, state, camera)
     if not np.isfinite(pixel).all():
         return None
     weight = 1.0 / rows.sigma_px
@@ -122,15 +120,30 @@ def rows_of_sightings(
     if unturned is not None:
         # d/da of exp(-s) R^T (X - centre - a v), s = a w + t: camera x J w - R_row^T v, with J the
         # left Jacobian of the rotation exp(-s); by the turning t itself: camera x J
-        left = _left_jacobian(-moved[:, 3:])
-        by_time = np.cross(camera, np.einsum("nij,nj->ni", left, motion[:, 3:]))
-        by_time -= np.einsum("nij,nj->ni", camera_from_world, motion[:, :3])
+        left = _left_jacobian(-moved[..., 3:])
+        by_time = np.cross(camera, np.einsum("...ij,...j->...i", left, motion[:, 3:]))
+        by_time -= np.einsum("...ij,...j->...i", camera_from_world, motion[:, :3])
         parts.append(d_camera @ (share * by_time)[..., None])
         if problem.layout.turning:
             parts.append(d_camera @ (hat(camera) @ left * share[..., None]))
-    jacobian = np.concatenate(parts, axis=2)
+    jacobian = np.concatenate(parts, axis=-1)
     residual = (pixel - rows.pixel_px) * weight[:, None]
     return Block(residual, rows.columns, jacobian * weight[:, None, None])
+
+
+def _projected(
+    problem: SurveyProblem, state: State, camera: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Pixels of points (..., n, 3), and derivatives; a lens has one set of parameters at a time."""
+    model, lens = problem.survey.calibration.model, problem.intrinsics(state)
+    if lens.ndim == 1:
+        return project_with_jacobian(model, lens, camera, beyond_fold="extend")
+    each = [
+        project_with_jacobian(model, own, points, beyond_fold="extend")
+        for own, points in zip(lens, camera, strict=True)
+    ]
+    pixel, d_camera, d_intrinsics = (np.stack(parts) for parts in zip(*each, strict=True))
+    return pixel, d_camera, d_intrinsics
 
 
 def _left_jacobian(turn: Floats) -> Floats:
@@ -144,15 +157,15 @@ def _left_jacobian(turn: Floats) -> Floats:
 
 
 def sweep_of(survey: Survey, state: State) -> Floats:
-    """(F, 6) by which each camera moves while its rows are read: see geometry/motion/row_poses.py.
+    """(..., F, 6) by which each camera moves while its rows are read.
 
-    What the log says, and what it does not say.
+    What the log says, and what it does not say: see geometry/motion/row_poses.py.
     """
     if survey.rolling is None:
         return np.zeros((len(survey.frame_id), 6))
-    sweep = state.readout * survey.rolling.motion
+    sweep = state.readout[..., None] * survey.rolling.motion
     if state.turning.size:
-        sweep[:, 3:] += state.turning
+        sweep[..., 3:] += state.turning
     return sweep
 
 
@@ -193,14 +206,14 @@ class TiedPoints:
         survey, blocks = self._problem.survey, dict[str, Block]()
         if survey.matches.points:
             point = survey.matches.point
-            placed = self._problem.placed(state, state.tie[point], self.label[point])
+            placed = self._problem.placed(state, state.tie[..., point, :], self.label[point])
             matches = rows_of_sightings(self._problem, state, self._matches, placed)
             if matches is None:
                 return None
             blocks["matches"] = matches
         if survey.ties.points:
-            world = state.tie[survey.matches.points + survey.ties.point]
-            n = len(world)
+            world = state.tie[..., survey.matches.points + survey.ties.point, :]
+            n = world.shape[-2]
             placed = world, np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3, 0))
             ties = rows_of_sightings(self._problem, state, self._ties, placed)
             if ties is None:
@@ -211,15 +224,15 @@ class TiedPoints:
     def _heights(self, state: State) -> dict[str, Block]:
         """What is known of the third coordinates: chains have those of their labels."""
         layout, survey, blocks = self._problem.layout, self._problem.survey, dict[str, Block]()
-        chain, tie = np.split(np.arange(len(state.tie)), [survey.matches.points])
+        chain, tie = np.split(np.arange(state.tie.shape[-2]), [survey.matches.points])
         if layout.point_size == 3 and len(chain):
-            apart = (state.tie[chain, 2] - state.point[self.label, 2])[:, None]
+            apart = (state.tie[..., chain, 2] - state.point[..., self.label, 2])[..., None]
             both = layout.tie_columns(chain)[:, 2], layout.point_columns(self.label)[:, 2]
             jacobian = np.broadcast_to([1.0 / LINKED_M, -1.0 / LINKED_M], (len(chain), 1, 2))
             blocks["linked"] = Block(apart / LINKED_M, np.stack(both, axis=1), jacobian)
         if len(tie):
             ground_m = 0.0 if layout.free_gauge else survey.ground.height_m
-            off = (state.tie[tie, 2] - ground_m)[:, None]
+            off = (state.tie[..., tie, 2] - ground_m)[..., None]
             weight = np.full((len(tie), 1, 1), 1.0 / ANYWHERE_M)
             blocks["tie heights"] = Block(off / ANYWHERE_M, layout.tie_columns(tie)[:, 2:], weight)
         return blocks

@@ -79,22 +79,22 @@ class TelemetryTerms:
             prior.time_s - prior.middle_s,
         )
         frame = prior.frame_index
-        turn = log_so3(np.swapaxes(rotation, 1, 2) @ state.rotation[frame])
-        residual = np.concatenate([state.center[frame] - center, turn], axis=1)
+        turn = log_so3(np.swapaxes(rotation, -1, -2) @ state.rotation[..., frame, :, :])
+        residual = np.concatenate([state.center[..., frame, :] - center, turn], axis=-1)
         # turn = log(P^T R): by R exp(a) it moves by Jr^-1(turn) a, by P exp(b) by -Jr^-1(-turn) b
         # (Sola et al. 2018, eq. 68 to 70); Jr^-1(-turn) is the transpose of Jr^-1(turn).
         by_turn = right_jacobian_inverse(turn)
-        jacobian = np.zeros((len(frame), 6, 6 + layout.telemetry))
-        jacobian[:, :3, :3] = np.eye(3)
-        jacobian[:, 3:, 3:6] = by_turn
-        jacobian[:, :3, 6:] = -d_shared[:, :3]
-        jacobian[:, 3:, 6:] = -by_turn.swapaxes(1, 2) @ d_shared[:, 3:]
+        jacobian = np.zeros((*turn.shape[:-1], 6, 6 + layout.telemetry))
+        jacobian[..., :3, :3] = np.eye(3)
+        jacobian[..., 3:, 3:6] = by_turn
+        jacobian[..., :3, 6:] = -d_shared[..., :3, :]
+        jacobian[..., 3:, 6:] = -by_turn.swapaxes(-1, -2) @ d_shared[..., 3:, :]
         whitened = (white @ residual[..., None])[..., 0]
         blocks = {"telemetry": Block(whitened, self._columns, white @ jacobian)}
         off = state.telemetry - self._mean
         for name, part in TELEMETRY_PARTS.items():
             first = layout.first_telemetry + part.start
-            blocks[name] = independent_prior(off[part], self._sigma[part], first)
+            blocks[name] = independent_prior(off[..., part], self._sigma[part], first)
         return blocks
 
     @cached_property

@@ -62,11 +62,11 @@ class ThirdCoordinate:
         return departs
 
     def priors(self, departure_m: Floats) -> dict[str, Block]:
-        """What is known of the departures (K,), as rows; of a free point, none."""
+        """What is known of the departures (..., K), as rows; of a free point, none."""
         kinds = {"roughness": self.rough, "heights": self.stated, "idle": self.idle}
         return {kind: self._rows(label, departure_m) for kind, label in kinds.items() if len(label)}
 
     def _rows(self, label: Ints, departure_m: Floats) -> Block:
         weight = 1.0 / self.sigma_m[label]
         columns = 3 * label[:, None] + 2  # where any point departs, each has three unknowns
-        return Block((departure_m[label] * weight)[:, None], columns, weight[:, None, None])
+        return Block((departure_m[..., label] * weight)[..., None], columns, weight[:, None, None])

@@ -1,0 +1,113 @@
+"""The likelihood of many states at once is that of each; and so is what is fitted anew."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_scenes import known_scene
+from likelihood_scenes import beginning, with_found, with_relief
+from off_ground import with_third_coordinates
+from rolling_scenes import read_in_rows
+from scenes import Scene, make_scene
+from taped_scenes import read_on_tapes
+
+from uavgram.estimation.solver.normal_equations import gradient_of
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.refit import refit, refit_many
+from uavgram.estimation.survey.unknowns import State, advance, between, move, stacked
+from uavgram.model.options import SolveOptions
+from uavgram.stages.refine import refine
+
+
+def problem_of(scene: Scene) -> tuple[SurveyProblem, State]:
+    survey = scene.survey
+    problem = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool))
+    relief = np.zeros(problem.layout.relief)
+    return problem, beginning(problem, replace(scene.truth, relief=relief))
+
+
+def scene_of(name: str) -> Scene:
+    """A scene with the groups of observations that its name says."""
+    if name == "rows, ties, matches":
+        scene = read_in_rows(make_scene(3, roughness=0.05), 0.04)
+        return replace(scene, survey=with_found(scene.survey, chains=2, ties=3))
+    if name == "relief, control":
+        scene = make_scene(3, verge=(0, 1, 2, 5), control=3, roughness=0.05)
+        return replace(scene, survey=with_relief(scene.survey))
+    if name == "no log, tapes":
+        scene = make_scene(3, telemetry=False, gauge="plane")
+        return read_on_tapes(scene, {"": 0.02, "red": -0.03}, sigma=0.001, along=("slope",) * 3)
+    if name == "heights":
+        scene = make_scene(3, heights={0: 1.5, 3: 2.0, 4: -0.5}, control=2)
+        return with_third_coordinates(scene, free=(0, 7), stated={3: 0.1, 8: 0.02})
+    return known_scene(3, name)[0]
+
+
+@pytest.mark.parametrize(
+    "name", ["rows, ties, matches", "relief, control", "no log, tapes", "heights", "right_angle"]
+)
+def test_residuals_and_derivatives_are_those_of_each_state(name: str) -> None:
+    problem, truth = problem_of(scene_of(name))
+    layout = problem.layout
+    steps = 0.003 * np.random.default_rng(1).normal(size=(3, layout.size))
+    together = problem.evaluate(move(layout, truth, steps))
+    assert together is not None
+    gradient = gradient_of(together.values(), layout.size)
+
+    for row, step in enumerate(steps):
+        alone = problem.evaluate(move(layout, truth, step))
+        assert alone is not None
+        assert alone.keys() == together.keys()
+        for group, block in alone.items():
+            own = together[group]
+            np.testing.assert_array_equal(own.columns, block.columns)
+            jacobian = own.jacobian[row] if own.jacobian.ndim == 4 else own.jacobian
+            near = 1e-10 * np.abs(block.jacobian).max()
+            np.testing.assert_allclose(jacobian, block.jacobian, atol=near, err_msg=group)
+            near = 1e-10 * (1.0 + np.abs(block.residual).max())
+            np.testing.assert_allclose(own.residual[row], block.residual, atol=near, err_msg=group)
+        expected = gradient_of(alone.values(), layout.size)
+        np.testing.assert_allclose(gradient[row], expected, atol=1e-10 * np.abs(expected).max())
+
+
+def test_one_impossible_state_makes_all_of_them_impossible() -> None:
+    problem, truth = problem_of(make_scene(5, noise=0.0))
+    flipped = replace(truth, rotation=truth.rotation @ np.diag([1.0, -1.0, -1.0]))
+
+    assert problem.evaluate(stacked([truth, truth])) is not None
+    assert problem.evaluate(stacked([truth, flipped])) is None
+
+
+@pytest.fixture(scope="module")
+def adjustment() -> Adjustment:
+    return refine(make_scene(8, frames=5, control=2).survey, SolveOptions())[0].adjustment
+
+
+@pytest.mark.parametrize("sigmas", [0.1, 12.0], ids=["near", "far"])
+def test_states_fitted_together_are_those_fitted_alone(
+    adjustment: Adjustment, sigmas: float
+) -> None:
+    """Near by, a few steps are enough; far off, the normal matrix turns, and they need new ones."""
+    rng, blocks = np.random.default_rng(4), adjustment.minimum.blocks
+    errors = {
+        name: sigmas * rng.normal(size=(4, *blocks[name].residual.shape))
+        for name in ("pixels", "telemetry")
+    }
+    layout = adjustment.problem.layout
+    near = [advance(layout, adjustment.state, s) for s in 1e-3 * rng.normal(size=(4, layout.size))]
+    for begin in (None, near):
+        found = refit_many(adjustment, errors, 1e-3, None if begin is None else stacked(begin))
+        assert any(state is not None for state in found)
+        for row, state in enumerate(found):
+            own = {name: error[row] for name, error in errors.items()}
+            alone = refit(adjustment, own, 1e-3, None if begin is None else begin[row])
+            if alone is None:
+                assert state is None
+                continue
+            assert state is not None
+            apart = between(layout, alone, state)
+            sigma = np.sqrt(np.diag(adjustment.minimum.factor.joint(np.arange(layout.size))))
+            assert np.abs(apart / sigma).max() < 1e-6

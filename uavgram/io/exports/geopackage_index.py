@@ -1,0 +1,84 @@
+"""Spatial indices of a GeoPackage: which shapes lie where, for programs that show a part of many.
+
+OGC 12-128r18 (GeoPackage 1.3), annex F.3, "RTree Spatial Indexes". The triggers keep an index right
+in programs that edit the file; they call functions which those programs have.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+
+_EXTENSIONS = """
+CREATE TABLE IF NOT EXISTS gpkg_extensions (
+    table_name TEXT, column_name TEXT, extension_name TEXT NOT NULL, definition TEXT NOT NULL,
+    scope TEXT NOT NULL, CONSTRAINT ge_tce UNIQUE (table_name, column_name, extension_name)
+)
+"""
+_DEFINITION = "http://www.geopackage.org/spec120/#extension_rtree"
+_HAS_PLACE = 'NEW."geom" NOT NULL AND NOT ST_IsEmpty(NEW."geom")'
+_HAS_NONE = 'NEW."geom" ISNULL OR ST_IsEmpty(NEW."geom")'
+_ENTER = (
+    'INSERT OR REPLACE INTO {index} VALUES (NEW."fid", ST_MinX(NEW."geom"), ST_MaxX(NEW."geom"), '
+    'ST_MinY(NEW."geom"), ST_MaxY(NEW."geom"));'
+)
+_STRIKE = 'DELETE FROM {index} WHERE id = OLD."fid";'
+_SAME, _OTHER = 'OLD."fid" = NEW."fid"', 'OLD."fid" != NEW."fid"'
+_TRIGGERS = {
+    "insert": ("INSERT", _HAS_PLACE, _ENTER),
+    "update1": ('UPDATE OF "geom"', f"{_SAME} AND ({_HAS_PLACE})", _ENTER),
+    "update2": ('UPDATE OF "geom"', f"{_SAME} AND ({_HAS_NONE})", _STRIKE),
+    "update3": ("UPDATE", f"{_OTHER} AND ({_HAS_PLACE})", f"{_STRIKE} {_ENTER}"),
+    "update4": (
+        "UPDATE",
+        f"{_OTHER} AND ({_HAS_NONE})",
+        'DELETE FROM {index} WHERE id IN (OLD."fid", NEW."fid");',
+    ),
+    "delete": ("DELETE", 'OLD."geom" NOT NULL', _STRIKE),
+}
+"""By the ends of their names: after what, when, and what they do."""
+
+
+def write_index(file: sqlite3.Connection, table: str, shapes: tuple[Floats, ...]) -> None:
+    """Index the column ``geom`` of a table that is filled; no later row passes here by itself.
+
+    Parameters
+    ----------
+    file
+        The GeoPackage. Nothing is done where this SQLite was built without R-trees: a file
+        without an index is right too, only slower.
+    table
+        The layer.
+    shapes
+        Vertices (n, 2 or more) of its rows in their order, the first with ``fid`` 1; of none, a row
+        has no place.
+    """
+    if file.execute("SELECT 1 FROM pragma_module_list WHERE name = 'rtree'").fetchone() is None:
+        return
+    index, own = quoted(f"rtree_{table}_geom"), quoted(table)
+    file.execute(_EXTENSIONS)
+    file.execute(
+        "INSERT INTO gpkg_extensions VALUES (?, 'geom', 'gpkg_rtree_index', ?, 'write-only')",
+        (table, _DEFINITION),
+    )
+    file.execute(f"CREATE VIRTUAL TABLE {index} USING rtree(id, minx, maxx, miny, maxy)")
+    rows = [
+        (fid, *np.stack([v[:, :2].min(axis=0), v[:, :2].max(axis=0)], axis=1).ravel().tolist())
+        for fid, v in enumerate(shapes, start=1)
+        if len(v)
+    ]
+    file.executemany(f"INSERT INTO {index} VALUES (?, ?, ?, ?, ?)", rows)  # noqa: S608 - quoted
+    for end, (after, when, what) in _TRIGGERS.items():
+        name = quoted(f"rtree_{table}_geom_{end}")
+        file.execute(
+            f"CREATE TRIGGER {name} AFTER {after} ON {own} WHEN {when} "
+            f"BEGIN {what.format(index=index)} END"
+        )
+
+
+def quoted(name: str) -> str:
+    """A name of a table or a column in SQL."""
+    return '"' + name.replace('"', '""') + '"'
