@@ -127,6 +127,8 @@ def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) 
             f"{request.max_height_m:g} m over it: make the area smaller, or plan it in parts"
         )
     more = "" if "grid" in request.patterns else " allow the pattern grid,"
+    if max(heights_to_try(request)) < request.max_height_m:
+        more = f" fly higher (heights_m),{more}"
     return (
         f"{area}: from at most {max(heights_to_try(request)):g} m up, no flight ({tried}) shows "
         f"all of it for certain, as the drone may depart by {request.deviation_m:g} m and "
