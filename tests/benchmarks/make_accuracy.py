@@ -198,7 +198,7 @@ def hostile(data: Path, extent: Extent) -> str:
             np.concatenate([getattr(one, key) for one in good]) for key in ("error", "sigma")
         )
         lost = len(outcomes) - len(good)
-        words = HOSTILE[name] + (f" ({lost} of {len(outcomes)} without a result)" if lost else "")
+        words = f"{HOSTILE[name]} ({len(outcomes)} surveys{f', {lost} failed' if lost else ''})"
         rows.append(length_row(Compared(words, relative, sigma, np.ones(len(relative)))))
     return markdown(LENGTH_HEADS, rows)
 

@@ -53,8 +53,9 @@ def stations(path: Path, site: Site) -> tuple[Station, ...]:
             continue
         assert item.frame == MAV.MAV_FRAME_GLOBAL_RELATIVE_ALT
         height_m = home.z - site.height_msl_m + item.z
-        place = np.array([[item.x], [item.y], [site.height_msl_m]])
-        east_north: Floats = enu_from_geodetic(*place, origin)[:, :2]
+        latitude, longitude = np.array([item.x]), np.array([item.y])
+        level = np.array([site.height_msl_m])
+        east_north: Floats = enu_from_geodetic(latitude, longitude, level, origin)[:, :2]
         x_m, y_m = in_scene_axes(site, east_north)[0].tolist()
         heading_deg = site.road_azimuth_deg - item.param4
         found.append(
@@ -71,17 +72,18 @@ def test_a_mission_flown_by_the_simulator_is_as_exact_as_predicted(tmp_path: Pat
     planned = plan_of(scenario, asked)
     write_waypoints(tmp_path / "mission.waypoints", planned)
     as_planned = flown(scenario, asked, planned)
-    calm = {"wobble_m": 0.0, "tilt_wobble_deg": 0.0, "gimbal_wobble_deg": 0.0}
     read = stations(tmp_path / "mission.waypoints", asked.site)
-    flight = replace(as_planned.flight, poses=read, **calm)
+    flight = replace(
+        as_planned.flight, poses=read, wobble_m=0.0, tilt_wobble_deg=0.0, gimbal_wobble_deg=0.0
+    )
 
     name, _, sigma = repeat.predicted(ScenarioWorld(replace(as_planned, flight=flight)))
     assert name == planned.measurements.name
     np.testing.assert_allclose(sigma, planned.measurements.sigma, rtol=0.03)
     # a mission flown 5 m lower, or looking elsewhere, would not be as exact as that by chance
     for one, other in zip(read, as_planned.flight.poses, strict=True):
-        place = [(p.x_m, p.y_m, p.height_m) for p in (one, other)]
-        np.testing.assert_allclose(*place, atol=0.03)
+        there, planned_there = ((p.x_m, p.y_m, p.height_m) for p in (one, other))
+        np.testing.assert_allclose(there, planned_there, atol=0.03)
         turned = (one.heading_deg - other.heading_deg + 180.0) % 360.0 - 180.0
         assert turned == pytest.approx(0.0, abs=1e-3)
         assert one.pitch_deg == pytest.approx(other.pitch_deg, abs=1e-3)
