@@ -39,7 +39,7 @@ def plan_lines(planned: FlightPlanned) -> list[str]:
     if planned.measurements.name:
         shown += [aligned([VALUES, *_value_rows(planned)], right=(1, 2, 3)), ""]
     mean = _sigma(planned, planned.mean_sigma)
-    shown.append(f"On average expect ± {mean}. Other choices:")
+    shown.append(f"On average {_averaged(planned)}expect ± {mean}. Other choices:")
     shown += [f"  {_gain(planned, gain)}" for gain in planned.gains]
     messages = message_lines(planned.messages)
     return [*shown, *(["", *messages] if messages else [])]
@@ -74,7 +74,21 @@ def _value_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
 
 def _gain(planned: FlightPlanned, gain: Gain) -> str:
     change = _change(gain.mean_sigma, planned.mean_sigma)
-    return f"{gain.what}: ± {_sigma(planned, gain.mean_sigma)}, {change}"
+    told = f"{gain.what}: ± {_sigma(planned, gain.mean_sigma)}, {change}"
+    if gain.worst_without is None:
+        return told
+    here = float(np.max(planned.lines.mean_sigma_without))
+    beside = "nothing would hold it" if math.isnan(here) else f"± {_sigma(planned, here)}"
+    return (
+        f"{told}; with its most important line lost ± {_sigma(planned, gain.worst_without)}, "
+        f"where in this plan {beside}"
+    )
+
+
+def _averaged(planned: FlightPlanned) -> str:
+    """What the mean is of, where the table holds other values too."""
+    unit = planned.measurements.unit
+    return "of the lengths " if "m" in unit and set(unit) != {"m"} else ""
 
 
 def _sigma(planned: FlightPlanned, sigma: float) -> str:

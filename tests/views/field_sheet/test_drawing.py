@@ -135,3 +135,15 @@ def test_of_many_photos_some_are_outlined() -> None:
     drawing = field_drawing(dataclasses.replace(PLAN, frames=many), METRIC)
     assert drawing.outlined == ("P1", "P5", "P9", "P13", "P17", "P21", "P25", "P29")
     assert len(drawing.footprints) == 8
+
+
+def test_ends_that_nobody_named_have_no_name_of_their_own() -> None:
+    """`skid left 1` says no more than `skid left` beside it; labels of people are all there."""
+    points = dataclasses.replace(PLAN.points, label=("skid left 1", "skid left 2", "C", "D"))
+    measured = dataclasses.replace(
+        PLAN.measurements, points=(("skid left 1", "skid left 2"), *[("C", "D")] * 3)
+    )
+    plan = dataclasses.replace(PLAN, points=points, measurements=measured)
+    shown = [name.text for name in field_drawing(plan, METRIC).names]
+    assert {"skid left", "C", "D"} <= set(shown)
+    assert not {"skid left 1", "skid left 2"} & set(shown)

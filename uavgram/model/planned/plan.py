@@ -92,10 +92,22 @@ class Assumptions:
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """What another choice would bring: in words (``a fifth line``), and `mean_sigma` then."""
+    """What another choice would bring.
+
+    Attributes
+    ----------
+    what
+        In words: ``one more line``.
+    mean_sigma
+        `FlightPlanned.mean_sigma` then.
+    worst_without
+        The same if the line is lost that matters most then; None of choices that are not about
+        that, or where nothing holds the survey then.
+    """
 
     what: str
     mean_sigma: float
+    worst_without: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -113,7 +113,8 @@ class PlanRequest:
         longest, shortest = self.longest_tape_m, self.shortest_line_m
         _require(
             longest >= shortest,
-            f"longest_tape_m ({longest:g}) must not be less than shortest_line_m ({shortest:g})",
+            f"longest_tape_m ({longest:g}) must not be less than shortest_line_m ({shortest:g}): "
+            f"add `shortest_line_m: {longest / 2:g}` for a tape as short as that",
         )
         _require(self.lines is None or 0 <= self.lines <= 30, "lines must lie between 0 and 30")
         _require(1 <= self.most_lines <= 30, "most_lines must lie between 1 and 30")

@@ -176,9 +176,14 @@ def gains(
         yield Gain(what="one line less", mean_sigma=criterion_of(aim, candidates, fewer.lines))
     other = choice.layout if request.robust else choice.sturdy
     if set(other.lines) != set(lines):
-        what = "the best layout while nothing is lost"
-        what = what if request.robust else "a layout that bears the loss of any line"
-        yield Gain(what=what, mean_sigma=criterion_of(aim, candidates, other.lines))
+        aimed = "for the best result if none is lost" if request.robust else "to bear a loss best"
+        whole = criterion_of(aim, candidates, other.lines)
+        worst = float(without_each(aim, candidates, other.lines).max())
+        yield Gain(
+            what=f"{len(other.lines)} lines laid {aimed}",
+            mean_sigma=whole,
+            worst_without=worst if worst < NOTHING_HOLDS * whole else None,
+        )
     more = one_photo_more(scene, request, choice.flight)
     if more is not None:
         try:

@@ -116,7 +116,10 @@ def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) 
             "smaller, fly higher (heights_m), allow more time (battery_min), or plan it in parts"
         )
     if obstacles["no-go"] and not obstacles["cover"]:
-        return "every flight crosses a no-go polygon: make it smaller, or plan the area in parts"
+        return (
+            "every flight crosses what is out of bounds for drone and tape (no_go): draw that as "
+            "small as it really is, or plan the area in parts beside it"
+        )
     if obstacles["horizon"] and not obstacles["cover"]:
         return (
             "the horizon is in every photo: point the camera further down (pitches_deg nearer -90)"
@@ -127,6 +130,8 @@ def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) 
             f"{request.max_height_m:g} m over it: make the area smaller, or plan it in parts"
         )
     more = "" if "grid" in request.patterns else " allow the pattern grid,"
+    if max(heights_to_try(request)) < request.max_height_m:
+        more = f" fly higher (heights_m),{more}"
     return (
         f"{area}: from at most {max(heights_to_try(request)):g} m up, no flight ({tried}) shows "
         f"all of it for certain, as the drone may depart by {request.deviation_m:g} m and "

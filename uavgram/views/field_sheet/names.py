@@ -105,8 +105,14 @@ def _names(planned: FlightPlanned, units: Units) -> Iterator[tuple[NameKind, str
     frames = planned.frames
     for name, at in zip(frames.name, frames.center_world_m, strict=True):
         yield "photo", name, at
+    numbered = {
+        f"{name} {k}"
+        for name, labels in zip(measured.name, measured.points, strict=True)
+        for k in range(1, len(labels) + 1)
+    }
     for label, at in zip(points.label, points.world_m, strict=True):
-        yield "point", label, at
+        if label not in numbered:  # the name of the value says it already
+            yield "point", label, at
 
 
 def _inside(places: Floats, height: float) -> Floats:

@@ -1,0 +1,40 @@
+"""A plan on the terminal: what other choices would bring, and what of."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from planned_sample import sample_plan
+
+from uavgram.model.planned.plan import Gain
+from uavgram.views.planned_text import plan_lines
+
+PLAN = sample_plan()
+
+
+def told(gain: Gain, worst: float) -> list[str]:
+    without = np.full(len(PLAN.lines.name), 0.02)
+    without[1] = worst
+    lines = replace(PLAN.lines, mean_sigma_without=without)
+    return plan_lines(replace(PLAN, lines=lines, mean_sigma=0.02, gains=(gain,)))
+
+
+def test_a_layout_that_bears_a_loss_tells_what_it_bears() -> None:
+    gain = Gain(what="5 lines laid to bear a loss best", mean_sigma=0.021, worst_without=0.03)
+    assert (
+        "  5 lines laid to bear a loss best: ± 2.1 cm, 5 % worse; with its most important line "
+        "lost ± 3.0 cm, where in this plan ± 4.3 cm"
+    ) in told(gain, 0.043)
+    held = [line for line in told(gain, np.nan) if "bear a loss" in line]
+    assert held[0].endswith("± 3.0 cm, where in this plan nothing would hold it")
+
+
+def test_the_mean_says_what_it_is_of() -> None:
+    """The sample measures an area too, which no mean of metres holds."""
+    assert "On average of the lengths expect ± 2.0 cm. Other choices:" in told(
+        Gain(what="one more line", mean_sigma=0.02), 0.03
+    )
+    kinds = replace(PLAN.measurements, unit=("m",) * 4)
+    shown = plan_lines(replace(PLAN, measurements=kinds))
+    assert any(line.startswith("On average expect") for line in shown)
