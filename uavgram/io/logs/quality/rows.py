@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from uavgram.model.arrays import Bools, Floats, Ints
 
@@ -39,6 +38,9 @@ def is_spike(time_s: Floats) -> Bools:
     spike = ~finite
     time = time_s[finite]
     if len(time) >= 3 and (time[1:] < time[:-1]).any():
+        # 25 MB of code, for damaged logs only
+        from scipy.ndimage import median_filter  # noqa: PLC0415
+
         spike[finite] = np.abs(time - median_filter(time, size=7, mode="nearest")) > RESTART_S
     return spike
 
