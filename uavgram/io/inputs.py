@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 from uavgram.errors import InputError, no_file
 
@@ -22,10 +25,18 @@ def read_bytes(path: str | Path, way_out: str = "name a file") -> bytes:
     InputError
         It is no file, or cannot be read.
     """
+    with opened(path, way_out) as file:
+        return file.read()
+
+
+@contextmanager
+def opened(path: str | Path, way_out: str = "name a file") -> Iterator[BinaryIO]:
+    """A file to read piece by piece; parameters and errors as of `read_bytes`."""
     if what := no_file(path):
         raise InputError(path, f"is {what}: {way_out}")
     try:
-        return Path(path).read_bytes()
+        with Path(path).open("rb") as file:
+            yield file
     except OSError as fault:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
 

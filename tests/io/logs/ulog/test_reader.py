@@ -41,7 +41,7 @@ def save(tmp_path: Path) -> Save:
 @pytest.mark.parametrize("name", REAL)
 def test_every_field_equals_pyulogs(data_dir: Path, name: str) -> None:
     path = data_dir / "logs" / name
-    tables = read_tables(str(path), path.read_bytes())
+    tables = read_tables(path)
     expected = [d for d in ULog(str(path)).data_list if len(d.data["timestamp"])]
     assert sum(len(topics) for topics in tables.topics.values()) == len(expected) > 10
     for d in expected:
@@ -87,7 +87,7 @@ def test_a_log_without_positions_is_read_but_refused_where_they_are_needed(data_
 
 def test_the_local_frame_is_put_on_the_earth_as_px4_does(data_dir: Path) -> None:
     path = data_dir / "logs" / "sample_px4_events.ulg"
-    tables = read_tables(str(path), path.read_bytes())
+    tables = read_tables(path)
     local, world = tables.topic("vehicle_local_position"), tables.topic("vehicle_global_position")
     assert local is not None
     assert world is not None

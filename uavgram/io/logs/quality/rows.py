@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from uavgram.model.arrays import Bools, Floats, Ints
 
@@ -29,6 +28,13 @@ def as_numbers(column: NDArray[Any]) -> Floats:
         return np.asarray(column, dtype=np.float64)
 
 
+def _running_median(values: Floats) -> Floats:
+    """(N,) the median of each value and three on either side, the ends repeated."""
+    from scipy.ndimage import median_filter  # noqa: PLC0415 - 25 MB that columns alone do not need
+
+    return np.asarray(median_filter(values, size=7, mode="nearest"))
+
+
 def is_spike(time_s: Floats) -> Bools:
     """(N,) whether a time lies off its neighbours: damaged bytes, as DataFlash has no checksum.
 
@@ -39,7 +45,7 @@ def is_spike(time_s: Floats) -> Bools:
     spike = ~finite
     time = time_s[finite]
     if len(time) >= 3 and (time[1:] < time[:-1]).any():
-        spike[finite] = np.abs(time - median_filter(time, size=7, mode="nearest")) > RESTART_S
+        spike[finite] = np.abs(time - _running_median(time)) > RESTART_S
     return spike
 
 
@@ -195,7 +201,7 @@ def _shifted(values: Floats, by: int) -> Floats:
 
 def _off_its_median(values: NDArray[np.floating]) -> Floats:
     """(N,) distance from the median of seven neighbours; at the ends of the seven end rows."""
-    found = median_filter(values, size=7, mode="nearest")
+    found = _running_median(values)
     found[:3], found[-3:] = np.median(values[:7]), np.median(values[-7:])
     return np.asarray(np.abs(values - found))
 

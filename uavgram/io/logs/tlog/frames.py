@@ -105,7 +105,9 @@ class _Candidates:
     length: NDArray[np.uint8]
     number: NDArray[np.int32]
 
-    def only(self, keep: NDArray[Any]) -> _Candidates:
+    def only(self, keep: Bools) -> _Candidates:
+        if keep.all():
+            return self
         return _Candidates(*(getattr(self, field.name)[keep] for field in fields(self)))
 
 
@@ -117,17 +119,12 @@ def scan_frames(data: bytes) -> FrameTable:
     nobody here defines, are counted where another record follows them.
     """
     array = np.frombuffer(data, dtype=np.uint8)
-    found = _candidates(array)
-    extra = checksum_extra(found.number)
-    good = _has_right_checksum(array, found, extra)
-    sound = found.only(good)
+    sound, others = _tested(array)
     sound = sound.only(_apart(sound))
-    others = np.flatnonzero(~good)
-    others = others[_is_followed(array, found.end[others])]
-    others = others[~_overlaps(found.only(others), sound)]
-    others = others[_apart(found.only(others))]
-    failed = int((extra[others] >= 0).sum())
-    read = _bytes_of(sound) + _bytes_of(found.only(others))
+    others = others.only(~_overlaps(others, sound))
+    others = others.only(_apart(others))
+    failed = int((checksum_extra(others.number) >= 0).sum())
+    read = _bytes_of(sound) + _bytes_of(others)
     sender = sound.start + np.where(sound.second, 5, 3)
     return FrameTable(
         data=array,
@@ -140,7 +137,7 @@ def scan_frames(data: bytes) -> FrameTable:
         rows_by_id=_grouped(sound.number),
         skipped_bytes=len(array) - read,
         bad_checksum=failed,
-        unknown=len(others) - failed,
+        unknown=len(others.start) - failed,
     )
 
 
@@ -166,15 +163,28 @@ def _frames_in_a_row(head: bytes, at: int) -> bool:
     return frames == _BARE_FRAMES
 
 
-def _candidates(data: NDArray[np.uint8]) -> _Candidates:
-    """Every place of the file that could be a frame."""
-    parts = [np.zeros(0, dtype=np.int64)]
-    for low in range(8, len(data), _CHUNK):
-        chunk = data[low : low + _CHUNK]
-        at = np.flatnonzero((chunk - np.uint8(_V2)) <= 1) + low  # 0xFD or 0xFE
-        at = at[data[at - 7] < _LATEST]
-        parts.append(at[data[at - 8] == 0])
-    start = np.concatenate(parts)
+def _tested(data: NDArray[np.uint8]) -> tuple[_Candidates, _Candidates]:
+    """Records with a right checksum, and the others that another record follows."""
+    sound, others = [], []
+    for low in range(8, max(len(data), 9), _CHUNK):
+        found = _candidates(data, low)
+        good = _has_right_checksum(data, found, checksum_extra(found.number))
+        sound.append(found.only(good))
+        others.append(found.only(~good & _is_followed(data, found.end)))
+    return _joined(sound), _joined(others)
+
+
+def _joined(parts: list[_Candidates]) -> _Candidates:
+    names = [field.name for field in fields(_Candidates)]
+    return _Candidates(*(np.concatenate([getattr(part, n) for part in parts]) for n in names))
+
+
+def _candidates(data: NDArray[np.uint8], low: int) -> _Candidates:
+    """Every place of a chunk of the file that could be a frame."""
+    chunk = data[low : low + _CHUNK]
+    start = np.flatnonzero((chunk - np.uint8(_V2)) <= 1) + low  # 0xFD or 0xFE
+    start = start[data[start - 7] < _LATEST]
+    start = start[data[start - 8] == 0]
     start = start[start + 8 <= len(data)]
     second = data[start] == _V2
     start = start[~second | (start + 12 <= len(data))]
@@ -208,15 +218,20 @@ def _has_right_checksum(
 
 def _apart(found: _Candidates) -> Bools:
     """(N,) whether to keep a record: not where it begins inside of one that was kept."""
-    keep = np.ones(len(found.start), dtype=bool)
-    if np.all(found.start[1:] - 8 >= found.end[:-1]):
+    begin, end = found.start - 8, found.end
+    keep = np.ones(len(begin), dtype=bool)
+    # behind all that came before: kept whatever was kept of that
+    clear = begin[1:] >= np.maximum.accumulate(end[:-1])
+    if clear.all():
         return keep
+    clear = np.append(True, clear)  # noqa: FBT003
+    rows = np.flatnonzero(~clear | np.append(~clear[1:], False))  # noqa: FBT003
     free_from = 0
-    for k, (start, end) in enumerate(zip(found.start.tolist(), found.end.tolist(), strict=True)):
-        if start - 8 < free_from:
+    for k, first, last in zip(rows.tolist(), begin[rows].tolist(), end[rows].tolist(), strict=True):
+        if first < free_from:
             keep[k] = False
         else:
-            free_from = end
+            free_from = last
     return keep
 
 

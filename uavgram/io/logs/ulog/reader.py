@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.io.logs.log_bytes import read_log_bytes
 from uavgram.io.logs.mavlink_dialect import vehicle_kind
 from uavgram.io.logs.quality.boots import checked_boot
 from uavgram.io.logs.ulog import events as ulog_events
@@ -20,6 +19,12 @@ from uavgram.model.flight.log import FlightLog, MessageCount
 # Lowest byte of ver_sw_release (PX4 src/lib/version/version.c)
 _RELEASE_KINDS = {0: "development", 64: "alpha", 128: "beta", 192: "candidate", 255: "release"}
 
+_TOPICS = (
+    *("vehicle_global_position", "vehicle_local_position", "vehicle_gps_position", "sensor_gps"),
+    *("vehicle_attitude", "vehicle_angular_velocity", "vehicle_status", "home_position"),
+    *("camera_capture", "camera_trigger", "gimbal_device_attitude_status", "mount_orientation"),
+)
+
 
 def read_ulog(path: str | Path) -> FlightLog:
     """Read a ULog: one boot of a PX4 autopilot.
@@ -29,9 +34,8 @@ def read_ulog(path: str | Path) -> FlightLog:
     InputError
         The file is missing, empty, no ULog, or damaged beyond use.
     """
-    data = read_log_bytes(path, "autopilot")
-    tables = read_tables(str(path), data)
-    if not tables.topics:
+    tables = read_tables(path, _TOPICS)
+    if not tables.counts:
         raise InputError(path, "holds no complete message: the file is cut; copy it once more")
     boot, notes = checked_boot(
         ulog_pose.positions(tables),
@@ -62,16 +66,10 @@ def read_ulog(path: str | Path) -> FlightLog:
 
 
 def _counts(tables: UlogTables) -> tuple[MessageCount, ...]:
-    """Rows of every topic, its instances together; PX4 stamps what was never published with 0."""
-    counts = []
-    for name, topics in sorted(tables.topics.items()):
-        time = np.concatenate([topic.time_s for topic in topics])
-        stamped = time[time + tables.started_s > 0]
-        first, last = (stamped.min(), stamped.max()) if len(stamped) else (np.nan, np.nan)
-        counts.append(
-            MessageCount(name=name, count=len(time), first_s=float(first), last_s=float(last))
-        )
-    return tuple(counts)
+    return tuple(
+        MessageCount(name=name, count=found.rows, first_s=found.first_s, last_s=found.last_s)
+        for name, found in sorted(tables.counts.items())
+    )
 
 
 def _vehicle(tables: UlogTables) -> str:
@@ -79,7 +77,7 @@ def _vehicle(tables: UlogTables) -> str:
     status = tables.topic("vehicle_status")
     stated = np.nan if status is None else float(status.column("system_type")[-1])
     number = stated if np.isfinite(stated) else tables.parameters.get("MAV_TYPE", 0)
-    return vehicle_kind(int(number))
+    return vehicle_kind(int(number)) if isinstance(number, int | float) else ""
 
 
 def _firmware(tables: UlogTables) -> str:

@@ -162,7 +162,7 @@ def _from_local(topic: Topic) -> Place:
 def receiver(tables: UlogTables) -> Topic | None:
     """The GPS topic that has a 3-D fix; vehicle_gps_position before sensor_gps."""
     for name in ("vehicle_gps_position", "sensor_gps"):
-        for topic in tables.topics.get(name, ()):
+        for topic in tables.instances(name):
             if has_fix(topic).any():
                 return topic
     return None

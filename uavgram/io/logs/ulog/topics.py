@@ -1,4 +1,4 @@
-"""PX4's ULog through pyulog, as columns on the boot clock: the one door to pyulog.
+"""PX4's ULog as columns on the boot clock.
 
 File format: https://docs.px4.io/main/en/dev_log/ulog_file_format.html. It has no checksum: what
 reads these columns must judge the values.
@@ -6,59 +6,29 @@ reads these columns must judge the values.
 
 from __future__ import annotations
 
-import io
+import itertools
 import struct
-from contextlib import redirect_stdout
+from collections.abc import Collection
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
-from pyulog import ULog
-from pyulog.exceptions import ULogException
 
 from uavgram.errors import InputError
+from uavgram.io.inputs import opened
 from uavgram.io.logs.quality.rows import LONGEST_BOOT_S, as_numbers
+from uavgram.io.logs.ulog.messages import FLAGS, HEADER, LONGEST
+from uavgram.io.logs.ulog.rows import Rows, Subscription
 from uavgram.model.arrays import Floats
 
 ULOG_MAGIC = b"ULog\x01\x12\x35"
-
-# What pyulog raises on damaged bytes besides its own exception: it trusts lengths, names and types.
-_ON_DAMAGE = (
-    ULogException,
-    ValueError,
-    KeyError,
-    IndexError,
-    TypeError,
-    AttributeError,
-    OverflowError,
-    RecursionError,
-    struct.error,
-)
-
-_MOST_SHORT_READS = 1000
-
-
-class _BoundedFile(io.BytesIO):
-    """A file that ends a reading which goes round in circles.
-
-    On damaged definitions pyulog steps back from the end of the file by more than it had read,
-    for ever (pyulog 1.3.0, _read_file_definitions).
-    """
-
-    def __init__(self, data: bytes) -> None:
-        super().__init__(data)
-        self._left = 16 * len(data) + 65536
-        self._short_reads = 0
-
-    def read(self, size: int | None = -1, /) -> bytes:
-        found = super().read(size)
-        self._left -= len(found)
-        if size is not None and len(found) < size:
-            self._short_reads += 1
-        if self._left < 0 or self._short_reads > _MOST_SHORT_READS:
-            raise ULogException("its messages cannot be followed")
-        return found
+_FILE_HEADER = 16
+_APPENDED = 1  # the only incompatible flag that there is
+# Bytes read at a time: as much as a processor's cache holds; less where the file is damaged, as
+# messages are looked for anew behind each place of damage.
+_LEAST_BYTES, _MOST_BYTES = 1 << 12, 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,91 +62,172 @@ class Topic:
 
 
 @dataclass(frozen=True, eq=False)
+class Count:
+    """Rows of a topic, its instances together.
+
+    Attributes
+    ----------
+    rows
+        How many.
+    first_s, last_s
+        Earliest and latest time since boot; NaN where none is stamped.
+    """
+
+    rows: int
+    first_s: float
+    last_s: float
+
+
+@dataclass(frozen=True, eq=False)
 class UlogTables:
     """A ULog, read.
 
     Attributes
     ----------
     topics
-        By name: its instances, the lowest number first.
+        By name, of those that were wanted: instances, the lowest number first.
+    counts
+        By name, of all topics that have rows.
     info
         What the header says of the system.
     parameters
         As they were when logging began.
-    started_s
-        What was taken off every time: 0, but where the boot clock shows the time of day.
+    wanted
+        Names of the topics that were to be read; None: all.
     notes
         What was odd about the file.
     """
 
     topics: dict[str, tuple[Topic, ...]]
+    counts: dict[str, Count]
     info: dict[str, Any]
-    parameters: dict[str, float]
-    started_s: float
+    parameters: dict[str, Any]
+    wanted: frozenset[str] | None
     notes: tuple[str, ...]
 
+    def instances(self, name: str) -> tuple[Topic, ...]:
+        """All instances with rows of a topic, which must have been wanted."""
+        if self.wanted is not None and name not in self.wanted:
+            raise KeyError(name)
+        return self.topics.get(name, ())
+
     def topic(self, *names: str) -> Topic | None:
-        """The first instance with rows of the first of these topics that the log has."""
-        for name in names:
-            for topic in self.topics.get(name, ()):
-                if len(topic.time_s):
-                    return topic
-        return None
+        """The first instance of the first of these topics that has any rows."""
+        return next((topic for name in names for topic in self.instances(name)), None)
 
 
-def read_tables(path: str, data: bytes) -> UlogTables:
-    """Read every topic of a ULog.
+def read_tables(path: str | Path, wanted: Collection[str] | None = None) -> UlogTables:
+    """Read topics of a ULog.
+
+    Parameters
+    ----------
+    path
+        The file.
+    wanted
+        Names of the topics to keep; None: all. The others are only counted.
 
     Raises
     ------
     InputError
-        The bytes are no ULog, or are damaged beyond use.
+        The file cannot be read, is no ULog, or of a kind that is not known here.
     """
-    if not data.startswith(ULOG_MAGIC):
-        raise InputError(path, "is no ULog: it does not begin as PX4 begins one")
-    try:
-        with redirect_stdout(io.StringIO()):  # pyulog prints its warnings
-            log = ULog(_BoundedFile(data))
-    except _ON_DAMAGE as error:
-        raise InputError(
-            path, f"is damaged beyond use ({type(error).__name__}: {error}); copy it once more"
-        ) from error
-    found = [d for d in log.data_list if "timestamp" in d.data and len(d.data["timestamp"])]
-    found.sort(key=lambda d: (d.name, d.multi_id, -len(d.data["timestamp"])))
-    started_s = _started_s([np.asarray(d.data["timestamp"], dtype=np.float64) for d in found])
+    with opened(path, "name a flight log") as file:
+        size = file.seek(0, 2)
+        file.seek(0)
+        head = file.read(_FILE_HEADER + HEADER + 40)
+        if not size:
+            raise InputError(path, "is empty: copy the log from the autopilot once more")
+        if not head.startswith(ULOG_MAGIC):
+            raise InputError(path, "is no ULog: it does not begin as PX4 begins one")
+        flags, offsets = _flags(head)
+        if flags[0] & ~_APPENDED or any(flags[1:]):
+            raise InputError(
+                path,
+                "is a ULog of a kind that is not known here (its incompatible flags are "
+                f"{flags.hex(' ')}), or damaged beyond use; copy it once more",
+            )
+        rows = Rows(wanted)
+        inside = sorted({at for at in offsets if _FILE_HEADER < at < size})
+        rows.damaged = len(inside) < len(offsets)
+        for begin, end in itertools.pairwise((_FILE_HEADER, *inside, size)):
+            _read_part(file, begin, end, rows, may_be_cut=end < size)
+    return _tables(rows, wanted, appended=bool(flags[0]))
+
+
+def _flags(head: bytes) -> tuple[bytes, list[int]]:
+    """The incompatible flags, and where data was appended; none in old files."""
+    flags, offsets = bytes(8), (0, 0, 0)
+    content = head[_FILE_HEADER + HEADER :]
+    if len(content) == 40 and head[_FILE_HEADER + 2] == FLAGS:
+        flags, offsets = content[8:16], struct.unpack("<3Q", content[16:])
+    return flags, [at for at in offsets if flags[0] & _APPENDED and at]
+
+
+def _read_part(file: BinaryIO, begin: int, end: int, rows: Rows, *, may_be_cut: bool) -> None:
+    """Gather the messages between two places, of which the first is the start of one."""
+    size = _LEAST_BYTES
+    while begin < end:
+        file.seek(begin)
+        data = file.read(min(size + LONGEST, end - begin))
+        if not data:
+            return  # it grew shorter meanwhile
+        read, whole = rows.read(data, min(size, len(data)), may_be_cut=may_be_cut)
+        begin += read
+        size = min(2 * size, _MOST_BYTES) if whole else _LEAST_BYTES
+
+
+def _tables(rows: Rows, wanted: Collection[str] | None, *, appended: bool) -> UlogTables:
+    found = [s for s in rows.subscriptions if s.count]
+    found.sort(key=lambda s: (s.name, s.instance, -s.count))
+    kept = [(s, np.frombuffer(s.data, dtype=s.rows.dtype)) for s in found if s.kept]
+    started_s = _started_s(found, [table["timestamp"] for _, table in kept])
     topics: dict[str, tuple[Topic, ...]] = {}
-    for d in found:
-        time_s = np.asarray(d.data["timestamp"], dtype=np.float64) * 1e-6 - started_s
-        topics[d.name] = (*topics.get(d.name, ()), Topic(d.name, time_s, d.data))
+    for s, table in kept:
+        fields = {name: table[name] for name in table.dtype.names or ()}
+        time_s = fields["timestamp"].astype(np.float64) * 1e-6 - started_s
+        topics[s.name] = (*topics.get(s.name, ()), Topic(s.name, time_s, fields))
+    by_name = itertools.groupby(found, key=lambda s: s.name)
     return UlogTables(
         topics=topics,
-        info=dict(log.msg_info_dict),
-        parameters=dict(log.initial_parameters),
-        started_s=started_s,
-        notes=_notes(log, started_s),
+        counts={name: _count(list(same), started_s) for name, same in by_name},
+        info=rows.info,
+        parameters=rows.parameters,
+        wanted=None if wanted is None else frozenset(wanted),
+        notes=_notes(rows, started_s, appended=appended),
     )
 
 
-def _started_s(times_us: list[Floats]) -> float:
+def _count(same: list[Subscription], started_s: float) -> Count:
+    first = [s.first_us for s in same if s.first_us is not None]
+    last = [s.last_us for s in same if s.last_us is not None]
+    return Count(
+        sum(s.count for s in same),
+        min(first) * 1e-6 - started_s if first else float("nan"),
+        max(last) * 1e-6 - started_s if last else float("nan"),
+    )
+
+
+def _started_s(found: list[Subscription], times_us: list[NDArray[np.uint64]]) -> float:
     """What to take off the times: PX4's simulator has its boot clock show the time of day."""
-    if not times_us:
+    firsts = np.array([s.first_us for s in found if s.first_us is not None], dtype=np.float64)
+    times_s = max(times_us, key=len, default=firsts).astype(np.float64) * 1e-6
+    if not len(times_s):
         return 0.0
-    times_s = max(times_us, key=len) * 1e-6
     middle = float(np.quantile(times_s, 0.5, method="lower"))
     if middle < LONGEST_BOOT_S:
         return 0.0
     return float(np.floor(times_s[np.abs(times_s - middle) < LONGEST_BOOT_S].min()))
 
 
-def _notes(log: ULog, started_s: float) -> tuple[str, ...]:
+def _notes(rows: Rows, started_s: float, *, appended: bool) -> tuple[str, ...]:
     notes = []
-    if log.file_corruption:
+    if rows.damaged:
         notes.append("the file is damaged or cut: what could be read was read")
-    if log.has_data_appended:
+    if appended:
         notes.append("data was appended after a crash of the autopilot")
-    if log.dropouts:
-        longest = max(drop.duration for drop in log.dropouts) * 1e-3
-        text = f"the logger lost data {len(log.dropouts)} times, {longest:.2f} s at the longest"
+    if rows.dropouts_ms:
+        longest = max(rows.dropouts_ms) * 1e-3
+        text = f"the logger lost data {len(rows.dropouts_ms)} times, {longest:.2f} s at the longest"
         notes.append(text)
     if started_s:
         text = "its boot clock shows the time of day (a simulator's): counted from the log's start"
