@@ -17,6 +17,9 @@ log, and without any pose: no log and no EXIF, as pycolmap. For each:
     wall, CPU, memory of ties (features, pairs, mapping) and of the adjustment of one draw; each in
              a process of its own, loading of packages included in CPU only
 
+First stands what the noise of picks and lengths alone leaves: rays of the true poses, by the row,
+at the true heights. Of what a way of finding poses is off, only the rest is its own.
+
 pycolmap knows no picks. Their rays are intersected with a ground of its points, in two ways: with
 the plane that most of them lie on (as ours is a plane), and with that plane lifted to the median
 height of the 30 points that are nearest. Places of labels picked twice are the mean of two; its
@@ -44,7 +47,7 @@ import numpy as np
 from pycolmap_ground import NEAREST, Ground, ground_of
 from streets.street import Street
 from streets.writing import Seeds, Tables, photo_names, write_street
-from study_ties import study_street, tables
+from study_ties import study_street, tables, true_rays
 
 from uavgram.errors import UavgramError
 from uavgram.geometry.camera.back_projection import back_project
@@ -170,6 +173,11 @@ def _intersected(
             ray = turn @ back_project("brown", lens, np.array([[pick.u_px, pick.v_px]]))[0]
             near = NEAREST if way == "near points" else 0
             found[pick.label].append(ground.met(center, ray, near))
+    return _distances(drawn, found)
+
+
+def _distances(drawn: Tables, found: dict[str, list[Floats]]) -> Floats:
+    """(m,) in the scale of the known lengths, by where rays met the ground; NaN without."""
     place: dict[str, Floats] = defaultdict(lambda: np.full(3, np.nan))
     place.update({label: np.mean(each, axis=0) for label, each in found.items()})
 
@@ -181,6 +189,19 @@ def _intersected(
     held = np.isfinite(here)
     scale = here[held] @ known[held] / (here[held] @ here[held]) if held.any() else np.nan
     return np.asarray(scale * lengths(list(drawn.distances)))
+
+
+def picks_alone(street: Street, drawn: Tables) -> Floats:
+    """(m,) distances by the picks and lengths, where poses and heights are the true ones."""
+    frame = {name: k for k, name in enumerate(photo_names(street))}
+    height = {label: point[2] for label, point in zip(street.label, street.point, strict=True)}
+    photo = np.array([frame[pick.photo] for pick in drawn.picks])
+    pixel = np.array([[pick.u_px, pick.v_px] for pick in drawn.picks])
+    center, ray = true_rays(street, photo, pixel)
+    found: dict[str, list[Floats]] = defaultdict(list)
+    for pick, place, along in zip(drawn.picks, center, ray[:, 1], strict=True):
+        found[pick.label].append(place + along * (height[pick.label] - place[2]) / along[2])
+    return _distances(drawn, found)
 
 
 def _true(street: Street, drawn: Tables) -> Floats:
@@ -265,6 +286,8 @@ def main() -> None:
                 drawn = [tables(street, draw) for draw in range(given.draws)]
                 write_street(street, folder, drawn[0], "none")
                 print(f"{street.wish.kind} {street.seed}, {readout:g} ms", flush=True)
+                alone = [picks_alone(street, each) - _true(street, each) for each in drawn]
+                tell(street, "picks and lengths alone", {}, (alone, drawn))
                 if given.pycolmap:
                     run_pycolmap(street, folder, given.pycolmap, drawn)
                 for seeds in OURS:

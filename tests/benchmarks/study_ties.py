@@ -140,7 +140,7 @@ def _epipolar(street: Street, table: Path) -> dict[str, Any]:
     with table.open(newline="") as file:
         rows = list(csv.DictReader(file))
     pixel = np.array([[float(row["u_px"]), float(row["v_px"])] for row in rows])
-    center, ray = _rays(street, np.array([frame[row["image"]] for row in rows]), pixel)
+    center, ray = true_rays(street, np.array([frame[row["image"]] for row in rows]), pixel)
     sights: dict[str, list[int]] = defaultdict(list)
     for k, row in enumerate(rows):
         sights[row["tie"]].append(k)
@@ -165,7 +165,7 @@ def _epipolar(street: Street, table: Path) -> dict[str, Any]:
     }
 
 
-def _rays(street: Street, frame: Floats, pixel: Floats) -> tuple[Floats, Floats]:
+def true_rays(street: Street, frame: Floats, pixel: Floats) -> tuple[Floats, Floats]:
     """Centres (n, 3); (n, 5, 3): the ray in the camera, in the street, the camera's axes."""
     lens = street.camera.lens
     matrix = np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1]])

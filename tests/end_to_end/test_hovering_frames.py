@@ -2,7 +2,7 @@
 
 Nothing says where they were taken: the lengths between the targets place the frame that was picked
 in, and ties say how the others are turned from it. The targets lie nearly in a line, so that the
-height of the camera is known to metres only: the adjustment has a bent valley to follow.
+height of the camera is known to metres only; so are the heights that the frames show.
 """
 
 from __future__ import annotations

@@ -105,7 +105,8 @@ def _unusual(boot: Boot) -> Iterator[Message]:
     if boot.attitudes is None:
         yield _warning(
             "attitude-missing",
-            "The vehicle's attitude is never stated: this log cannot place photos.",
+            "The log never says how the vehicle is turned: photos take their places from it, but "
+            "how they look is told by tie points alone (`uavgram picks ties`), or by picks.",
         )
     if positions is None:
         yield _warning(

@@ -125,22 +125,6 @@ def test_the_cost_never_rises() -> None:
     assert len(costs) > 5
 
 
-def test_steps_follow_a_bent_valley() -> None:
-    """Straight steps of Marquardt's are not through it after the sixty iterations."""
-
-    def evaluate(state: Floats) -> dict[str, Block]:
-        x, y = state
-        residual = np.array([[100.0 * (y - np.sin(x)), 0.1 * (x - 6.0)]])
-        jacobian = np.array([[[-100.0 * np.cos(x), 100.0], [0.1, 0.0]]])
-        return {"valley": Block(residual, np.array([[0, 1]]), jacobian)}
-
-    found = minimise(np.zeros(2), evaluate, lambda state, step: state + step, 2)
-
-    assert found.converged
-    assert found.iterations < 15
-    np.testing.assert_allclose(found.state, [6.0, np.sin(6.0)], atol=1e-5)
-
-
 def test_an_undetermined_unknown_is_named_even_where_damping_hides_it() -> None:
     def evaluate(x: Floats) -> dict[str, Block]:
         columns = np.array([[0, 1]])

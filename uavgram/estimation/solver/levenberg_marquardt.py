@@ -2,8 +2,7 @@
 
 Its own loop, since scipy's ``least_squares`` knows neither states that move along a manifold
 (rotations) nor a sparse Cholesky factor, which serves several steps and the covariance at the end.
-An iteration costs one evaluation and one back substitution, and a factorisation where none is kept;
-one whose step does not keep its promise, as much once more.
+An iteration costs one evaluation and one back substitution, and a factorisation where none is kept.
 """
 
 from __future__ import annotations
@@ -43,10 +42,6 @@ KEPT = 0.5
 
 UNDAMPED = 1e-8
 """Damping up to which a factor serves more than one step: they are as good as Newton's."""
-
-BENT = 0.75
-"""Share of the predicted fall below which a step is bent along the valley that it leaves: with a
-straight one, photos from nearly one place need hundreds of steps, or never come to rest."""
 
 MAX_ITERATIONS = 60
 MAX_DAMPING = 1e12
@@ -129,9 +124,7 @@ def minimise(
     Marquardt 1963 (scaling of the damping by the diagonal); Nielsen 1999, "Damping parameter in
     Marquardt's method", IMM-REP-1999-05, eq. 2.5 (the damping's own update). Ortega and Rheinboldt
     1970, "Iterative solution of nonlinear equations in several variables", ch. 7 (one factor for
-    several steps). Transtrum and Sethna 2012, "Improvements to the Levenberg-Marquardt algorithm
-    for nonlinear least-squares minimization", arXiv:1201.5885, eq. 9 to 15 (geodesic acceleration;
-    its second derivative along the step is here the difference over the whole of it).
+    several steps).
     """
     blocks = first or evaluate(state)
     if blocks is None:
@@ -153,16 +146,6 @@ def minimise(
         trial_blocks = evaluate(trial)
         trial_cost = np.inf if trial_blocks is None else cost_of(trial_blocks.values())
         gain = (normal.cost - trial_cost) / predicted
-        if gain < BENT and trial_blocks is not None:
-            # The residuals' bend along the step is what they are there beyond the tangent's.
-            bend = -factor.solve(normal.beyond_tangent(trial_blocks, step))
-            if np.linalg.norm(normal.scaled(bend)) <= np.linalg.norm(normal.scaled(step)):
-                beside = update(state, step + bend)
-                beside_blocks = evaluate(beside)
-                cost = np.inf if beside_blocks is None else cost_of(beside_blocks.values())
-                if cost < trial_cost:
-                    trial, trial_blocks, trial_cost = beside, beside_blocks, cost
-                    gain = (normal.cost - trial_cost) / predicted
         if trial_blocks is not None and gain > 0:
             state, blocks = trial, trial_blocks
             normal = NormalEquations(list(blocks.values()), size, structure, normal.plan)

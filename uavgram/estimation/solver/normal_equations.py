@@ -8,8 +8,8 @@ of one kind at once, O(rows * k^2) for rows of k unknowns: no library assembles 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from weakref import WeakKeyDictionary
 
@@ -103,26 +103,6 @@ class NormalEquations:
         if self.plan is None or not self.plan.assembly.serves(columns):
             self.plan = Plan(columns, self._structure)
         return self.plan.assembly.normal([b.jacobian for b in self._blocks])
-
-    def beyond_tangent(self, there: Mapping[str, Block], step: Floats) -> Floats:
-        """J^T (r' - r - J step), (size,): how far residuals r' after a step are off the linear.
-
-        Parameters
-        ----------
-        there
-            What the same observations say after the step, in the same order.
-        step
-            (size,) increments of the unknowns.
-        """
-        bent = []
-        for block, moved in zip(self._blocks, there.values(), strict=True):
-            along = np.einsum("nrk,nk->nr", block.jacobian, step[block.columns])
-            bent.append(replace(block, residual=moved.residual - block.residual - along))
-        return gradient_of(bent, self.size)
-
-    def scaled(self, step: Floats) -> Floats:
-        """(size,) increments in units in which all unknowns weigh alike (Marquardt's)."""
-        return np.asarray(np.sqrt(self.normal.diagonal()) * step)
 
     def factor(self, damping: float = 0.0) -> Factor:
         """Factor J^T J + damping * diag(J^T J).

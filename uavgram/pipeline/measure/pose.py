@@ -27,6 +27,7 @@ from uavgram.stages.seed import seed
 from uavgram.stages.seed.fault_messages import fault_messages
 from uavgram.stages.seed.flight_evidence import gather_evidence
 from uavgram.stages.seed.log_faults import find_faults
+from uavgram.stages.seed.logged_positions import positions_at
 from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
 from uavgram.stages.seed.track import build_track, find_home
 from uavgram.stages.synchronise import Synchronised, synchronise
@@ -71,6 +72,16 @@ def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
     first = float(np.nanmin(np.where(frames.matched, frames.time_utc_s, np.nan)))
     home, datum, home_messages = find_home(matched.boot, matched.clock, first)
     place = _stated_origin(inputs, datum) or home
+    if matched.boot.attitudes is None:
+        exposures, more = place_photos(
+            positions_at(frames, matched.boot, matched.clock),
+            place,
+            project.mount,
+            project.telemetry,
+        )
+        messages = (*matched.messages, *home_messages, *more)
+        posed = _seeded(inputs, frames, exposures, (place, datum), messages)
+        return replace(posed, pairing=matched.pairing)
     track, track_messages = build_track(
         matched.boot, matched.clock, place, project.mount, project.telemetry
     )
@@ -126,7 +137,7 @@ def _seeded(
 ) -> Posed:
     mount = inputs.project.mount
     more: tuple[Message, ...] = ()
-    if isinstance(flight, PhotoExposures):
+    if isinstance(flight, PhotoExposures) and inputs.log is None:
         mount, more = _at_the_camera(mount)
     telemetry = seed(frames, flight, mount, inputs.project.telemetry, faults)
     far = _far_origin(inputs, telemetry.poses.center_world_m)
