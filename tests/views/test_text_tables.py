@@ -31,11 +31,11 @@ def test_columns_stand_below_their_heads_to_the_left_or_the_right() -> None:
     told = lines(with_text_tables(table(rows)))
 
     assert told == [
-        "        largest",
-        "       residual",
-        "photo      [px]",
-        "a & b      1.25",
-        "c             –",
+        "         largest",
+        "        residual",
+        "photo       [px]",
+        "a & b       1.25",
+        "c              –",
     ]
 
 
