@@ -27,6 +27,8 @@ _LETTER = 0.61
 """Width of a letter of fixed width, as a share of its size (DejaVu, Liberation, Courier)."""
 
 _GAP = 2
+_HEAD = 9
+"""A head is broken into lines of so many letters, or of its longest word."""
 _TABLE = re.compile(rf'<table class="[^"]*\b{MARK}\b[^"]*">(.*?)</table>', re.DOTALL)
 _ROW = re.compile(r"<tr([^>]*)>(.*?)</tr>", re.DOTALL)
 _CELL = re.compile(r"<(t[hd])([^>]*)>(.*?)</\1>", re.DOTALL)
@@ -96,8 +98,10 @@ def _blocks(heads: list[list[_Cell]], body: list[list[_Cell]], right: list[bool]
 
 
 def _least(text: str) -> int:
-    """Letters of a head's longest word; heads in columns of their own stay as they are."""
-    return len(text) if "  " in text else max(map(len, text.split()), default=0)
+    """Letters of a head's longest line; heads in columns of their own stay as they are."""
+    if "  " in text:
+        return len(text)
+    return max(min(len(text), _HEAD), *map(len, text.split()), 0)
 
 
 def _head(row: list[_Cell], widths: list[int], right: list[bool]) -> list[str]:

@@ -1,0 +1,72 @@
+"""Tables of short texts as lines, for paper."""
+
+from __future__ import annotations
+
+import re
+from html import unescape
+
+import pytest
+
+from uavgram.views.text_tables import LEAST_PT, MOST_ROWS, with_text_tables
+
+HEAD = '<tr><th>photo</th><th class="n">largest residual [px]</th></tr>'
+
+
+def table(rows: str, head: str = HEAD) -> str:
+    return f'<p>a</p><table class="dense plain"><thead>{head}</thead><tbody>{rows}</tbody></table>'
+
+
+def lines(html: str) -> list[str]:
+    return [
+        unescape(line)
+        for one in re.findall(r"<pre.*?>(.*?)</pre>", html, re.DOTALL)
+        for line in one.split("\n")
+    ]
+
+
+def test_columns_stand_below_their_heads_to_the_left_or_the_right() -> None:
+    rows = (
+        '<tr><td>a &amp; b</td><td class="n">1.25</td></tr><tr><td>c</td><td class="n">–</td></tr>'
+    )
+    told = lines(with_text_tables(table(rows)))
+
+    assert told == [
+        "         largest",
+        "        residual",
+        "photo       [px]",
+        "a & b       1.25",
+        "c              –",
+    ]
+
+
+@pytest.mark.parametrize(
+    "rows",
+    [
+        '<tr><td>a<span class="sub">b</span></td><td>1</td></tr>',
+        '<tr class="bad"><td>a</td><td>1</td></tr>',
+        "<tr><td>飛行</td><td>1</td></tr>",
+        "<tr><td>a</td></tr>",
+        f"<tr><td>{'a' * 400}</td><td>1</td></tr>",
+    ],
+    ids=["markup", "marked row", "wide letters", "another number of cells", "too wide"],
+)
+def test_what_lines_cannot_show_stays_a_table(rows: str) -> None:
+    assert with_text_tables(table(rows)) == table(rows)
+
+
+def test_each_block_has_its_head_and_no_row_is_lost() -> None:
+    rows = "".join(f'<tr><td>IMG_{k}</td><td class="n">{k}.5</td></tr>' for k in range(95))
+    made = with_text_tables(table(rows))
+
+    assert made.count('class="columns"') == -(-95 // MOST_ROWS) == made.count('class="head"')
+    told = [line.split() for line in lines(made) if line.startswith("IMG")]
+    assert told == [[f"IMG_{k}", f"{k}.5"] for k in range(95)]
+
+
+def test_letters_are_as_large_as_the_paper_lets_them_be() -> None:
+    for letters in (20, 100, 140):
+        row = f"<tr><td>{'a' * letters}</td><td>1</td></tr>"
+        size = re.search(r"font-size: ([\d.]+)pt", with_text_tables(table(row, "")))
+        assert size is not None
+        assert float(size[1]) >= LEAST_PT
+        assert float(size[1]) * 0.602 * (letters + 3) <= 182 / 25.4 * 72
