@@ -161,7 +161,7 @@ def test_a_part_of_a_layer_is_found_by_its_index(path: Path) -> None:
         info = read_info(path, layer=layer)
         assert info["capabilities"]["fast_spatial_filter"], layer
     place = points_of(columns(path, "points")[0])[:, :2]
-    west, south, east, north = *place.min(axis=0), *np.median(place, axis=0)
+    (west, south), (east, north) = place.min(axis=0).tolist(), np.median(place, axis=0).tolist()
     _, found, _, _ = read(path, layer="points", bbox=(west, south, east, north), return_fids=True)
 
     inside = ((place >= [west, south]) & (place <= [east, north])).all(axis=1)
