@@ -46,7 +46,8 @@ def figure_files(studies: tuple[Study, ...]) -> dict[str, bytes]:
 
 def _cells(study: Study) -> Figure:
     """Errors to the left, ratios in the middle, sources to the right where they are told."""
-    sources = any(cell.shares for cell in study.cells)
+    first = next(iter(study.curves.values()))
+    sources = all(cell.shares and cell.is_model for cell in first)  # else nothing of them changes
     parts = 3 if sources else 2
     figure = Figure(figsize=(4.7 * parts, 4.6), dpi=110, layout="constrained")
     axes = figure.subplots(1, parts)
@@ -144,8 +145,20 @@ def _dress(axis: Axes, study: Study, title: str) -> None:
         axis.set_xscale("log")
         axis.xaxis.set_minor_locator(NullLocator())
     ticks = {cell.at: _short(cell) for cell in study.cells}
-    axis.set_xticks(list(ticks), list(ticks.values()), fontsize=8)
+    shown = _apart(sorted(ticks), is_log=study.is_log)
+    axis.set_xticks(shown, [ticks[at] for at in shown], fontsize=8)
     axis.set_xlabel(study.axis)
+
+
+def _apart(at: list[float], *, is_log: bool) -> list[float]:
+    """Places of ticks whose texts do not run into one another, the last among them."""
+    place = np.log(at) if is_log else np.array(at)
+    room = 0.06 * (place[-1] - place[0])
+    kept = [len(at) - 1]
+    for k in range(len(at) - 2, -1, -1):
+        if place[kept[-1]] - place[k] >= room:
+            kept.append(k)
+    return [at[k] for k in reversed(kept)]
 
 
 def _short(cell: Cell) -> str:
