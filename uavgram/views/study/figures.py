@@ -18,6 +18,7 @@ from uavgram.views.study.words import AGREES, SOURCE_WORDS
 COLOURS = ("#2f6fb5", "#d9730d", "#2b8a3e", "#8e44ad", "#c92a2a")
 SOURCE_COLOURS = ("#c92a2a", "#2f6fb5", "#2b8a3e", "#d9730d", "#8e44ad")
 MARKERS = ("o", "s", "^", "D", "v")
+MOST_TICKS = 8
 GRID, GREY = "#e3e5e8", "#8a8f98"
 
 
@@ -66,7 +67,10 @@ def _errors(axis: Axes, study: Study) -> None:
         at = [cell.at for cell in cells]
         predicted = [1e3 * cell.predicted_m for cell in cells]
         simulated = [1e3 * cell.simulated_m for cell in cells]
-        axis.plot(at, predicted, color=colour, linewidth=1.4, label=name)
+        if study.has_names:  # nothing lies between them
+            axis.plot(at, predicted, "_", color=colour, markersize=22, label=name)
+        else:
+            axis.plot(at, predicted, color=colour, linewidth=1.4, label=name)
         axis.plot(at, simulated, marker, color=colour, markersize=5, fillstyle="none")
     axis.set_yscale("log")
     _plain_ticks(axis)
@@ -74,10 +78,12 @@ def _errors(axis: Axes, study: Study) -> None:
 
 
 def _plain_ticks(axis: Axes) -> None:
-    """Numbers that people read, on a logarithmic axis: 1, 2, 5 and their tens."""
+    """Numbers that people read, on a logarithmic axis: 1, 2, 5 and tens, more where these are few."""
     low, high = axis.get_ylim()
-    steps = [m * 10.0**k for k in range(-2, 6) for m in (1, 2, 5)]
+    steps = [m * 10.0**k for k in range(-2, 6) for m in (1, 1.5, 2, 3, 4, 5, 7)]
     shown = [step for step in steps if low <= step <= high]
+    if len(shown) > MOST_TICKS:
+        shown = [step for step in shown if f"{step:e}"[0:3] in {"1.0", "2.0", "5.0"}]
     axis.set_yticks(shown, [f"{step:g}" for step in shown])
     axis.yaxis.set_minor_locator(NullLocator())
     axis.yaxis.set_minor_formatter(NullFormatter())
@@ -129,9 +135,8 @@ def _sources(axis: Axes, study: Study) -> None:
     axis.set_xticks(np.arange(len(cells)), [_short(cell) for cell in cells], fontsize=8)
     axis.set_ylim(0, 100)
     axis.set_xlabel(study.axis)
-    axis.legend(
-        fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2, frameon=False
-    )
+    below = (0.5, -0.2 if study.has_names else -0.15)
+    axis.legend(fontsize=8.5, loc="upper center", bbox_to_anchor=below, ncols=2, frameon=False)
     axis.set_title(
         f"Where the errors come from [% of the variance]\n{name}", fontsize=9.5, loc="left"
     )

@@ -37,7 +37,8 @@ def said(study: Study) -> list[str]:
     if study.methods:
         return list(_of_methods(study))
     found = [*_thesis(study)] if study.name == "lengths" else []
-    found += [_course(name, cells) for name, cells in study.curves.items()]
+    course = _named if study.has_names else _course
+    found += [course(name, cells) for name, cells in study.curves.items()]
     if study.name == "blunder":
         found += [_unseen(name, cells) for name, cells in study.curves.items()]
     found += _failing(study)
@@ -113,6 +114,16 @@ def _course(name: str, cells: tuple[Cell, ...]) -> str:
             parts.append(f"{_source(source)} at {where} ({_percents(share)})")
         text += f". The largest part of the predicted variance comes from {'; '.join(parts)}"
     return f"{text}."
+
+
+def _named(name: str, cells: tuple[Cell, ...]) -> str:
+    """The error with each thing of a curve, the best first."""
+    ordered = sorted(cells, key=size_m)
+    return (
+        f"{_capital(name)}: the error is "
+        + ", ".join(f"{_mm(size_m(cell))} with {_at(cell)}" for cell in ordered)
+        + "."
+    )
 
 
 def _thesis(study: Study) -> Iterator[str]:
