@@ -78,7 +78,7 @@ def _errors(axis: Axes, study: Study) -> None:
 
 
 def _plain_ticks(axis: Axes) -> None:
-    """Numbers that people read, on a logarithmic axis: 1, 2, 5 and tens, more where these are few."""
+    """Numbers that people read, on a logarithmic axis: 1, 2, 5 and tens, more where few are."""
     low, high = axis.get_ylim()
     steps = [m * 10.0**k for k in range(-2, 6) for m in (1, 1.5, 2, 3, 4, 5, 7)]
     shown = [step for step in steps if low <= step <= high]
