@@ -42,6 +42,13 @@ def in_processes(
 
     For work in Python. `work` and items are pickled; processes are started afresh, so that no lock
     of a thread is copied into them.
+
+    Parameters
+    ----------
+    work, items
+        What is done with each item.
+    workers
+        Processes; 0: as many as there are cores.
     """
     count = workers or cores()
     if count < 2 or len(items) <= FEW:

@@ -14,8 +14,9 @@ from PIL import Image
 from uavgram.model.study.methods import MethodRow
 from uavgram.model.study.study import Cell, Study
 from uavgram.views.study.figures import figure_files
+from uavgram.views.study.overall import overall, ranking
 from uavgram.views.study.page import render_study_page
-from uavgram.views.study.words import agreement, overall, ranking, said
+from uavgram.views.study.words import agreement, said
 
 
 def cell(at: float, lengths: float, **more: object) -> Cell:

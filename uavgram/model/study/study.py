@@ -85,6 +85,11 @@ class Study:
     methods: tuple[MethodRow, ...] = ()
 
     @property
+    def has_names(self) -> bool:
+        """Whether names stand along the axis, not numbers."""
+        return any("\n" in cell.label for cell in self.cells)
+
+    @property
     def curves(self) -> dict[str, tuple[Cell, ...]]:
         """Cells by curve, in their order."""
         names = dict.fromkeys(cell.curve for cell in self.cells)

@@ -71,8 +71,8 @@ def _scene(numbers: dict[str, Any]) -> StudyScene:
 MM, PERCENT = 1e3, 1e2
 TAPES = (0.001, 0.003, 0.01, 0.02, 0.03, 0.05, 0.1)
 LOGS: Scenes = {
-    "no log": {"log": "none"},
     "usual log": {"log": "consumer"},
+    "no log": {"log": "none"},
     "RTK": {"log": "rtk"},
 }
 MARKS: Numbers = {"layout": "plates", "tape_m": 0.0005, "mark_px": 0.1}
@@ -96,8 +96,8 @@ GROUNDS: Scenes = {
     "looking 20° to the side": {},
     "looking straight down": {"tilt_deg": 0.0},
     "looking 50° to the side": {"tilt_deg": 50.0},
-    "20°, read in 30 ms at 5 m/s": {"readout_ms": 30.0},
-    "20°, read in 30 ms at 12 m/s": {"readout_ms": 30.0, "speed_m_s": 12.0},
+    "20°, read in 30 ms at 18 km/h": {"readout_ms": 30.0},
+    "20°, read in 30 ms at 43 km/h": {"readout_ms": 30.0, "speed_m_s": 12.0},
 }
 LENSES: Scenes = {
     "looking 20° to the side": {},

@@ -22,6 +22,10 @@ RELIEF_LENGTH_M = 5.0
 EDGE = 0.75
 """Of the half area: how far out `spread` lengths lie."""
 
+TURN = np.pi * (np.sqrt(5.0) - 1.0) / 2.0
+"""From one length to the next where they do not lie around the scene: the golden section of half a
+turn, so that few have all directions, and more of them have the few among them."""
+
 BEFOREHAND = {
     # Nothing is known: so weak that it moves no length.
     "none": np.array([100.0, 100.0, 1000.0, 10.0, 10.0, 10.0]),
@@ -180,7 +184,7 @@ def _taped(scene: StudyScene) -> tuple[Floats, Ints]:
             scene.layout
         ]
         out = rng.uniform(low, high, (scene.lines, 2)) * np.array(AREA_M) / 2
-        angle = np.pi * (np.arange(scene.lines) + rng.random()) / scene.lines
+        angle = TURN * np.arange(scene.lines)
         along = np.array([np.cos(angle), np.sin(angle)]).T
     reach = scene.line_m / 2 * along
     ends = np.stack([out - reach, out + reach], axis=1).reshape(-1, 2)

@@ -18,6 +18,7 @@ from uavgram.views.study.words import AGREES, SOURCE_WORDS
 COLOURS = ("#2f6fb5", "#d9730d", "#2b8a3e", "#8e44ad", "#c92a2a")
 SOURCE_COLOURS = ("#c92a2a", "#2f6fb5", "#2b8a3e", "#d9730d", "#8e44ad")
 MARKERS = ("o", "s", "^", "D", "v")
+MOST_TICKS = 8
 GRID, GREY = "#e3e5e8", "#8a8f98"
 
 
@@ -46,7 +47,8 @@ def figure_files(studies: tuple[Study, ...]) -> dict[str, bytes]:
 
 def _cells(study: Study) -> Figure:
     """Errors to the left, ratios in the middle, sources to the right where they are told."""
-    sources = any(cell.shares for cell in study.cells)
+    first = next(iter(study.curves.values()))
+    sources = all(cell.shares and cell.is_model for cell in first)  # else nothing of them changes
     parts = 3 if sources else 2
     figure = Figure(figsize=(4.7 * parts, 4.6), dpi=110, layout="constrained")
     axes = figure.subplots(1, parts)
@@ -65,7 +67,10 @@ def _errors(axis: Axes, study: Study) -> None:
         at = [cell.at for cell in cells]
         predicted = [1e3 * cell.predicted_m for cell in cells]
         simulated = [1e3 * cell.simulated_m for cell in cells]
-        axis.plot(at, predicted, color=colour, linewidth=1.4, label=name)
+        if study.has_names:  # nothing lies between them
+            axis.plot(at, predicted, "_", color=colour, markersize=22, label=name)
+        else:
+            axis.plot(at, predicted, color=colour, linewidth=1.4, label=name)
         axis.plot(at, simulated, marker, color=colour, markersize=5, fillstyle="none")
     axis.set_yscale("log")
     _plain_ticks(axis)
@@ -73,10 +78,12 @@ def _errors(axis: Axes, study: Study) -> None:
 
 
 def _plain_ticks(axis: Axes) -> None:
-    """Numbers that people read, on a logarithmic axis: 1, 2, 5 and their tens."""
+    """Numbers that people read, on a logarithmic axis: 1, 2, 5 and tens, more where few are."""
     low, high = axis.get_ylim()
-    steps = [m * 10.0**k for k in range(-2, 6) for m in (1, 2, 5)]
+    steps = [m * 10.0**k for k in range(-2, 6) for m in (1, 1.5, 2, 3, 4, 5, 7)]
     shown = [step for step in steps if low <= step <= high]
+    if len(shown) > MOST_TICKS:
+        shown = [step for step in shown if f"{step:e}"[0:3] in {"1.0", "2.0", "5.0"}]
     axis.set_yticks(shown, [f"{step:g}" for step in shown])
     axis.yaxis.set_minor_locator(NullLocator())
     axis.yaxis.set_minor_formatter(NullFormatter())
@@ -128,9 +135,8 @@ def _sources(axis: Axes, study: Study) -> None:
     axis.set_xticks(np.arange(len(cells)), [_short(cell) for cell in cells], fontsize=8)
     axis.set_ylim(0, 100)
     axis.set_xlabel(study.axis)
-    axis.legend(
-        fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2, frameon=False
-    )
+    below = (0.5, -0.2 if study.has_names else -0.15)
+    axis.legend(fontsize=8.5, loc="upper center", bbox_to_anchor=below, ncols=2, frameon=False)
     axis.set_title(
         f"Where the errors come from [% of the variance]\n{name}", fontsize=9.5, loc="left"
     )
@@ -144,8 +150,20 @@ def _dress(axis: Axes, study: Study, title: str) -> None:
         axis.set_xscale("log")
         axis.xaxis.set_minor_locator(NullLocator())
     ticks = {cell.at: _short(cell) for cell in study.cells}
-    axis.set_xticks(list(ticks), list(ticks.values()), fontsize=8)
+    shown = _apart(sorted(ticks), is_log=study.is_log)
+    axis.set_xticks(shown, [ticks[at] for at in shown], fontsize=8)
     axis.set_xlabel(study.axis)
+
+
+def _apart(at: list[float], *, is_log: bool) -> list[float]:
+    """Places of ticks whose texts do not run into one another, the last among them."""
+    place = np.log(at) if is_log else np.array(at)
+    room = 0.06 * (place[-1] - place[0])
+    kept = [len(at) - 1]
+    for k in range(len(at) - 2, -1, -1):
+        if place[kept[-1]] - place[k] >= room:
+            kept.append(k)
+    return [at[k] for k in reversed(kept)]
 
 
 def _short(cell: Cell) -> str:

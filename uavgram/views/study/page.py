@@ -8,7 +8,8 @@ from pathlib import Path
 
 from uavgram.model.study.study import Cell, Study
 from uavgram.views.pages import page_environment
-from uavgram.views.study.words import AGREES, overall, ranking, said
+from uavgram.views.study.overall import overall, ranking
+from uavgram.views.study.words import AGREES, said
 
 
 def write_study_page(studies: tuple[Study, ...], figures: Mapping[str, bytes], path: Path) -> None:

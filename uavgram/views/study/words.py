@@ -37,7 +37,8 @@ def said(study: Study) -> list[str]:
     if study.methods:
         return list(_of_methods(study))
     found = [*_thesis(study)] if study.name == "lengths" else []
-    found += [_course(name, cells) for name, cells in study.curves.items()]
+    course = _named if study.has_names else _course
+    found += [course(name, cells) for name, cells in study.curves.items()]
     if study.name == "blunder":
         found += [_unseen(name, cells) for name, cells in study.curves.items()]
     found += _failing(study)
@@ -97,22 +98,36 @@ def _course(name: str, cells: tuple[Cell, ...]) -> str:
     first, last = cells[0], cells[-1]
     least, worst = min(cells, key=size_m), max(cells, key=size_m)
     text = (
-        f"{_capital(name)}: the error is {_mm(size_m(first))} at {_at(first)} and "
-        f"{_mm(size_m(last))} at {_at(last)}"
+        f"{capital(name)}: the error is {millimetres(size_m(first))} at {place_text(first)} and "
+        f"{millimetres(size_m(last))} at {place_text(last)}"
     )
     if worst not in {first, last}:
-        text += f", and largest at {_at(worst)} ({_mm(size_m(worst))})"
+        text += f", and largest at {place_text(worst)} ({millimetres(size_m(worst))})"
     elif least not in {first, last}:
-        text += f", and smallest at {_at(least)} ({_mm(size_m(least))})"
+        text += f", and smallest at {place_text(least)} ({millimetres(size_m(least))})"
     if all(cell.shares and cell.is_model for cell in cells):
         parts = []
         for source, group in groupby(cells, most):
             some = list(group)
             share = [_share(cell, source) for cell in some]
-            where = _at(some[0]) if len(some) == 1 else f"{_at(some[0])} to {_at(some[-1])}"
-            parts.append(f"{_source(source)} at {where} ({_percents(share)})")
+            where = (
+                place_text(some[0])
+                if len(some) == 1
+                else f"{place_text(some[0])} to {place_text(some[-1])}"
+            )
+            parts.append(f"{source_text(source)} at {where} ({_percents(share)})")
         text += f". The largest part of the predicted variance comes from {'; '.join(parts)}"
     return f"{text}."
+
+
+def _named(name: str, cells: tuple[Cell, ...]) -> str:
+    """The error with each thing of a curve, the best first."""
+    ordered = sorted(cells, key=size_m)
+    return (
+        f"{capital(name)}: the error is "
+        + ", ".join(f"{millimetres(size_m(cell))} with {place_text(cell)}" for cell in ordered)
+        + "."
+    )
 
 
 def _thesis(study: Study) -> Iterator[str]:
@@ -129,11 +144,11 @@ def _thesis(study: Study) -> Iterator[str]:
         if found is None:
             always = most(along[0]) == "lengths"
             where = "at every" if always else "at no"
-            yield f"{_capital(name)}: the lengths matter most {where} precision studied."
+            yield f"{capital(name)}: the lengths matter most {where} precision studied."
         else:
             yield (
-                f"{_capital(name)}: the lengths matter most from about {found:.0f} mm on; below "
-                f"that, {_source(most(along[0]))} {_verb(most(along[0]), 'do', 'does')}."
+                f"{capital(name)}: the lengths matter most from about {found:.0f} mm on; below "
+                f"that, {source_text(most(along[0]))} {verb(most(along[0]), 'do', 'does')}."
             )
 
 
@@ -161,14 +176,14 @@ def _failing(study: Study) -> list[str]:
         good = [cell for cell in off if cell not in bad]
         parts = [
             f"{cell.ratio:.2f} times ({cell.ratio_range[0]:.2f} to {cell.ratio_range[1]:.2f}) at "
-            f"{_at(cell)}"
+            f"{place_text(cell)}"
             for cell in bad
         ]
-        text = f"{_capital(name)}: "
+        text = f"{capital(name)}: "
         if bad:
             text += f"the prediction fails: the errors are {', '.join(parts)}"
         if good:
-            where = ", ".join(_at(cell) for cell in good)
+            where = ", ".join(place_text(cell) for cell in good)
             text += f"; at {where} no failure shows" if bad else f"no failure shows at {where}"
         found.append(f"{text}.")
     return found
@@ -176,23 +191,24 @@ def _failing(study: Study) -> list[str]:
 
 def _unseen(name: str, cells: tuple[Cell, ...]) -> str:
     """From which size on a misreading shows in the misfit."""
-    parts = [f"{_percent(cell.told)} at {_at(cell)}" for cell in cells if not cell.is_model]
+    parts = [f"{_percent(cell.told)} at {place_text(cell)}" for cell in cells if not cell.is_model]
     seen = [cell for cell in cells if not cell.is_model and cell.told >= SEEN]
     first = (
-        f"seen in at least {_percent(SEEN)} of the surveys from {_at(seen[0])} on"
+        f"seen in at least {_percent(SEEN)} of the surveys from {place_text(seen[0])} on"
         if seen
         else f"never seen in {_percent(SEEN)} of the surveys"
     )
-    return f"{_capital(name)}: a misreading is {first}; it shows in {', '.join(parts)}."
+    return f"{capital(name)}: a misreading is {first}; it shows in {', '.join(parts)}."
 
 
 def _of_methods(study: Study) -> Iterator[str]:
     rows = [row for row in study.methods if np.isfinite(row.rms_m)]
     best, worst = min(rows, key=lambda r: r.rms_m), max(rows, key=lambda r: r.rms_m)
     yield (
-        f'On the same {best.scenes} photos "{best.method}" is the best: {_mm(best.rms_m)} in the '
-        f'middle one, {_mm(best.ninth_m)} in the worst tenth; "{worst.method}" is the worst with '
-        f"{_mm(worst.rms_m)}."
+        f'On the same {best.scenes} photos "{best.method}" is the best: '
+        f"{millimetres(best.rms_m)} in the middle one, nine tenths are better than "
+        f'{millimetres(best.ninth_m)}; "{worst.method}" is the worst with '
+        f"{millimetres(worst.rms_m)}."
     )
     for row in rows:
         if row.failed > 0:
@@ -208,82 +224,35 @@ def _of_methods(study: Study) -> Iterator[str]:
             )
 
 
-def overall(studies: tuple[Study, ...]) -> list[str]:
-    """Which error matters most, where, and where not: over all studies.
-
-    Parameters
-    ----------
-    studies
-        What was made.
-    """
-    cells = [
-        (study, cell) for study in studies for cell in study.cells if cell.is_model and cell.shares
-    ]
-    if len(studies) < 2 or not cells:
-        return []
-    found = [
-        f"{len(cells)} conditions of single photos were studied in which the world is what the "
-        "program takes for granted."
-    ]
-    for source in ("picks", "lengths", "log", "camera"):
-        mine = [(study, cell) for study, cell in cells if most(cell) == source]
-        matter = _verb(source, "matter", "matters")
-        if not mine:
-            found.append(f"{_capital(_source(source))} {matter} most in none of them.")
-            continue
-        text = f"{_capital(_source(source))} {matter} most in {len(mine)} of them"
-        if len(mine) < len(cells) / 2:
-            grouped = groupby(mine, lambda pair: (pair[0].name, pair[1].curve))
-            where = [
-                f"{name}, {curve} (at {', '.join(_at(cell) for _, cell in group)})"
-                for (name, curve), group in grouped
-            ]
-            text += f": {'; '.join(where)}"
-        found.append(f"{text}.")
-    agreed = agreement(studies)
-    return [*found, agreed] if agreed else found
-
-
-def ranking(studies: tuple[Study, ...]) -> list[tuple[str, str, str, str]]:
-    """What varying each thing does on the first curve of each study, the greatest effect first.
-
-    Parameters
-    ----------
-    studies
-        What was made.
-    """
-    rows = []
-    for study in studies:
-        if not study.cells:
-            continue
-        cells = next(iter(study.curves.values()))
-        least, worst = min(cells, key=size_m), max(cells, key=size_m)
-        times = size_m(worst) / size_m(least)
-        rows.append((times, study.title, f"{_mm(size_m(least))} at {_at(least)}", worst))
-    rows.sort(key=lambda row: -row[0])
-    return [
-        (title, best, f"{_mm(size_m(worst))} at {_at(worst)}", f"{times:.1f}")
-        for times, title, best, worst in rows
-    ]
-
-
 def _share(cell: Cell, source: str) -> float:
     return lengths_share(cell) if source == "lengths" else cell.share(source)
 
 
-def _source(source: str) -> str:
+def source_text(source: str) -> str:
+    """What a source of errors is called in a sentence."""
     return "the reference lengths" if source == "lengths" else SOURCE_WORDS[source]
 
 
-def _verb(source: str, plural: str, singular: str) -> str:
+def verb(source: str, plural: str, singular: str) -> str:
+    """The form of a verb behind a source.
+
+    Parameters
+    ----------
+    source
+        One of `SOURCES`.
+    plural, singular
+        Both forms.
+    """
     return plural if source in {"lengths", "picks"} else singular
 
 
-def _at(cell: Cell) -> str:
+def place_text(cell: Cell) -> str:
+    """Where on the axis a cell stands."""
     return cell.label.replace("\n", " of ")
 
 
-def _mm(size_m: float) -> str:
+def millimetres(size_m: float) -> str:
+    """An error, to a tenth of a millimetre where it is small."""
     return f"{1e3 * size_m:.1f} mm" if size_m < 0.01 else f"{1e3 * size_m:.0f} mm"
 
 
@@ -296,5 +265,6 @@ def _percents(shares: list[float]) -> str:
     return f"{low} %" if low == high else f"{low} to {high} %"
 
 
-def _capital(text: str) -> str:
+def capital(text: str) -> str:
+    """As a sentence begins."""
     return text[:1].upper() + text[1:]

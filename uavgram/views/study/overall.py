@@ -1,0 +1,78 @@
+"""What several studies say together: which error matters most, where, and where not."""
+
+from __future__ import annotations
+
+from itertools import groupby
+
+from uavgram.model.study.study import Study
+from uavgram.views.study.words import (
+    agreement,
+    capital,
+    millimetres,
+    most,
+    place_text,
+    size_m,
+    source_text,
+    verb,
+)
+
+
+def overall(studies: tuple[Study, ...]) -> list[str]:
+    """Which error matters most, where, and where not: over all studies.
+
+    Parameters
+    ----------
+    studies
+        What was made.
+    """
+    cells = [
+        (study, cell) for study in studies for cell in study.cells if cell.is_model and cell.shares
+    ]
+    if len(studies) < 2 or not cells:
+        return []
+    found = [
+        f"{len(cells)} conditions of single photos were studied in which the world is what the "
+        "program takes for granted."
+    ]
+    for source in ("picks", "lengths", "log", "camera"):
+        mine = [(study, cell) for study, cell in cells if most(cell) == source]
+        matter = verb(source, "matter", "matters")
+        if not mine:
+            found.append(f"{capital(source_text(source))} {matter} most in none of them.")
+            continue
+        text = f"{capital(source_text(source))} {matter} most in {len(mine)} of them"
+        if len(mine) < len(cells) / 2:
+            grouped = groupby(mine, lambda pair: (pair[0].name, pair[1].curve))
+            where = [
+                f"{name}, {curve} (at {', '.join(place_text(cell) for _, cell in group)})"
+                for (name, curve), group in grouped
+            ]
+            text += f": {'; '.join(where)}"
+        found.append(f"{text}.")
+    agreed = agreement(studies)
+    return [*found, agreed] if agreed else found
+
+
+def ranking(studies: tuple[Study, ...]) -> list[tuple[str, str, str, str]]:
+    """What varying each thing does on the first curve of each study, the greatest effect first.
+
+    Parameters
+    ----------
+    studies
+        What was made.
+    """
+    rows = []
+    for study in studies:
+        if not study.cells:
+            continue
+        cells = next(iter(study.curves.values()))
+        least, worst = min(cells, key=size_m), max(cells, key=size_m)
+        times = size_m(worst) / size_m(least)
+        rows.append(
+            (times, study.title, f"{millimetres(size_m(least))} at {place_text(least)}", worst)
+        )
+    rows.sort(key=lambda row: -row[0])
+    return [
+        (title, best, f"{millimetres(size_m(worst))} at {place_text(worst)}", f"{times:.1f}")
+        for times, title, best, worst in rows
+    ]
