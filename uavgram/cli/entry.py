@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import atexit
-import gc
 import os
 import sys
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
-from types import ModuleType
 
 import cyclopts
 
@@ -36,6 +32,7 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
 from uavgram.cli.terminal import as_told, drop_output, tell_in
 from uavgram.errors import UavgramError
 from uavgram.model.units import METRIC
+from uavgram.pipeline.own_process import never_load_pandas, seldom_look_for_cycles
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -50,8 +47,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Of damaged photos OpenCV speaks in terms of its own source; our messages say what to do.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     if arguments is None:  # this process is ours alone
-        _never_load_pandas()
-        _seldom_look_for_cycles()
+        never_load_pandas()
+        seldom_look_for_cycles()
     tell_in(METRIC)
     try:
         status = app(arguments)
@@ -68,29 +65,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.write("uavgram: interrupted; earlier results are as they were\n")
         return INTERRUPTED
     return status if isinstance(status, int) else DONE
-
-
-def _seldom_look_for_cycles() -> None:
-    """Collect garbage seldom, and none of it at the end.
-
-    The half thousand modules of a run are a million objects that stay. To look through them for
-    cycles again and again takes a twentieth of a short run, to do so once more before the process
-    ends as long.
-    """
-    gc.set_threshold(100_000, 20, 100)
-    atexit.register(gc.freeze)
-
-
-def _never_load_pandas() -> None:
-    """No command needs pandas, but Arrow, in which recordings are written, loads it where it is.
-
-    That takes a third of a second. Where the search for a module fails, it is not installed.
-    """
-    sys.meta_path.insert(0, _NoPandas())
-
-
-class _NoPandas(MetaPathFinder):
-    def find_spec(self, fullname: str, *_: Sequence[str] | ModuleType | None) -> None:
-        """None, so that others go on looking, of everything else."""
-        if fullname.partition(".")[0] == "pandas":
-            raise ModuleNotFoundError(fullname, name=fullname)

@@ -13,7 +13,7 @@ from small_projects import Command, Project
 
 from uavgram.errors import UavgramError
 from uavgram.io.results.batch_state import append_record, read_records
-from uavgram.model.batch import SurveyRecord
+from uavgram.model.batch import SurveyRecord, SurveyStatus
 from uavgram.pipeline.batch import run as batch_run
 from uavgram.pipeline.batch import survey
 from uavgram.pipeline.batch.survey import Asked, Outcome, Task, measure_survey
@@ -191,7 +191,7 @@ def test_an_interrupted_batch_says_what_waits_and_goes_on(
             inputs=(),
             results=record.results,
         )
-        status = "done" if task.before is None else "unchanged"
+        status: SurveyStatus = "done" if task.before is None else "unchanged"
         again = type(row)(name=seen[-1], project=task.project, status=status, level="green")
         return Outcome(row=again, record=new)
 

@@ -107,7 +107,8 @@ def _measured(task: Task) -> Outcome:
 
 def _inputs(path: Path, project: Project) -> list[str]:
     named = named_files(path, project, project.picks, project.lines, project.measure)
-    return [str(Path(one).absolute()) for one in (*named, *find_photos(project.images))]
+    photos = map(str, find_photos(project.images))
+    return [str(Path(one).absolute()) for one in (*named, *photos)]
 
 
 def _is_unchanged(task: Task, before: SurveyRecord, project: Project) -> bool:
