@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import all as dialect
 
 from uavgram.errors import InputError
 from uavgram.io.logs.mavlink_dialect import message_name
-from uavgram.io.logs.tlog.frames import scan_frames
+from uavgram.io.logs.tlog.frames import _apart, _Candidates, scan_frames
 from uavgram.io.logs.tlog.reader import read_tlog
 
 Link = tuple[Any, bool]
@@ -422,3 +422,18 @@ def test_checksums_equal_pymavlinks() -> None:
     for k in range(300):
         part = bytes(data[start[k] : start[k] + length[k]]) + bytes([extra[k]])
         assert x25crc(part).crc == found[k]
+
+
+def test_of_records_that_overlap_each_is_kept_that_begins_behind_the_last_kept_one() -> None:
+    rng = np.random.default_rng(3)
+    for spread in (3, 12, 40):
+        start = np.sort(rng.integers(8, 8 + 300 * spread, 300))
+        end = start + rng.integers(1, 60, 300)
+        of_one_byte = np.zeros(300, dtype=np.uint8)
+        found = _Candidates(start, end, of_one_byte > 0, of_one_byte, of_one_byte.astype(np.int32))
+        expected, free_from = [], 0
+        for first, last in zip(start.tolist(), end.tolist(), strict=True):
+            expected.append(first - 8 >= free_from)
+            free_from = last if expected[-1] else free_from
+        assert 0 < sum(expected) < 300
+        assert _apart(found).tolist() == expected

@@ -10,7 +10,7 @@ from pyulog import ULog
 
 from uavgram.errors import InputError
 from uavgram.io.logs.flight_log import read_flight_log
-from uavgram.io.logs.ulog.reader import read_ulog
+from uavgram.io.logs.ulog.reader import TOPICS, read_ulog
 from uavgram.io.logs.ulog.samples import _from_local, _is_global
 from uavgram.io.logs.ulog.topics import Topic, read_tables
 
@@ -50,6 +50,98 @@ def test_every_field_equals_pyulogs(data_dir: Path, name: str) -> None:
             all(np.array_equal(t.fields[f], d.data[f], equal_nan=True) for f in d.data)
             for t in same
         ), d.name
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_topics_that_are_not_wanted_are_counted_all_the_same(data_dir: Path, name: str) -> None:
+    path = data_dir / "logs" / name
+    every, some = read_tables(path), read_tables(path, TOPICS)
+    assert set(some.topics) == set(every.topics) & set(TOPICS) != set()
+    assert some.started_s == every.started_s
+    assert list(some.counts) == list(every.counts) == list(every.topics)
+    for topic, instances in every.topics.items():
+        time = np.concatenate([t.time_s for t in instances])
+        stamped = time[np.concatenate([t.fields["timestamp"] for t in instances]) > 0]
+        found = some.counts[topic]
+        assert found.rows == every.counts[topic].rows == len(time)
+        edges = [stamped.min(), stamped.max()] if len(stamped) else [np.nan, np.nan]
+        np.testing.assert_array_equal([found.first_s, found.last_s], edges)
+    with pytest.raises(KeyError):
+        some.topic("of nobody")
+
+
+def test_what_the_system_says_of_itself_equals_pyulogs(data_dir: Path) -> None:
+    for name in REAL:
+        path = data_dir / "logs" / name
+        ours, log = read_tables(path), ULog(str(path))
+        assert ours.info == {
+            k: bytes(v) if isinstance(v, bytes) else v for k, v in log.msg_info_dict.items()
+        }
+        assert ours.parameters == log.initial_parameters
+        assert len(ours.parameters) > 5
+
+
+def test_messages_of_any_length_are_followed_across_the_pieces_that_are_read(save: Save) -> None:
+    rows = [(k + 1, bytes([k % 256] * 60_000)) for k in range(40)]
+    fields = ("uint64_t timestamp", "uint8_t[60000] filling")
+    small = [(k + 1, k) for k in range(0, 40_000, 3)]
+    topics: dict[str, ulog_writer.Topic] = {
+        "large": (fields, rows), "small": (("uint64_t timestamp", "uint16_t count"), small),
+    }  # fmt: skip
+    tables = read_tables(save(ulog_writer.ulog(topics)), ("small",))
+    found = tables.topic("small")
+    assert found is not None
+    assert found.fields["count"].tolist() == [count for _, count in small]
+    assert tables.counts["large"].rows == 40
+    assert tables.notes == ()
+
+
+def test_nested_topics_and_filling_are_taken_apart_as_pyulog_does(save: Save) -> None:
+    topics: dict[str, ulog_writer.Topic] = {
+        "whole": (
+            ("uint64_t timestamp", "float x", "uint8_t[3] _padding0"),
+            [(5, 1.5, (0, 0, 0)), (6, 2.5, (0, 0, 0))],
+        ),
+    }
+    data = ulog_writer.ulog(topics)
+    # a format within a format within another, told apart from rows of their own
+    nested = ulog_writer.message("F", b"inner:int16_t[2] a;uint8_t b;")
+    nested += ulog_writer.message("F", b"middle:inner[2] i;double d;")
+    nested += ulog_writer.message("F", b"outer:uint64_t timestamp;middle m;bool last;")
+    at = data.index(ulog_writer.message("F", b"whole")[2:]) - 2
+    data = data[:at] + nested + data[at:]
+    data += ulog_writer.message("A", b"\0\x07\0outer")
+    data += ulog_writer.message("D", b"\x07\0" + bytes(range(1, 28)))
+    path = save(data)
+    ours = {name: instances[0].fields for name, instances in read_tables(path).topics.items()}
+    theirs = {d.name: d.data for d in ULog(str(path)).data_list}
+    assert list(ours["outer"]) == list(theirs["outer"])
+    assert "m.i[1].a[0]" in ours["outer"]
+    assert all(np.array_equal(ours["outer"][f], theirs["outer"][f]) for f in theirs["outer"])
+    # which pyulog 1.3 takes for damage where a logger does write the filling
+    assert list(ours["whole"]) == ["timestamp", "x"]
+    assert ours["whole"]["x"].tolist() == [1.5, 2.5]
+
+
+def test_damage_costs_the_messages_that_it_hits(save: Save, data_dir: Path) -> None:
+    path = data_dir / "logs" / "sample_px4_events.ulg"
+    whole = read_tables(path)
+    rows = sum(count.rows for count in whole.counts.values())
+    data = bytearray(path.read_bytes())
+    rng = np.random.default_rng(4)
+    for at in rng.integers(200_000, len(data), 60).tolist():
+        data[at : at + 3] = rng.bytes(3)
+    damaged = read_tables(save(bytes(data)))
+    found = sum(count.rows for count in damaged.counts.values())
+    assert rows - 2 * 60 < found < rows  # the logger's own recovery mark comes every 500 ms only
+    assert damaged.notes[0].startswith("the file is damaged or cut")
+
+
+def test_flags_that_nobody_here_knows_are_refused(save: Save) -> None:
+    data = bytearray(ulog_writer.ulog(ulog_writer.flight()))
+    data[16 + 3 + 8] = 2
+    with pytest.raises(InputError, match="of a kind that is not known here"):
+        read_ulog(save(bytes(data)))
 
 
 @pytest.mark.parametrize(

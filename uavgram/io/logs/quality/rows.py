@@ -28,7 +28,7 @@ def as_numbers(column: NDArray[Any]) -> Floats:
         return np.asarray(column, dtype=np.float64)
 
 
-def _running_median(values: Floats) -> Floats:
+def _running_median(values: NDArray[np.floating[Any]]) -> Floats:
     """(N,) the median of each value and three on either side, the ends repeated."""
     from scipy.ndimage import median_filter  # noqa: PLC0415 - 25 MB that columns alone do not need
 

@@ -20,7 +20,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 Columns = dict[str, NDArray[Any]]
 
 _V1, _V2 = 0xFE, 0xFD
-_CHUNK = 1 << 23  # bytes searched at a time
+_CHUNK = 1 << 25  # bytes searched at a time
 _LATEST = 0x10  # second byte of a time: 2^52 microseconds are the year 2112
 _BARE_FRAMES = 4  # in a row: no other kind of file begins so
 _ROWS = 1 << 16  # messages decoded at a time
@@ -224,8 +224,8 @@ def _apart(found: _Candidates) -> Bools:
     clear = begin[1:] >= np.maximum.accumulate(end[:-1])
     if clear.all():
         return keep
-    clear = np.append(True, clear)  # noqa: FBT003
-    rows = np.flatnonzero(~clear | np.append(~clear[1:], False))  # noqa: FBT003
+    clear = np.append(True, clear)
+    rows = np.flatnonzero(~clear | np.append(~clear[1:], False))
     free_from = 0
     for k, first, last in zip(rows.tolist(), begin[rows].tolist(), end[rows].tolist(), strict=True):
         if first < free_from:

@@ -47,7 +47,8 @@ def chain(data: bytes, begin: int, stop: int) -> Ints:
 def is_wild(data: NDArray[np.uint8], edges: Ints) -> Bools:
     """(N,) of N + 1 edges of a chain: an unknown kind, nothing inside, or no end in the data."""
     starts, ends = edges[:-1], edges[1:]
-    return ~_KNOWN[data[starts + 2]] | (ends - starts == HEADER) | (ends > len(data))
+    unknown = ~_KNOWN[data[starts + 2]]
+    return np.asarray(unknown | (ends - starts == HEADER) | (ends > len(data)))
 
 
 def is_sound(data: bytes, at: int, fits: Fits) -> bool:

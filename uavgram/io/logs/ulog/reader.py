@@ -19,7 +19,7 @@ from uavgram.model.flight.log import FlightLog, MessageCount
 # Lowest byte of ver_sw_release (PX4 src/lib/version/version.c)
 _RELEASE_KINDS = {0: "development", 64: "alpha", 128: "beta", 192: "candidate", 255: "release"}
 
-_TOPICS = (
+TOPICS = (
     *("vehicle_global_position", "vehicle_local_position", "vehicle_gps_position", "sensor_gps"),
     *("vehicle_attitude", "vehicle_angular_velocity", "vehicle_status", "home_position"),
     *("camera_capture", "camera_trigger", "gimbal_device_attitude_status", "mount_orientation"),
@@ -34,7 +34,7 @@ def read_ulog(path: str | Path) -> FlightLog:
     InputError
         The file is missing, empty, no ULog, or damaged beyond use.
     """
-    tables = read_tables(path, _TOPICS)
+    tables = read_tables(path, TOPICS)
     if not tables.counts:
         raise InputError(path, "holds no complete message: the file is cut; copy it once more")
     boot, notes = checked_boot(

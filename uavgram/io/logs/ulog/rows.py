@@ -180,7 +180,7 @@ class Rows:
         order = np.argsort(number, kind="stable")  # 16 bits: a radix sort
         number, at = number[order], starts[order] + _ROW
         times = _items(array, np.dtype("<u8"), at + self._time_at[number])
-        begin = np.flatnonzero(np.append(True, number[1:] != number[:-1]))  # noqa: FBT003
+        begin = np.flatnonzero(np.append(True, number[1:] != number[:-1]))
         stamped = np.where(times > 0, times, np.uint64(_UNSTAMPED))
         first = np.minimum.reduceat(stamped, begin).tolist()
         last = np.maximum.reduceat(times, begin).tolist()

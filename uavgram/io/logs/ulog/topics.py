@@ -94,6 +94,8 @@ class UlogTables:
         As they were when logging began.
     wanted
         Names of the topics that were to be read; None: all.
+    started_s
+        What was taken off every time: 0, but where the boot clock shows the time of day.
     notes
         What was odd about the file.
     """
@@ -103,6 +105,7 @@ class UlogTables:
     info: dict[str, Any]
     parameters: dict[str, Any]
     wanted: frozenset[str] | None
+    started_s: float
     notes: tuple[str, ...]
 
     def instances(self, name: str) -> tuple[Topic, ...]:
@@ -193,6 +196,7 @@ def _tables(rows: Rows, wanted: Collection[str] | None, *, appended: bool) -> Ul
         info=rows.info,
         parameters=rows.parameters,
         wanted=None if wanted is None else frozenset(wanted),
+        started_s=started_s,
         notes=_notes(rows, started_s, appended=appended),
     )
 
