@@ -32,6 +32,13 @@ def chain(data: bytes, begin: int, stop: int) -> Ints:
     """Starts of messages that follow each other by their sizes, and the end of the last.
 
     Each starts before `stop`, which leaves room for a header.
+
+    Parameters
+    ----------
+    data
+        Bytes of the file.
+    begin, stop
+        From where to where.
     """
     # each size says where the next one stands: the one loop over messages
     starts: list[int] = []
@@ -52,7 +59,17 @@ def is_wild(data: NDArray[np.uint8], edges: Ints) -> Bools:
 
 
 def is_sound(data: bytes, at: int, fits: Fits) -> bool:
-    """Whether the bytes at a place make sense as a message in every respect."""
+    """Whether the bytes at a place make sense as a message in every respect.
+
+    Parameters
+    ----------
+    data
+        Bytes of the file.
+    at
+        The place.
+    fits
+        Whether rows of the topics have these sizes.
+    """
     if at + HEADER > len(data):
         return False
     size = data[at] | data[at + 1] << 8
@@ -66,7 +83,17 @@ def is_sound(data: bytes, at: int, fits: Fits) -> bool:
 
 
 def next_sound(data: bytes, begin: int, stop: int, fits: Fits) -> int:
-    """The first place from `begin` on where a sound message lies before another; else `stop`."""
+    """The first place from `begin` on where a sound message lies before another; else `stop`.
+
+    Parameters
+    ----------
+    data
+        Bytes of the file.
+    begin, stop
+        From where to where.
+    fits
+        Whether rows of the topics have these sizes.
+    """
     kinds = np.frombuffer(data, dtype=np.uint8)[begin + 2 : stop + 2]
     for at in (np.flatnonzero(_KNOWN[kinds]) + begin).tolist():
         if is_sound(data, at, fits):

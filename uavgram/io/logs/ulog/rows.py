@@ -64,7 +64,15 @@ class Subscription:
         self.data += _items(data, np.dtype((np.void, self.rows.dtype.itemsize)), starts).tobytes()
 
     def tally(self, count: int, first_us: int, last_us: int) -> None:
-        """Count rows; their first time is _UNSTAMPED where all are 0: never published."""
+        """Count rows.
+
+        Parameters
+        ----------
+        count
+            How many.
+        first_us, last_us
+            Their earliest and latest time; _UNSTAMPED where all are 0: never published.
+        """
         self.count += count
         if first_us != _UNSTAMPED:
             self.first_us = first_us if self.first_us is None else min(self.first_us, first_us)
