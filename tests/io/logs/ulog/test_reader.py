@@ -323,6 +323,14 @@ def test_a_cut_log_is_read_as_far_as_it_goes(data_dir: Path, save: Save) -> None
     assert len(whole.boots[0].attitudes.time_boot_s) == 622
 
 
+@pytest.mark.parametrize("left", [1, 2, 3, 4])
+def test_a_log_cut_inside_of_a_header_ends(save: Save, left: int) -> None:
+    data = ulog_writer.ulog(ulog_writer.flight())
+    tables = read_tables(save(data + b"\x10\0D\0"[:left]))
+    assert len(tables.topics["vehicle_attitude"][0].time_s) == 200
+    assert tables.notes == ("the file is damaged or cut: what could be read was read",)
+
+
 def test_appended_data_is_read_and_said(data_dir: Path) -> None:
     log = read_ulog(data_dir / "logs" / "sample_appended_multiple.ulg")
     assert sum(m.count for m in log.messages) == 6852

@@ -138,6 +138,9 @@ class Rows:
         -------
         Where the next message starts, and whether these were free of damage.
         """
+        if len(data) < HEADER:  # the file ends inside of a header
+            self.damaged |= not may_be_cut
+            return len(data), True
         array = np.frombuffer(data, dtype=np.uint8)
         edges = chain(data, 0, min(stop, len(data) - HEADER + 1))
         wild = np.flatnonzero(is_wild(array, edges))
