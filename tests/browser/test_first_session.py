@@ -46,7 +46,7 @@ def test_a_first_session_gives_the_numbers_of_a_run(
     lines = rows_of(source / "lines.csv")[:4]
     with served(project / "project.yaml") as server:
         page = open_page(server)
-        expect(page.locator(".why")).to_contain_text("Nothing is picked yet")
+        expect(page.locator(".steps")).to_contain_text("Mark two points")
         for photo in PHOTOS:
             show_photo(page, server.picking.index[photo])
             for row in picks:

@@ -20,6 +20,7 @@ def test_hints_stop_where_they_would_take_long(
     inputs = SimpleNamespace(  # of what was read, all that is asked for
         picks=SimpleNamespace(label=("A", "B", "C", "P11")),
         lines=SimpleNamespace(name=("L",), start=("A",), end=("P1",)),
+        control_lines=SimpleNamespace(name=(), points=()),
         known=SimpleNamespace(name=("k",), points=(("A", "P1", "B"),)),
         requests=(SimpleNamespace(name="m", points=("P1", "B")),),
         control=SimpleNamespace(label=("Q77",)),

@@ -193,7 +193,7 @@ def test_what_is_amiss_is_taken_apart(repository: Path) -> None:
         ("flight: {pattern: single}\ntelemetry: none\n", "not even without errors: .*lengths"),
         ("site: {scene_east_m: 26}\nflight: {hight_m: 3}\n", "2: flight.hight_m: unknown key"),
         ("camera: {drone: dji fc33}\n", "camera.drone: .*djiFC330"),
-        ("camera: {drone: dji fc330}\n", "focal_mm"),
+        ("camera: {drone: dji fc6310s}\n", "focal_mm"),
         ("measurements: []\n", "measurements: .*nothing to repeat"),
     ],
 )
