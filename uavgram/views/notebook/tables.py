@@ -31,6 +31,7 @@ TableName = Literal[
     "points",
     "lines",
     "known",
+    "control_lines",
     "picks",
     "frames",
     "areas",
