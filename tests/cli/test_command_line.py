@@ -79,28 +79,34 @@ def test_log_reads_both_formats(repository: Path, command: Command, name: str) -
 
 
 @pytest.mark.parametrize(
-    "arguments",
+    ("arguments", "said"),
     [
-        ["rnu", "project.yaml"],
-        ["run", "a.yaml", "b.yaml"],
-        ["run", "a.yaml", "--outptu", "x"],
-        ["run", "a.yaml", "--output"],
-        ["demo", "--seed", "many"],
-        ["demo", "--seed", "-1"],
-        ["rectify", "--pixel-size", "12,001"],
-        ["log"],
-        ["view"],
+        (["rnu", "project.yaml"], "Did you mean"),
+        (["run", "a.yaml", "b.yaml"], "'b.yaml': this command does not take that"),
+        (["run", "a.yaml", "--outptu", "x"], "Did you mean"),
+        (["run", "a.yaml", "--output"], "--output"),
+        (["demo", "--seed", "many"], "--seed takes a whole number, not 'many'"),
+        (["demo", "--seed", "-1"], "--seed"),
+        (["rectify", "--pixel-size", "12,001"], "--pixel-size"),
+        (["log"], "FILE is missing"),
+        (["view"], "is missing"),
     ],
 )
 def test_wrong_usage_is_status_2_on_stderr(
-    command: Command, arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    command: Command,
+    arguments: list[str],
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
     done = command(*arguments)
     assert done.status == 2
     assert done.stdout == ""
     assert done.stderr.startswith("uavgram: ")
-    assert "uavgram --help" in done.stderr
+    assert said in done.stderr.splitlines()[0]
+    known = f" {arguments[0]}" if arguments[0] != "rnu" else ""
+    assert done.stderr.endswith(f"Try: uavgram{known} --help\n")
     assert list(tmp_path.iterdir()) == []
 
 

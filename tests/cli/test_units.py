@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from sample_results import sample_result
 
 from uavgram.cli import main, terminal
-from uavgram.cli.terminal import log_to_stderr, say, say_as_is, tell_as, tell_in
+from uavgram.cli.terminal import log_to_stderr, say, say_as_is, tell_as, tell_in, tell_of
 from uavgram.errors import InputError
 from uavgram.model.units import IMPERIAL, METRIC
 
@@ -55,3 +58,19 @@ def test_a_project_that_cannot_be_read_is_told_in_metres(tmp_path: Path) -> None
 
     assert tell_as(tmp_path / "nowhere.yaml") == METRIC
     assert terminal.as_told("1.40 m") == "1.40 m"
+
+
+def test_lengths_of_a_result_are_told_from_their_exact_values(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    result = sample_result()
+    taped = replace(result.lines, length_m=np.full(len(result.lines.name), 13.1064))  # 43 ft
+    tell_in(IMPERIAL)
+    say("taped 13.11 m")
+    tell_of(replace(result, lines=taped))
+    say("taped 13.11 m")
+    tell_in(IMPERIAL)
+    say("taped 13.11 m")
+
+    rounded = "taped 43 ft 1/4 in"
+    assert capsys.readouterr().out.splitlines() == [rounded, "taped 43 ft 0 in", rounded]

@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         status = app(arguments)
     except cyclopts.CycloptsError as error:
-        sys.stderr.write(f"uavgram: {error}\nTry: uavgram --help\n")
+        sys.stderr.write(f"uavgram: {_wrong_use(error)}\n")
         return WRONG_USAGE
     except UavgramError as error:
         sys.stderr.write(as_told(f"uavgram: {error}\n"))
@@ -65,3 +65,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.write("uavgram: interrupted; earlier results are as they were\n")
         return INTERRUPTED
     return status if isinstance(status, int) else DONE
+
+
+def _wrong_use(error: cyclopts.CycloptsError) -> str:
+    """What is wrong with a command as it was typed, and where to read how it is used."""
+    said = str(error)
+    if isinstance(error, cyclopts.UnusedCliTokensError):
+        typed = ", ".join(map(repr, error.unused_tokens or ()))
+        said = f"{typed}: this command does not take that; it may need its option before it"
+    elif isinstance(error, cyclopts.MissingArgumentError) and error.argument is not None:
+        said = f"{error.argument.name} is missing"
+    elif isinstance(error, cyclopts.CoercionError) and error.target_type is int and error.token:
+        said = f"{error.token.keyword} takes a whole number, not {error.token.value!r}"
+    command = " ".join(("uavgram", *(error.command_chain or ())))
+    return f"{said}\nTry: {command} --help"

@@ -15,16 +15,29 @@ from uavgram.errors import OutputError, UavgramError
 from uavgram.model.units import METRIC, Units
 
 if TYPE_CHECKING:
+    from uavgram.model.result.result import Result
     from uavgram.pipeline.progress import Progress
 
 Item = TypeVar("Item")
 
 _UNITS: ContextVar[Units] = ContextVar("units of what is told", default=METRIC)
+_KNOWN: ContextVar[tuple[tuple[str, ...], tuple[float, ...]]] = ContextVar(
+    "names that look like lengths, and lengths that are told rounded", default=((), ())
+)
 
 
 def tell_in(units: Units) -> None:
-    """From now on tell lengths and speeds in these units."""
+    """From now on tell lengths and speeds in these units, and of no result yet."""
     _UNITS.set(units)
+    _KNOWN.set(((), ()))
+
+
+def tell_of(result: Result) -> None:
+    """From now on tell lengths of this result from their exact values, its names as they are."""
+    from uavgram.views.unit_words import exact_lengths, names_like_lengths
+
+    if _UNITS.get() != METRIC:
+        _KNOWN.set((names_like_lengths(result), exact_lengths(result)))
 
 
 def tell_as(project: Path) -> Units:
@@ -46,7 +59,7 @@ def as_told(text: str) -> str:
     """A text with its lengths and speeds in the units of the project."""
     from uavgram.views.unit_words import in_units
 
-    return in_units(text, _UNITS.get())
+    return in_units(text, _UNITS.get(), *_KNOWN.get())
 
 
 def say(*lines: str) -> None:

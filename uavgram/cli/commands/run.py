@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter, validators
 
 from uavgram.cli.application import DONE, Flag, Seed, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, progress, say, tell_as
+from uavgram.cli.terminal import log_to_stderr, progress, say, tell_as, tell_of
 
 TABLE_ROWS = 40
 Rows = Annotated[int, Parameter(validator=validators.Number(gte=0))]
@@ -90,6 +90,7 @@ def run(
     sampling = None if monte_carlo is None else Sampling(monte_carlo, seed)
     target = FROM_PROJECT if output is None else output
     result = run_project(project, target, progress(), sampling, paper.pdf, plan)
+    tell_of(result)
     folder = Path(load_project(project).output) if output is None else output
     say(measurement_table(result, rows), *unshown_rows(result, rows, folder))
     say("", light_line(result), "", *message_lines(result.messages, verbose=verbose))
