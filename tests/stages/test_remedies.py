@@ -113,6 +113,7 @@ def test_a_pick_is_taken_out_before_another_one_takes_its_label(survey: Survey) 
 
     assert [one.action for one in found.corrections] == ["unpick", "swap"]
     assert found.action == "swap"
+    assert " and remove the pick of P1 in " in found.words
 
 
 def test_what_was_never_written_is_not_mended(survey: Survey) -> None:

@@ -73,7 +73,8 @@ def remedy_of(survey: Survey, mend: Mend) -> Remedy | None:
     # What takes no part is taken out before others take its label.
     order = sorted(known, key=lambda one: one.action != "unpick")
     every = (change for one in order for change in one.corrections)
-    return replace(known[0], corrections=tuple(every))
+    words = [known[0].words, *(one.words[0].lower() + one.words[1:] for one in known[1:])]
+    return replace(known[0], words=" and ".join(words), corrections=tuple(every))
 
 
 def unpicked(pairs: Sequence[tuple[str, str]]) -> Remedy | None:

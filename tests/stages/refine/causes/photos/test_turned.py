@@ -93,6 +93,21 @@ def test_labels_in_disorder_are_put_in_order(scene_factory: Callable[..., Scene]
     assert mended_survey(wrong, cause.mend).pick_label.tolist() == survey.pick_label.tolist()
 
 
+def test_labels_that_fit_a_few_picks_only_put_no_photo_right(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    survey = scene_factory(3001, **OPTIONS | {"labels": 24}).survey
+    label = np.array(survey.pick_label)
+    picks = np.flatnonzero(survey.pick_frame == 2)
+    shown, anywhere = picks[: len(picks) * 2 // 5], picks[len(picks) * 2 // 5 :]
+    label[shown] = np.roll(label[shown], 3)
+    pixel = survey.pixel_px.copy()
+    pixel[anywhere] = np.random.default_rng(5).uniform(100.0, 1400.0, (len(anywhere), 2))
+    cause = cause_of(replace(survey, pick_label=label, pixel_px=pixel))
+
+    assert cause.message.code == "photo-elsewhere"
+
+
 def test_a_photo_of_another_place_is_told_as_such(scene_factory: Callable[..., Scene]) -> None:
     survey = scene_factory(3001, **OPTIONS).survey
     picks = np.flatnonzero(survey.pick_frame == 2)

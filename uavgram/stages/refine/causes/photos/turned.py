@@ -105,7 +105,8 @@ def photos_in_disorder(standing: Standing) -> Iterator[Hypothesis]:
         label = right_labels(standing, frame, picks)
         known = np.flatnonzero(label >= 0)
         changed = known[label[known] != survey.pick_label[picks[known]]]
-        if len(known) <= SMALLEST + 1 or not len(changed):
+        # Where most picks fit under no label, other labels are not what would put the photo right.
+        if len(known) <= SMALLEST + 1 or 2 * len(known) <= len(picks) or not len(changed):
             continue
         mend = Mend(
             label_of_pick={int(picks[k]): int(label[k]) for k in known},
