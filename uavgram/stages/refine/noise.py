@@ -114,9 +114,16 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
     refined
         Adjusted with them, without what is wrong beyond doubt.
     """
-    stated = refined.adjustment
-    if not stated.minimum.converged:
+    if not refined.adjustment.minimum.converged:
         return survey, refined
+    try:
+        return _with_noise_learnt(survey, refined)
+    except SingularError:  # so far from fitting that picks with their own noise would tell nothing
+        return survey, refined
+
+
+def _with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
+    stated = refined.adjustment
     few, fits = outstanding(stated)
     models = [_as_stated(stated, redundancy_of(stated, "pixels")), *_grown(stated, fits=fits)]
     simple = len(models) == 1 and len(models[0].components) == 1 and not few
@@ -134,10 +141,7 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
     adjustment = stated
     for _ in range(PASSES):
         used = fitted
-        try:
-            adjustment = continued(adjustment, _learnt(used, stated.survey))
-        except SingularError:
-            return survey, refined
+        adjustment = continued(adjustment, _learnt(used, stated.survey))
         fitted = estimated(used.model, adjustment, used.found.factor)
         if np.abs(np.log(fitted.found.factor / used.found.factor)).max() < SAME:
             break
