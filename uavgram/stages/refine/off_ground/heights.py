@@ -18,7 +18,7 @@ from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.continued import continued
-from uavgram.stages.refine.off_ground.search import searched
+from uavgram.stages.refine.off_ground.search import MOST_NOISE, noise_of_most, searched
 
 
 class Found(NamedTuple):
@@ -50,7 +50,9 @@ def labels_off_ground(adjustment: Adjustment, before: Sequence[str] = ()) -> Fou
 
 
 def with_heights_freed(refined: Refined, found: Found, before: Sequence[str]) -> Refined | None:
-    """The result with free heights of what was found; None where it does not come to rest.
+    """The result with free heights of what was found; None where that is no result either.
+
+    It does not come to rest then, or most picks do not fit.
 
     Parameters
     ----------
@@ -66,7 +68,10 @@ def with_heights_freed(refined: Refined, found: Found, before: Sequence[str]) ->
         after = continued(found.adjustment, survey)
     except SingularError:
         return None
-    return replace(refined, adjustment=after, alternatives=()) if after.minimum.converged else None
+    # The search gives stray picks less weight: with all of it, heights may not be what is wrong.
+    if not after.minimum.converged or noise_of_most(after) > MOST_NOISE:
+        return None
+    return replace(refined, adjustment=after, alternatives=())
 
 
 def with_free(survey: Survey, names: Sequence[str], before: Sequence[str] = ()) -> Survey:

@@ -116,13 +116,8 @@ class Search:
 
     @property
     def noise(self) -> float:
-        """Variance factor of the picks, at least one: of most labels, the worst left out."""
-        fit = label_misfit(self.adjustment)
-        use = fit.redundancy > 0.2
-        order = np.argsort(fit.squares[use] / fit.redundancy[use])
-        best = np.flatnonzero(use)[order][: int(np.ceil(TRIMMED * len(order)))]
-        squares, degrees = fit.squares[best].sum() / TRIMMED, fit.redundancy[best].sum()
-        return max(1.0, float((squares + STATED_WEIGHT) / (degrees + STATED_WEIGHT)))
+        """Variance factor of the picks, as `noise_of_most` has it."""
+        return noise_of_most(self.adjustment)
 
     @property
     def roughness_m(self) -> Floats:
@@ -163,6 +158,16 @@ class Search:
     def _length_sigma_m(self) -> Floats:
         """(L,) of known lengths, which only say how large all is: a wrong one is no height."""
         return self.stated.length_sigma_m + SCALE * self.stated.length_m + SLACK_M
+
+
+def noise_of_most(adjustment: Adjustment) -> float:
+    """Variance factor of the picks, at least one: of most labels, the worst left out."""
+    fit = label_misfit(adjustment)
+    use = fit.redundancy > 0.2
+    order = np.argsort(fit.squares[use] / fit.redundancy[use])
+    best = np.flatnonzero(use)[order][: int(np.ceil(TRIMMED * len(order)))]
+    squares, degrees = fit.squares[best].sum() / TRIMMED, fit.redundancy[best].sum()
+    return max(1.0, float((squares + STATED_WEIGHT) / (degrees + STATED_WEIGHT)))
 
 
 def searched(adjustment: Adjustment, survey: Survey, *, again: bool) -> Search | None:
