@@ -39,6 +39,17 @@ def test_columns_stand_below_their_heads_to_the_left_or_the_right() -> None:
     ]
 
 
+def test_what_catches_the_eye_in_a_cell_does_so_in_a_line() -> None:
+    rows = (
+        '<tr><td class="tag look">not &lt;</td><td class="n">1.25</td></tr>'
+        '<tr><td class="tag good">ok</td><td class="n">2</td></tr>'
+    )
+
+    assert '><span class="tag look">not &lt;</span>  1.25\nok        2<' in with_text_tables(
+        table(rows, "")
+    )
+
+
 @pytest.mark.parametrize(
     "rows",
     [

@@ -14,10 +14,10 @@ from typing import NamedTuple
 MARK = "plain"
 """Class of the tables that become text: their cells hold words and numbers, nothing else."""
 
-MOST_ROWS = 40
-"""Of one block, which stands below a head of its own and on one page where there is room."""
+MOST_ROWS = 20
+"""Of one block, which stands below a head of its own and on one page: so little stays empty."""
 
-LARGEST_PT, LEAST_PT = 6.5, 4.6
+LARGEST_PT, LEAST_PT = 7.0, 4.6
 """Letters: as large as the widest line lets them be; below the least the table stays one."""
 
 _ROOM_PT = 182 / 25.4 * 72
@@ -45,6 +45,8 @@ class _Cell(NamedTuple):
     text: str
     right: bool
     head: bool
+    looks: str
+    """Classes, where it is one that catches the eye; else empty."""
 
 
 def with_text_tables(html: str) -> str:
@@ -57,7 +59,7 @@ def _as_text(table: str) -> str:
     rows = []
     for attributes, content in _ROW.findall(table):
         cells = [
-            _Cell(unescape(text).replace("\xad", ""), _is_right(more), tag == "th")
+            _Cell(unescape(text).replace("\xad", ""), _is_right(more), tag == "th", _looks(more))
             for tag, more, text in _CELL.findall(content)
         ]
         if attributes or any("<" in text for *_, text in _CELL.findall(content)):
@@ -74,9 +76,18 @@ def _as_text(table: str) -> str:
     return _blocks(heads, body, [cell.right for cell in (body or heads)[0]])
 
 
-def _is_right(attributes: str) -> bool:
+def _classes(attributes: str) -> list[str]:
     found = re.search(r'class="([^"]*)"', attributes)
-    return found is not None and not {"n", "figures"}.isdisjoint(found[1].split())
+    return found[1].split() if found else []
+
+
+def _is_right(attributes: str) -> bool:
+    return not {"n", "figures"}.isdisjoint(_classes(attributes))
+
+
+def _looks(attributes: str) -> str:
+    named = _classes(attributes)
+    return " ".join(named) if "tag" in named and "good" not in named else ""
 
 
 def _blocks(heads: list[list[_Cell]], body: list[list[_Cell]], right: list[bool]) -> str:
@@ -88,11 +99,11 @@ def _blocks(heads: list[list[_Cell]], body: list[list[_Cell]], right: list[bool]
     if size_pt < LEAST_PT:
         return ""
     head = "\n".join(line for row in heads for line in _head(row, widths, right))
-    lines = [_line([cell.text for cell in row], widths, right) for row in body]
+    lines = [_line(row, widths, right) for row in body]
     style = f'style="font-size: {size_pt:.2f}pt"'
-    named = f'<pre class="head" {style}>{escape(head)}</pre>' if head else ""
+    named = f'<pre class="head" {style}>{head}</pre>' if head else ""
     return "".join(
-        f'<div class="columns">{named}<pre {style}>{escape(chr(10).join(some))}</pre></div>'
+        f'<div class="columns">{named}<pre {style}>{chr(10).join(some)}</pre></div>'
         for some in (lines[k : k + MOST_ROWS] for k in range(0, len(lines), MOST_ROWS))
     )
 
@@ -112,9 +123,18 @@ def _head(row: list[_Cell], widths: list[int], right: list[bool]) -> list[str]:
     ]
     deep = max(map(len, cells))
     filled = [[""] * (deep - len(cell)) + cell for cell in cells]
-    return [_line([cell[k] for cell in filled], widths, right) for k in range(deep)]
+    parts = (
+        [one._replace(text=cell[k]) for one, cell in zip(row, filled, strict=True)]
+        for k in range(deep)
+    )
+    return [_line(part, widths, right) for part in parts]
 
 
-def _line(texts: list[str], widths: list[int], right: list[bool]) -> str:
-    placed = zip(texts, widths, right, strict=True)
-    return (" " * _GAP).join(t.rjust(w) if r else t.ljust(w) for t, w, r in placed).rstrip()
+def _line(cells: list[_Cell], widths: list[int], right: list[bool]) -> str:
+    """Cells below each other's in their widths, as HTML."""
+    parts = []
+    for cell, width, is_right in zip(cells, widths, right, strict=True):
+        text, room = escape(cell.text), " " * (width - len(cell.text))
+        shown = f'<span class="{cell.looks}">{text}</span>' if cell.looks else text
+        parts.append(room + shown if is_right else shown + room)
+    return (" " * _GAP).join(parts).rstrip()

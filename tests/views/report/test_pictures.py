@@ -145,3 +145,21 @@ def test_the_value_of_a_measurement_stands_under_its_picture() -> None:
 
         assert one.told.startswith(f"{row.value}, ")
         assert one.lines
+
+
+def test_a_picture_of_a_measurement_names_its_own_points_and_wrong_ones_alone() -> None:
+    made = result()
+    status = tuple(
+        "suspect" if label == "P12" and old == "used" else old
+        for label, old in zip(made.picks.label, made.picks.status, strict=True)
+    )
+    told = gallery(replace(made, picks=replace(made.picks, status=status)), pictures())
+    assert told is not None
+    others = set()
+    for one in told.measurements:
+        own = set(made.measurements.points[made.measurements.name.index(one.name)])
+        named = {tag.text for tag in one.tags}
+        others |= named - own
+        assert len(one.marks) >= len(named) > 0
+
+    assert others == {"P12"}

@@ -75,6 +75,18 @@ def test_many_measured_lines_are_thin_and_few_are_named() -> None:
     assert 0 < len([text for text in view.texts if text.kind == "measured"]) <= 12
 
 
+def test_lines_of_one_look_are_one_and_none_is_lost() -> None:
+    view = drawing(survey.build())
+    together = [
+        (piece, one.colour, one.dashed, one.width)
+        for one in view.looks
+        for piece in one.points.split(" M")
+    ]
+
+    assert len(view.looks) < len(view.lines) == len(together)
+    assert {(one.points, one.colour, one.dashed, one.width) for one in view.lines} == set(together)
+
+
 def test_without_telemetry_north_is_not_claimed() -> None:
     assert drawing(survey.build()).north_known
     assert not drawing(survey.build(telemetry=False)).north_known

@@ -76,6 +76,9 @@ from uavgram.views.wording import (
 BESIDE_HEIGHT = 480.0
 """Of the top view where there is a plan on the ground too: the key plan then fits below it."""
 
+MOST_CELLS = 30
+"""Measurements that are a table of cells on paper too: more are lines of text, which cost less."""
+
 
 def write_report(
     result: Result, path: str | os.PathLike[str], pictures: Pictures = NO_PICTURES
@@ -131,6 +134,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             brief=first,
             facts=key_facts(result),
             measured=shapes_first(result.measurements),
+            most_cells=MOST_CELLS,
             not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
             relief=relief_notes(result),
             shift_text=shift_text,

@@ -28,8 +28,10 @@ from uavgram.views.survey.verdict import STATUS_WORDS
 from uavgram.views.units import round_bar, units_of
 from uavgram.views.wording import measurement_text, number, size_text
 
-WIDTHS = {"overview": 900.0, "measurement": 440.0, "point": 210.0}
+WIDTHS = {"overview": 900.0, "measurement": 400.0, "point": 210.0}
 """Of a picture on the page: marks are drawn as large as they are on a drawing of this width."""
+MOST_HALVES, THIRD_WIDTH = 4, 270.0
+"""Measurements of which two stand side by side, and the width where there are more: three do."""
 DRAWN_OFF = 0.3
 """A bent line is drawn so exactly, in the same unit."""
 LETTER = 6.0
@@ -108,13 +110,14 @@ class PhotoFile(NamedTuple):
 
 
 class Gallery(NamedTuple):
-    """All pictures of a report."""
+    """All pictures of a report; `size` is the class of those of measurements."""
 
     files: tuple[PhotoFile, ...]
     overview: tuple[Shown, ...]
     measurements: tuple[Shown, ...]
     points: tuple[Shown, ...]
     left_out: tuple[str, ...]
+    size: str
 
 
 def gallery(result: Result, pictures: Pictures) -> Gallery | None:
@@ -122,8 +125,11 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
     if not pictures.shown:
         return None
     by_subject: dict[str, list[Shown]] = {"overview": [], "measurement": [], "point": []}
+    several = sum(one.region.subject == "measurement" for one in pictures.shown) > MOST_HALVES
+    widths = {**WIDTHS, "measurement": THIRD_WIDTH} if several else WIDTHS
     for picture in pictures.shown:
-        by_subject[picture.region.subject].append(_shown(result, picture))
+        unit = picture.region.width_px / widths[picture.region.subject]
+        by_subject[picture.region.subject].append(_shown(result, picture, unit))
     stretch = {one.region.frame: _stretch_text(one) for one in pictures.shown}
     names = result.frames.frame_id
     return Gallery(
@@ -135,6 +141,7 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
         measurements=tuple(by_subject["measurement"]),
         points=tuple(by_subject["point"]),
         left_out=pictures.left_out,
+        size="third" if several else "half",
     )
 
 
@@ -156,16 +163,15 @@ def _stretch_text(picture: Picture) -> str:
     )
 
 
-def _shown(result: Result, picture: Picture) -> Shown:
+def _shown(result: Result, picture: Picture, unit: float) -> Shown:
     region = picture.region
-    unit = region.width_px / WIDTHS[region.subject]
     marks, tags = _marks(result, region, unit)
     name, told = _words(result, region)
     return Shown(
         region=region,
         data=Inline(picture.jpeg),
         unit=unit,
-        lines=tuple(_lines(result, region)),
+        lines=tuple(_lines(result, region, unit)),
         marks=marks,
         tags=tags,
         bar=_bar(result, region),
@@ -231,7 +237,8 @@ def _picks_in(result: Result, region: Region) -> list[int]:
 
 
 def _marks(result: Result, region: Region, unit: float) -> tuple[tuple[Mark, ...], tuple[Tag, ...]]:
-    picks = result.picks
+    """Marks of all picks, and their names: of a measurement only its own, and wrong ones."""
+    picks, own = result.picks, _own(result, region)
     rows = _picks_in(result, region)
     marks, tags = [], []
     for i in rows:
@@ -239,20 +246,30 @@ def _marks(result: Result, region: Region, unit: float) -> tuple[tuple[Mark, ...
         wrong = picks.status[i] in ("suspect", "removed")
         shape = "removed" if picks.status[i] == "removed" else picks.source[i]
         marks.append(Mark(x, y, shape, hex_colour(BAD if wrong else OBSERVED)))
+        if region.subject == "measurement" and not wrong and picks.label[i] not in own:
+            continue
         half = (LETTER * len(picks.label[i]) / 2 + 3) * unit
         left, right = region.left_px + half, region.left_px + region.width_px - half
         below = y + (31 if region.subject == "point" else 22) * unit
         if below > region.top_px + region.height_px - 6 * unit:
             below = y - (22 if region.subject == "point" else 14) * unit
         tags.append(Tag(min(max(x, left), max(right, left)), below, half, picks.label[i]))
-    own = result.points.label[region.row] if region.subject == "point" else ""
-    tags.sort(key=lambda tag: tag.text != own)
+    tags.sort(key=lambda tag: tag.text not in own)
     anchors = np.reshape([(tag.x, tag.y) for tag in tags], (-1, 2))
     free = uncovered(anchors, np.array([tag.half for tag in tags]), 15 * unit, len(tags) or 1)
     return tuple(marks), tuple(tags[i] for i in free)
 
 
-def _lines(result: Result, region: Region) -> Iterator[tuple[str, str]]:
+def _own(result: Result, region: Region) -> tuple[str, ...]:
+    """Labels that a picture is about; none of an overview."""
+    if region.subject == "overview":
+        return ()
+    if region.subject == "point":
+        return (result.points.label[region.row],)
+    return result.measurements.points[region.row]
+
+
+def _lines(result: Result, region: Region, unit: float) -> Iterator[tuple[str, str]]:
     """Measurements, and in the overview known lengths, where the adjustment puts them."""
     if region.subject == "point":
         return
@@ -267,7 +284,7 @@ def _lines(result: Result, region: Region) -> Iterator[tuple[str, str]]:
     poses = row_poses(result, region.frame)
     for strip, colour in strips:
         for run in visible_runs(project_from(result, poses, sampled(strip))):
-            kept = thinned(run, DRAWN_OFF * region.width_px / WIDTHS[region.subject])
+            kept = thinned(run, DRAWN_OFF * unit)
             yield " ".join(f"{x:.1f},{y:.1f}" for x, y in kept), hex_colour(colour)
 
 
@@ -276,7 +293,7 @@ def _bar(result: Result, region: Region) -> Bar | None:
     if region.subject == "overview":
         return None
     labels = (
-        (result.points.label[region.row],)
+        _own(result, region)
         if region.subject == "point"
         else result.measurements.outlines[region.row]
     )

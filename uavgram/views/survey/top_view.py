@@ -133,6 +133,15 @@ class TopView:
     small_unit: str
     north_known: bool
 
+    @property
+    def looks(self) -> tuple[Stroke, ...]:
+        """The lines, those that look the same as one, their pieces parted by an M of SVG paths."""
+        alike: dict[tuple[str, bool, float], list[str]] = {}
+        for stroke in self.lines:
+            look = stroke.colour, stroke.dashed, stroke.width
+            alike.setdefault(look, []).append(stroke.points)
+        return tuple(Stroke(" M".join(points), *look) for look, points in alike.items())
+
 
 def top_view(result: Result, most_height: float = MOST_HEIGHT) -> TopView | None:
     """Lay out the drawing, not higher than that; None where there is no point to draw."""
