@@ -29,7 +29,7 @@ def cell(at: float, lengths: float, **more: object) -> Cell:
         ratio=1.01,
         ratio_range=(0.99, 1.03),
         bias_m=0.001,
-        shares=(lengths, 1.0 - lengths, 0.0, 0.0, 0.0),
+        shares=(lengths, 1.0 - lengths, 0.0, 0.0, 0.0, 0.0),
         told=0.0,
         repetitions=100,
         lost=0,
@@ -58,7 +58,7 @@ def test_the_thesis_holds_from_where_the_lengths_have_half() -> None:
 
 
 def test_the_scale_of_the_tape_is_an_error_of_the_lengths() -> None:
-    shared = (0.3, 0.4, 0.0, 0.0, 0.3)
+    shared = (0.3, 0.4, 0.0, 0.0, 0.3, 0.0)
     told = said(study(cell(1.0, 0.0, shares=shared), cell(2.0, 0.0, shares=shared)))
     assert "holds in 2 of the 2" in told[0]
     assert "at every precision" in told[1]

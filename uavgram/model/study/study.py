@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from uavgram.model.study.methods import MethodRow
 
-SOURCES = ("lengths", "picks", "log", "camera", "tape")
-"""Of errors: readings of lengths, picks, what the log says, the camera file, the tape's scale."""
+SOURCES = ("lengths", "picks", "log", "camera", "tape", "ground")
+"""Of errors: readings of lengths, picks, what the log says, the camera file, the tape's scale, and
+the plane of the ground."""
 
 
 @dataclass(frozen=True, kw_only=True)

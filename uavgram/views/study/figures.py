@@ -16,7 +16,7 @@ from uavgram.model.study.study import SOURCES, Cell, Study
 from uavgram.views.study.words import AGREES, SOURCE_WORDS
 
 COLOURS = ("#2f6fb5", "#d9730d", "#2b8a3e", "#8e44ad", "#c92a2a")
-SOURCE_COLOURS = ("#c92a2a", "#2f6fb5", "#2b8a3e", "#d9730d", "#8e44ad")
+SOURCE_COLOURS = ("#c92a2a", "#2f6fb5", "#2b8a3e", "#d9730d", "#8e44ad", "#8a6d3b")
 MARKERS = ("o", "s", "^", "D", "v")
 MOST_TICKS = 8
 GRID, GREY = "#e3e5e8", "#8a8f98"

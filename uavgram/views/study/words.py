@@ -18,6 +18,7 @@ SOURCE_WORDS = {
     "log": "the flight log",
     "camera": "the camera file",
     "tape": "the scale of the tape",
+    "ground": "the ground's plane",
 }
 LENGTHS = ("lengths", "tape")
 """Sources that are errors of the reference lengths."""
