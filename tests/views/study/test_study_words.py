@@ -117,7 +117,14 @@ def test_page_and_figures() -> None:
         coverage=0.8,
         z=1.5,
     )
-    compared = replace(study(name="methods"), methods=(row, replace(row, method="log", rms_m=0.7)))
+    few = replace(row, setting="three lines", failed=0.3, coverage=0.5)
+    fine = replace(row, setting="three lines", method="all", failed=0.0, coverage=0.95)
+    methods = (row, replace(row, method="log", rms_m=0.7), few, fine)
+    compared = replace(study(name="methods"), methods=methods)
+    assert said(compared)[-1] == (
+        'Three lines (10 photos): "points" useless in 30 %, without a word in 10 % and 50 % of the '
+        "errors within what should hold 95 %."
+    )
     studies = (study(cell(1.0, 0.2), cell(100.0, 0.8)), compared)
     files = figure_files(studies)
     assert sorted(files) == ["lengths.png", "lengths.svg", "methods.png", "methods.svg"]

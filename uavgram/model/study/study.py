@@ -86,6 +86,12 @@ class Study:
     methods: tuple[MethodRow, ...] = ()
 
     @property
+    def settings(self) -> dict[str, tuple[MethodRow, ...]]:
+        """Methods by setting, in their order; the usual one first."""
+        names = dict.fromkeys(row.setting for row in self.methods)
+        return {name: tuple(r for r in self.methods if r.setting == name) for name in names}
+
+    @property
     def has_names(self) -> bool:
         """Whether names stand along the axis, not numbers."""
         return any("\n" in cell.label for cell in self.cells)

@@ -35,7 +35,8 @@ def figure_files(studies: tuple[Study, ...]) -> dict[str, bytes]:
     # same study gives the same file.
     with rc_context({"svg.fonttype": "path", "svg.hashsalt": "uavgram", "font.size": 9.5}):
         for study in studies:
-            figure = _methods(study.methods) if study.methods else _cells(study)
+            usual = next(iter(study.settings.values()), ())
+            figure = _methods(usual) if usual else _cells(study)
             FigureCanvasAgg(figure)
             for kind in ("svg", "png"):
                 drawn = io.BytesIO()
