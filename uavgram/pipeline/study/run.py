@@ -17,8 +17,8 @@ from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.study.grids import GRIDS, Grid
 from uavgram.pipeline.study.method_scenes import Setting
 from uavgram.pipeline.study.methods import LIMITS, compared
-from uavgram.pipeline.study.photo_cell import photo_cell
-from uavgram.pipeline.study.survey_cells import PHOTOS, SurveyGrid, survey_cell
+from uavgram.pipeline.study.photo_cell import Place, photo_cell
+from uavgram.pipeline.study.survey_cells import PHOTOS, SurveyPlace, survey_cell
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.views.study.figures import figure_files
 from uavgram.views.study.page import write_study_page
@@ -87,7 +87,7 @@ def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress
             methods=tuple(rows),
         )
     if name == "photos":
-        grid: Grid | SurveyGrid = PHOTOS
+        grid: Grid[SurveyPlace] | Grid[Place] = PHOTOS
         count = max(20, repetitions // SURVEYS_TO_PHOTOS)
         found = in_processes(partial(survey_cell, repetitions=count), PHOTOS.places, workers)
     else:
