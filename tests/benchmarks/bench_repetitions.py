@@ -44,8 +44,8 @@ def evaluated(scene: Scene, draw: int, unknown: Floats) -> tuple[Floats, Floats]
     design, draws = scene.design, scene.draws
     place, count = unknown[6:].reshape(-1, 2), len(design.height_m)
     rotation = draws.world_from_camera[draw] @ exp_so3(unknown[3:6])
-    slope = design.ground[1:]
-    world = np.column_stack([place, design.ground[0] + place @ slope + design.height_m])
+    height, *slope = draws.ground[draw]
+    world = np.column_stack([place, height + place @ slope + design.height_m])
     seen = (world - unknown[:3]) @ rotation
     camera = design.calibration
     pixel, by_seen, _ = project_with_jacobian(camera.model, camera.parameters, seen)

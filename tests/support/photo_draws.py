@@ -66,7 +66,6 @@ def photo_scene(count: int, seed: int = 1, *, slope: bool = False, joined: bool 
             parameters=CAMERA,
             covariance=np.zeros((9, 9)),
         ),
-        ground=ground,
         height_m=above,
         line=line,
         pixel_sigma_px=np.full(ends, PIXEL_SIGMA_PX),
@@ -79,6 +78,7 @@ def photo_scene(count: int, seed: int = 1, *, slope: bool = False, joined: bool 
         center_world_m=center + drawn[:, :3],
         # true = beforehand @ exp(error)
         world_from_camera=rotation @ Rotation.from_rotvec(-drawn[:, 3:]).as_matrix(),
+        ground=np.repeat(ground[None], count, axis=0),
     )
     return Scene(design, draws, center, rotation, world)
 
@@ -99,7 +99,8 @@ def residuals(scene: Scene, draw: int, unknown: Floats) -> Floats:
     design, draws = scene.design, scene.draws
     center, place = unknown[:3], unknown[6:].reshape(-1, 2)
     rotation = draws.world_from_camera[draw] @ Rotation.from_rotvec(unknown[3:6]).as_matrix()
-    up = design.ground[0] + place @ design.ground[1:] + design.height_m
+    ground = draws.ground[draw]
+    up = ground[0] + place @ ground[1:] + design.height_m
     world = np.column_stack([place, up])
     error = (seen_by_opencv(world, center, rotation) - draws.pixel_px[draw]) / PIXEL_SIGMA_PX
     length = np.linalg.norm(world[design.line[:, 1]] - world[design.line[:, 0]], axis=1)

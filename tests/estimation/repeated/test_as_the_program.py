@@ -61,7 +61,9 @@ def known_but_the_pose(survey: Survey, *, shared: bool) -> Survey:
         lever_arm_sigma_m=EXACT,
         position_bias_sigma_m=np.full(3, EXACT),
     )
-    ground = replace(survey.ground, height_sigma_m=EXACT, slope_sigma_rad=EXACT / 30)
+    ground = survey.ground
+    if not shared:
+        ground = replace(ground, height_sigma_m=EXACT, slope_sigma_rad=EXACT / 30)
     calibration = survey.calibration
     if not shared:
         calibration = replace(calibration, covariance=np.zeros((9, 9)))
@@ -84,6 +86,14 @@ def adjusted(repetition: int, *, shared: bool) -> tuple[Survey, Adjustment]:
     return survey, refine(survey, options)[0].adjustment
 
 
+def root_of_plane(adjustment: Adjustment) -> Floats:
+    """What height and slopes at the pivot of the program's plane do to a plane's numbers."""
+    ground, (east, north) = adjustment.survey.ground, adjustment.problem.ground.pivot_m[0]
+    assert ground.height_sigma_m > 0.2
+    height, slope = ground.height_sigma_m, ground.slope_sigma_rad
+    return np.array([[height, -slope * east, -slope * north], [0, slope, 0], [0, 0, slope]])
+
+
 def root_of(covariance: Floats) -> Floats:
     return np.asarray(np.linalg.cholesky(covariance), dtype=np.float64)
 
@@ -94,16 +104,16 @@ def test_the_minimum_is_that_of_the_program(shared: bool) -> None:  # noqa: FBT0
         survey, adjustment = adjusted(repetition, shared=shared)
         assert survey.seeds is not None
         assert survey.telemetry is not None
-        order = np.argsort(survey.pick_label)
+        order, label = np.argsort(survey.pick_label), np.arange(len(survey.label))
         design = PhotoDesign(
             calibration=survey.calibration,
-            ground=np.array([survey.ground.height_m, 0.0, 0.0]),
             height_m=np.zeros(len(survey.label)),
             line=np.column_stack([survey.line_start, survey.line_end]),
             pixel_sigma_px=survey.pick_sigma_px[order],
             length_sigma_m=survey.length_sigma_m,
             information=np.linalg.inv(survey.telemetry.covariance[0]),
             camera_root=root_of(survey.calibration.covariance) if shared else None,
+            ground_root=root_of_plane(adjustment) if shared else None,
             tape_scale_sigma=survey.tape_scale_sigma,
         )
         draws = PhotoDraws(
@@ -111,6 +121,7 @@ def test_the_minimum_is_that_of_the_program(shared: bool) -> None:  # noqa: FBT0
             length_m=survey.length_m[None],
             center_world_m=survey.seeds.center_world_m[:1],
             world_from_camera=survey.seeds.world_from_camera[:1],
+            ground=np.array([[survey.ground.height_m, 0.0, 0.0]]),
         )
         found = adjust_photos(design, draws)
         assert found.converged.all()
@@ -121,5 +132,5 @@ def test_the_minimum_is_that_of_the_program(shared: bool) -> None:  # noqa: FBT0
         off = np.concatenate([found.center_world_m[0] - state.center[0], turned])
         sigma = np.sqrt(np.diag(found.covariance[0]))
         assert np.abs(off / sigma).max() < 1e-6
-        ends = np.abs(found.place_m[0] - state.point[:, :2])
+        ends = np.abs(found.place_m[0] - adjustment.problem.world_points(state, label)[0])
         assert ends.max() < 1e-6 * 0.01

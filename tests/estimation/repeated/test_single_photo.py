@@ -100,7 +100,6 @@ def test_what_does_not_come_to_rest_is_marked_and_nothing_else_suffers() -> None
 def test_pixels_meet_the_ground_where_the_points_stand() -> None:
     scene = photo_scene(1, slope=True)
     pose = scene.center[None], scene.rotation[None]
-    exact = dataclasses.replace(photo_scene(1, slope=True).draws)
-    place = ground_places(scene.design, pose, exact.pixel_px, scene.design.height_m)
+    place = ground_places(scene.design, scene.draws, pose)
     # A pixel is HEIGHT_M / 2250 m: the draw's noise, five sigmas of it on tilted ground.
     assert np.abs(place[0] - scene.ends_m).max() < 8 * 0.8 * HEIGHT_M / 2250

@@ -14,6 +14,7 @@ from scipy.stats import chi2
 
 from uavgram.errors import InputError
 from uavgram.io.demo_files import write_demo
+from uavgram.model.scenario.as_stated import as_stated, unlike_stated
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.simulation.repetitions import Repetitions
 from uavgram.pipeline.measure.compute import compute
@@ -30,6 +31,7 @@ from uavgram.pipeline.simulate.run import (
 )
 from uavgram.pipeline.simulate.scenario import read_world
 from uavgram.pipeline.simulate.worlds import ScenarioWorld
+from uavgram.stages.simulate.recording import draw_biases
 from uavgram.stages.simulate.survey import simulate
 
 
@@ -222,3 +224,20 @@ def test_work_that_cannot_be_sent_is_an_error_at_once() -> None:
 def test_results_come_in_order() -> None:
     squares = [4.0, 9.0, 16.0, 25.0, 36.0]
     assert list(in_processes(math.sqrt, squares)) == [2.0, 3.0, 4.0, 5.0, 6.0]
+
+
+def test_what_is_drawn_otherwise_than_stated_is_told_and_can_be_drawn_as_stated() -> None:
+    demo = Scenario()
+    # By hand from configs/demo.yaml: position 1.2 and 1.5 m against 2 and 3 m.
+    told = {one.key: one for one in unlike_stated(demo)}
+    assert told["errors.position_bias_m"].drawn == (1.2, 1.5)
+    assert told["errors.position_bias_m"].stated == (2.0, 3.0)
+    assert "errors.pick_px" not in told
+    as_told = as_stated(demo)
+    assert unlike_stated(as_told) == ()
+    biases = [draw_biases(as_told, np.random.default_rng(k)).position_m for k in range(400)]
+    spread = np.std(biases, axis=0)
+    assert spread == pytest.approx([2.0, 2.0, 3.0], rel=0.15)
+    # Without a log nothing of it is asked.
+    alone = replace(demo, telemetry="none")
+    assert [one.key for one in unlike_stated(alone)] == ["errors.tape_scale"]

@@ -29,7 +29,7 @@ def cell(at: float, lengths: float, **more: object) -> Cell:
         ratio=1.01,
         ratio_range=(0.99, 1.03),
         bias_m=0.001,
-        shares=(lengths, 1.0 - lengths, 0.0, 0.0, 0.0),
+        shares=(lengths, 1.0 - lengths, 0.0, 0.0, 0.0, 0.0),
         told=0.0,
         repetitions=100,
         lost=0,
@@ -58,7 +58,7 @@ def test_the_thesis_holds_from_where_the_lengths_have_half() -> None:
 
 
 def test_the_scale_of_the_tape_is_an_error_of_the_lengths() -> None:
-    shared = (0.3, 0.4, 0.0, 0.0, 0.3)
+    shared = (0.3, 0.4, 0.0, 0.0, 0.3, 0.0)
     told = said(study(cell(1.0, 0.0, shares=shared), cell(2.0, 0.0, shares=shared)))
     assert "holds in 2 of the 2" in told[0]
     assert "at every precision" in told[1]
@@ -117,7 +117,14 @@ def test_page_and_figures() -> None:
         coverage=0.8,
         z=1.5,
     )
-    compared = replace(study(name="methods"), methods=(row, replace(row, method="log", rms_m=0.7)))
+    few = replace(row, setting="three lines", failed=0.3, coverage=0.5)
+    fine = replace(row, setting="three lines", method="all", failed=0.0, coverage=0.95)
+    methods = (row, replace(row, method="log", rms_m=0.7), few, fine)
+    compared = replace(study(name="methods"), methods=methods)
+    assert said(compared)[-1] == (
+        'Three lines (10 photos): "points" useless in 30 %, without a word in 10 % and 50 % of the '
+        "errors within what should hold 95 %."
+    )
     studies = (study(cell(1.0, 0.2), cell(100.0, 0.8)), compared)
     files = figure_files(studies)
     assert sorted(files) == ["lengths.png", "lengths.svg", "methods.png", "methods.svg"]

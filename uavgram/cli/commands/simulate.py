@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,6 +27,7 @@ def simulate(
     from_: Annotated[Path | None, Parameter(name="--from")] = None,
     repetitions: Repetitions = 100,
     compare: Flag = False,
+    as_stated: Flag = False,
     photos: Flag = False,
     output: Path = Path("uavgram-simulation"),
     seed: Seed | None = None,
@@ -44,6 +46,9 @@ def simulate(
         How many surveys are drawn, each run as a real one.
     compare
         Also with nothing amiss, and with each thing alone that the scenario has amiss.
+    as_stated
+        Draw each thing from what the scenario's project states of it, in place of the scenario's
+        own errors: whether the ± is right where the world is as it is told.
     photos
         Instead write the scenario once, as a folder with photos and flight log, and run that.
     output
@@ -53,6 +58,7 @@ def simulate(
     verbose
         Say what is being done.
     """
+    from uavgram.model.scenario.as_stated import as_stated as drawn_as_stated
     from uavgram.pipeline.simulate.project_world import read_project_world
     from uavgram.pipeline.simulate.run import Asked
     from uavgram.pipeline.simulate.scenario import read_world
@@ -62,6 +68,8 @@ def simulate(
     if from_ is not None:
         if photos:
             raise UavgramError("--photos is for scenarios: a real survey has its photos already")
+        if as_stated:
+            raise UavgramError("--as-stated is for scenarios: a real survey is always drawn so")
         return _show(from_, read_project_world(from_, scenario, seed), asked, output)
     if scenario is None:
         raise UavgramError(
@@ -69,6 +77,8 @@ def simulate(
             "such as an edited configs/demo.yaml), or a real survey by --from PROJECT.yaml"
         )
     world = read_world(scenario, seed)
+    if as_stated:
+        world = replace(world, scenario=drawn_as_stated(world.scenario))
     if photos:
         from uavgram.cli.commands.demo import show_survey
 

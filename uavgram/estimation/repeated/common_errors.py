@@ -1,8 +1,8 @@
-"""Errors that all sightings or all readings of one photo share: of the camera, and of the tape.
+"""Errors that all sightings or all readings of one photo share: of camera, ground and tape.
 
-Each is a number of sigma 1, one column of `PhotoDesign.camera_root` or the share by which the tape
-reads too much. A camera's error moves every pixel; where a sighting keeps its own error, its place
-moves against that.
+Each is a number of sigma 1: a column of `PhotoDesign.camera_root` or of `ground_root`, or the share
+by which the tape reads too much. A camera's error moves every pixel; where a sighting keeps its own
+error, its place moves against that. An error of the ground's plane moves places along their rays.
 """
 
 from __future__ import annotations
@@ -16,7 +16,48 @@ from uavgram.model.simulation.photo import PhotoDesign
 
 def common_count(design: PhotoDesign) -> int:
     """How many there are."""
-    return _of_camera(design) + (1 if design.tape_scale_sigma else 0)
+    return (
+        _columns(design.camera_root) + _columns(design.ground_root) + bool(design.tape_scale_sigma)
+    )
+
+
+def of_ground(design: PhotoDesign) -> slice:
+    """Which of them are errors of the ground; those of the camera stand before it."""
+    first = _columns(design.camera_root)
+    return slice(first, first + _columns(design.ground_root))
+
+
+def ground_at(design: PhotoDesign, stated: Floats, common: Floats) -> Floats:
+    """Height of the ground at the origin and its slopes, (3, B).
+
+    Parameters
+    ----------
+    design, common
+        As for `parameters_at`.
+    stated
+        (3, B) what is known of them beforehand.
+    """
+    if design.ground_root is None:
+        return stated
+    return np.asarray(stated + design.ground_root @ common[of_ground(design)])
+
+
+def raised(design: PhotoDesign, change: Floats, place: Floats) -> Floats:
+    """By how much changed errors raise the ground under places: (E, B) [m].
+
+    Parameters
+    ----------
+    design
+        What is common to B draws.
+    change
+        (K, B) of the errors, or (K, 1).
+    place
+        (2, E, B).
+    """
+    if design.ground_root is None:
+        return np.zeros(place.shape[1:])
+    height, east, north = design.ground_root @ change[of_ground(design)]
+    return np.asarray(height + east * place[0] + north * place[1])
 
 
 def parameters_at(design: PhotoDesign, common: Floats) -> Floats:
@@ -32,7 +73,7 @@ def parameters_at(design: PhotoDesign, common: Floats) -> Floats:
     stated = design.calibration.parameters
     if design.camera_root is None:
         return stated
-    return np.asarray(stated[:, None] + design.camera_root @ common[: _of_camera(design)])
+    return np.asarray(stated[:, None] + design.camera_root @ common[: _columns(design.camera_root)])
 
 
 def tape_scale(design: PhotoDesign, common: Floats) -> Floats:
@@ -68,12 +109,16 @@ def sight_shifts(design: PhotoDesign, parameters: Floats, rotation: Floats, ray:
     by_parameter = np.zeros((ends, size, 2, len(parameters)))
     write_parameter_derivative(by_parameter, design.calibration.model, parameters, lens, (u, v))
     moved = np.einsum("ebjp,pk->jekb", by_parameter, design.camera_root, optimize=True)
-    out[:, :, : _of_camera(design)] = moved / design.pixel_sigma_px[:, None, None]
+    out[:, :, : _columns(design.camera_root)] = moved / design.pixel_sigma_px[:, None, None]
     return out
 
 
 def by_common(
-    design: PhotoDesign, by_error: Floats, shifts: Floats, length_m: Floats, scale: Floats
+    design: PhotoDesign,
+    by_error: Floats,
+    shifts: Floats,
+    lengths: tuple[Floats, Floats],
+    rises: tuple[Floats, Floats],
 ) -> Floats:
     """What the common errors do to the readings that are expected: (L, K, B).
 
@@ -85,19 +130,28 @@ def by_common(
         (2, 2, L, B) what the errors of the two ends, u and v, do to these readings.
     shifts
         Of `sight_shifts`.
-    length_m
-        (L, B) between the ends.
-    scale
-        Of `tape_scale`.
+    lengths
+        (L, B) between the ends [m], and of `tape_scale`.
+    rises
+        (2, L, B) what raising the ground under one end does to these readings, and (2, E, B) the
+        places.
     """
+    length_m, scale = lengths
+    by_rise, place = rises
     out = np.zeros((len(length_m), shifts.shape[2], length_m.shape[1]))
     if design.camera_root is not None:
         for own, at in zip(by_error, design.line.T, strict=True):
             out -= np.einsum("jlb,jlkb->lkb", own, shifts[:, at])
+    columns = of_ground(design)
+    unit = np.eye(out.shape[1])[:, :, None]
+    for k in range(columns.start, columns.stop):
+        rise = raised(design, unit[:, k], place)
+        for own, at in zip(by_rise, design.line.T, strict=True):
+            out[:, k] += own * rise[at]
     if design.tape_scale_sigma:
         out[:, -1] = -design.tape_scale_sigma * length_m * scale**2
     return out
 
 
-def _of_camera(design: PhotoDesign) -> int:
-    return 0 if design.camera_root is None else design.camera_root.shape[1]
+def _columns(root: Floats | None) -> int:
+    return 0 if root is None else root.shape[1]

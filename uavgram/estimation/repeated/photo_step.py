@@ -4,8 +4,8 @@ An end of a length is seen once, so its place on the ground is where its sightin
 meets the ground. Moving the camera by δC and turning it by ω moves that place by P (δC + ω x r),
 with r the ray from camera to place and P the projection along r onto the ground: no derivative of
 the lens is needed for that, only for what e does. What all sightings or all readings share, the
-errors of the camera and of the tape, is an error like e: normal, with sigma 1, and eliminated with
-it (`estimation/repeated/common_errors.py`).
+errors of camera, ground and tape, is an error like e: normal, with sigma 1, and eliminated with it
+(`estimation/repeated/common_errors.py`).
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ import numpy as np
 
 from uavgram.estimation.repeated.common_errors import (
     by_common,
+    ground_at,
     parameters_at,
+    raised,
     sight_shifts,
     tape_scale,
 )
@@ -24,16 +26,33 @@ from uavgram.estimation.repeated.small_systems import backward, cholesky, forwar
 from uavgram.estimation.repeated.turns import turned
 from uavgram.geometry.camera.lens import distort, each
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.simulation.photo import PhotoDesign
+from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
 
 
 class Draws(NamedTuple):
-    """(2, E, B) pixels, (L, B) readings, (3, B) and (3, 3, B) poses beforehand."""
+    """(2, E, B) pixels, (L, B) readings, poses (3, B), (3, 3, B) and ground (3, B) beforehand."""
 
     pixel: Floats
     length: Floats
     center: Floats
     rotation: Floats
+    ground: Floats
+
+
+def draws_last(draws: PhotoDraws) -> Draws:
+    """The same with the draw as the last axis."""
+    return Draws(
+        *(
+            np.ascontiguousarray(value)
+            for value in (
+                draws.pixel_px.transpose(2, 1, 0),
+                draws.length_m.T,
+                draws.center_world_m.T,
+                draws.world_from_camera.transpose(1, 2, 0),
+                draws.ground.T,
+            )
+        )
+    )
 
 
 class State(NamedTuple):
@@ -62,11 +81,11 @@ class Line(NamedTuple):
     error, to_place
         (2, E, B) of the sightings in sigmas, (2, 2, E, B) what they do to the places.
     common, by_common, shifts
-        (K, B) the errors of camera and tape, (L, K, B) what they do to the lengths, (2, E, K, B) by
-        how much those of the camera shift a sighting, in sigmas.
-    ray, falling, by_turn
-        (3, E, B) from camera to place, (E, B) its fall against the ground, (3, 3, B) from a change
-        of the turn to a rotation vector in the world.
+        (K, B) the errors of camera, ground and tape, (L, K, B) what they do to the lengths, (2, E,
+        K, B) by how much those of the camera shift a sighting, in sigmas.
+    slope, ray, falling, by_turn
+        (2, B) of the ground, (3, E, B) from camera to place, (E, B) its fall against the
+        ground, (3, 3, B) from a change of the turn to a rotation vector in the world.
     """
 
     cost: Floats
@@ -81,9 +100,24 @@ class Line(NamedTuple):
     common: Floats
     by_common: Floats
     shifts: Floats
+    slope: Floats
     ray: Floats
     falling: Floats
     by_turn: Floats
+
+
+def places_of(design: PhotoDesign, draws: Draws, state: State) -> Floats:
+    """The ends (3, E, B) on the ground of the state.
+
+    Parameters
+    ----------
+    design, draws, state
+        Of B draws.
+    """
+    height, *slope = ground_at(design, draws.ground, state.common)
+    x, y = state.place
+    up = height + slope[0] * x + slope[1] * y + design.height_m[:, None]
+    return np.stack([x, y, up])
 
 
 def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
@@ -95,15 +129,14 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
         Of B draws.
     """
     rotation, by_turn = turned(draws.rotation, state.turn)
-    height, *slope = design.ground.tolist()
-    x, y = state.place
-    up = height + slope[0] * x + slope[1] * y + design.height_m[:, None]
-    ray = np.stack([x - state.center[0], y - state.center[1], up - state.center[2]])
+    slope = ground_at(design, draws.ground, state.common)[1:]
+    world = places_of(design, draws, state)
+    ray = world - state.center[:, None]
     falling = ray[2] - slope[0] * ray[0] - slope[1] * ray[1]
     parameters = parameters_at(design, state.common)
-    error, to_place = _sighted(design, draws, rotation, ray, parameters)
+    error, to_place = _sighted(design, draws, rotation, (ray, slope), parameters)
     start, end = design.line.T
-    leg = np.stack([x[end] - x[start], y[end] - y[start], up[end] - up[start]])
+    leg = world[:, end] - world[:, start]
     length = np.sqrt(np.einsum("klb,klb->lb", leg, leg))
     unit = leg / length
     scale = tape_scale(design, state.common)
@@ -116,7 +149,13 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
         ]
     )
     shifts = sight_shifts(design, parameters, rotation, ray)
-    shared = by_common(design, by_error, shifts, length, scale)
+    by_rise = np.stack(
+        [
+            sign * scale * np.einsum("klb,klb->lb", unit, ray[:, at]) / falling[at]
+            for sign, at in ((-1.0, start), (1.0, end))
+        ]
+    )
+    shared = by_common(design, by_error, shifts, (length, scale), (by_rise, world[:2]))
     misfit = draws.length - scale * length
     off = misfit / design.length_sigma_m[:, None]
     for k, at in enumerate((start, end)):
@@ -145,6 +184,7 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
         common=state.common,
         by_common=shared,
         shifts=shifts,
+        slope=slope,
         ray=ray,
         falling=falling,
         by_turn=by_turn,
@@ -181,9 +221,10 @@ def moved(
     # What a sighting's pixel does not move by its error it moves by the camera's.
     seen = change - np.einsum("jekb,kb->jeb", line.shifts, common)
     turn = np.einsum("ijb,jb->ib", line.by_turn, step[3:])
-    ray, slope = line.ray, design.ground[1:].tolist()
+    ray, slope = line.ray, line.slope
     shift = _shifted(step[:3], turn, ray)
-    fall = (shift[2] - slope[0] * shift[0] - slope[1] * shift[1]) / line.falling
+    rise = raised(design, common, state.place)
+    fall = (shift[2] - slope[0] * shift[0] - slope[1] * shift[1] - rise) / line.falling
     place = np.einsum("kjeb,jeb->keb", line.to_place, seen) + shift[:2] - ray[:2] * fall
     length2 = (change**2).sum(axis=(0, 1)) + (common**2).sum(axis=0)
     length2 += np.einsum("ib,ijb,jb->b", step, line.normal, step)
@@ -206,10 +247,15 @@ def _shifted(shift: Floats, turn: Floats, ray: Floats) -> Floats:
 
 
 def _sighted(
-    design: PhotoDesign, draws: Draws, rotation: Floats, ray: Floats, parameters: Floats
+    design: PhotoDesign,
+    draws: Draws,
+    rotation: Floats,
+    rays: tuple[Floats, Floats],
+    parameters: Floats,
 ) -> tuple[Floats, Floats]:
     """Errors (2, E, B) of the sightings in sigmas, and their inverse derivatives by the places."""
     camera = design.calibration
+    ray, slope = rays
     fx, fy, cx, cy = each(parameters[:4])
     right, down, ahead = (
         rotation[0, k] * ray[0] + rotation[1, k] * ray[1] + rotation[2, k] * ray[2]
@@ -225,7 +271,6 @@ def _sighted(
             (fy * lens.y + cy - draws.pixel[1]) * weight,
         ]
     )
-    slope = design.ground[1:].tolist()
     # The camera's axes, as seen along the ground's two directions.
     axis = [[rotation[k, i] + slope[k] * rotation[2, i] for i in range(3)] for k in (0, 1)]
     rows = []
@@ -241,7 +286,7 @@ def _sighted(
 
 
 def _by_pose(
-    slope: list[float],
+    slope: Floats,
     along: Floats,
     rays: tuple[Floats, Floats],
     ends: tuple[Ints, Ints],

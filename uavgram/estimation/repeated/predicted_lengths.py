@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.repeated.common_errors import common_count
-from uavgram.estimation.repeated.photo_step import Draws, State, linearise
+from uavgram.estimation.repeated.common_errors import common_count, of_ground
+from uavgram.estimation.repeated.photo_step import State, draws_last, linearise
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
 
@@ -20,9 +20,9 @@ class PredictedLengths(NamedTuple):
     ----------
     variance
         (M,).
-    lengths, picks, beforehand, camera, tape
+    lengths, picks, beforehand, camera, tape, ground
         (M,) parts of it: of the readings, of all picks, of the pose beforehand, of the camera's
-        parameters, of the tape's scale. They add up to the variance.
+        parameters, of the tape's scale, of the ground's plane. They add up to the variance.
     """
 
     variance: Floats
@@ -31,6 +31,7 @@ class PredictedLengths(NamedTuple):
     beforehand: Floats
     camera: Floats
     tape: Floats
+    ground: Floats
 
 
 def predict_lengths(
@@ -60,12 +61,7 @@ def predict_lengths(
         length_sigma_m=np.concatenate([design.length_sigma_m, np.ones(len(pairs))]),
     )
     reading = np.concatenate([exact.length_m[0], np.ones(len(pairs))])
-    draws = Draws(
-        exact.pixel_px.transpose(2, 1, 0),
-        reading[:, None],
-        exact.center_world_m.T,
-        exact.world_from_camera.transpose(1, 2, 0),
-    )
+    draws = draws_last(exact)._replace(length=reading[:, None])
     common = np.zeros((common_count(design), 1))
     state = State(exact.center_world_m.T, np.zeros((3, 1)), place_m.T[..., None], common)
     line = linearise(every, draws, state)
@@ -84,13 +80,14 @@ def predict_lengths(
     covariance = np.linalg.inv(before + weighted.T @ weighted)
     gain = rows[used:] @ covariance
     of_readings = gain @ weighted.T
-    picks = slice(6, 6 + 2 * ends)
-    last = rows.shape[1] - (1 if design.tape_scale_sigma else 0)
+    picks, of_plane = slice(6, 6 + 2 * ends), of_ground(design)
+    ground = slice(picks.stop + of_plane.start, picks.stop + of_plane.stop)
     return PredictedLengths(
         variance=np.einsum("mi,mi->m", gain, rows[used:]),
         lengths=np.sum(of_readings**2, axis=1),
         picks=np.sum(gain[:, picks] ** 2, axis=1),
         beforehand=np.einsum("mi,ij,mj->m", gain[:, :6], design.information, gain[:, :6]),
-        camera=np.sum(gain[:, picks.stop : last] ** 2, axis=1),
-        tape=np.sum(gain[:, last:] ** 2, axis=1),
+        camera=np.sum(gain[:, picks.stop : ground.start] ** 2, axis=1),
+        tape=np.sum(gain[:, ground.stop :] ** 2, axis=1),
+        ground=np.sum(gain[:, ground] ** 2, axis=1),
     )

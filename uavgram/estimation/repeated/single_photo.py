@@ -1,8 +1,8 @@
 """One photo with known lengths, adjusted for many draws of its observations at once.
 
-Unknown are the photo's pose and the places of the lengths' ends on a given ground; observed are the
+Unknown are the photo's pose and the places of the lengths' ends on the ground; observed are the
 ends' pixels, the lengths, and the pose beforehand. Each end is seen once, so its place is its
-sighting's error e; errors of the camera and of the tape, where these are not exact, are part of e.
+sighting's error e; errors of camera, ground and tape, where these are not exact, are part of e.
 A Gauss-Newton step in the pose alone remains, 6 x 6, once the errors are eliminated from
 
     length(pose, e) - reading ~ N(0, sigma_t^2),   e ~ N(0, 1)
@@ -17,7 +17,14 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.repeated.common_errors import common_count
-from uavgram.estimation.repeated.photo_step import Draws, State, linearise, moved
+from uavgram.estimation.repeated.photo_step import (
+    Draws,
+    State,
+    draws_last,
+    linearise,
+    moved,
+    places_of,
+)
 from uavgram.estimation.repeated.small_systems import backward, cholesky, forward
 from uavgram.estimation.repeated.turns import turned
 from uavgram.geometry.camera.back_projection import back_project
@@ -60,7 +67,7 @@ def adjust_photos(
     """
     count = len(draws.length_m)
     found = [
-        _adjust_block(design, draws, slice(first, first + BLOCK), start)
+        _adjust_block(design, _some(draws, slice(first, first + BLOCK)), start)
         for first in range(0, count, BLOCK)
     ]
     names = vars(found[0])
@@ -69,43 +76,40 @@ def adjust_photos(
     )
 
 
-def ground_places(
-    design: PhotoDesign, poses: tuple[Floats, Floats], pixel_px: Floats, height_m: Floats
-) -> Floats:
-    """Where pixels (B, K, 2) meet the ground at heights (K,) above it: (B, K, 3), or NaN.
+def ground_places(design: PhotoDesign, draws: PhotoDraws, poses: tuple[Floats, Floats]) -> Floats:
+    """Where the ends' pixels meet the ground as it is known beforehand: (B, E, 3), or NaN.
 
     Parameters
     ----------
-    design
-        Camera and ground.
+    design, draws
+        Camera, and what was seen.
     poses
         (B, 3), (B, 3, 3).
-    pixel_px, height_m
-        What was seen, and how high above the ground it is.
     """
     center, rotation = poses
     camera = design.calibration
-    ray = back_project(camera.model, camera.parameters, pixel_px) @ np.swapaxes(rotation, 1, 2)
-    height, slope = design.ground[0], design.ground[1:]
-    above = height + height_m + (center[:, :2] @ slope)[:, None] - center[:, None, 2]
-    falling = ray[..., 2] - ray[..., :2] @ slope
+    ray = back_project(camera.model, camera.parameters, draws.pixel_px)
+    ray = ray @ np.swapaxes(rotation, 1, 2)
+    level, slope = draws.ground[:, :1], draws.ground[:, 1:, None]
+    ground = level + design.height_m + (center[:, None, :2] @ slope)[..., 0]
+    above = ground - center[:, None, 2]
+    falling = ray[..., 2] - (ray[..., :2] @ slope)[..., 0]
     with np.errstate(invalid="ignore", divide="ignore"):
         along = above / falling
     along = np.where(along > 0, along, np.nan)
     return np.asarray(center[:, None] + along[..., None] * ray)
 
 
+def _some(draws: PhotoDraws, rows: slice) -> PhotoDraws:
+    return PhotoDraws(**{name: value[rows] for name, value in vars(draws).items()})
+
+
 def _adjust_block(
-    design: PhotoDesign, all_draws: PhotoDraws, rows: slice, start: tuple[Floats, Floats] | None
+    design: PhotoDesign, drawn: PhotoDraws, start: tuple[Floats, Floats] | None
 ) -> PhotoPosesFound:
     """Gauss-Newton; what that does not bring to rest begins anew, with damping."""
-    draws = Draws(
-        np.ascontiguousarray(all_draws.pixel_px[rows].transpose(2, 1, 0)),
-        np.ascontiguousarray(all_draws.length_m[rows].T),
-        np.ascontiguousarray(all_draws.center_world_m[rows].T),
-        np.ascontiguousarray(all_draws.world_from_camera[rows].transpose(1, 2, 0)),
-    )
-    first = _first(design, all_draws, rows, start)
+    draws = draws_last(drawn)
+    first = _first(design, drawn, start)
     state = State(*(value.copy() for value in first))
     size = draws.length.shape[-1]
     steps = np.zeros(size, dtype=np.int64)
@@ -118,16 +122,14 @@ def _adjust_block(
     return _found(design, draws, state, steps, at_rest)
 
 
-def _first(
-    design: PhotoDesign, draws: PhotoDraws, rows: slice, start: tuple[Floats, Floats] | None
-) -> State:
+def _first(design: PhotoDesign, draws: PhotoDraws, start: tuple[Floats, Floats] | None) -> State:
     """Where the draws begin, their ends being where their sightings meet the ground."""
-    center, rotation = draws.center_world_m[rows], draws.world_from_camera[rows]
+    center, rotation = draws.center_world_m, draws.world_from_camera
     turn = np.zeros_like(center)
     if start is not None:
         turn = log_so3(np.swapaxes(rotation, 1, 2) @ start[1])
         center, rotation = (np.repeat(one[None], len(center), axis=0) for one in start)
-    place = ground_places(design, (center, rotation), draws.pixel_px[rows], design.height_m)
+    place = ground_places(design, draws, (center, rotation))
     common = np.zeros((common_count(design), len(center)))
     return State(center.T.copy(), turn.T.copy(), place[..., :2].transpose(2, 1, 0).copy(), common)
 
@@ -197,7 +199,7 @@ def _found(
         center_world_m=state.center.T,
         world_from_camera=rotation.transpose(2, 0, 1),
         covariance=np.where(at_rest[:, None, None], covariance, np.nan),
-        place_m=state.place.transpose(2, 1, 0),
+        place_m=places_of(design, draws, state).transpose(2, 1, 0),
         common=state.common.T,
         cost=np.where(at_rest, line.cost, np.nan),
         converged=at_rest,

@@ -39,6 +39,7 @@ def simulation_as_json(simulation: Simulation) -> Record:
             {"repetitions": count, "spread_over_predicted": encode(ratio)}
             for count, ratio in simulation.running
         ],
+        "drawn_unlike_stated": [encode(one) for one in simulation.unlike],
         "variants": [
             {"name": one.name, **_summary(one.repetitions, one.accuracy)}
             for one in simulation.variants

@@ -17,10 +17,8 @@ class PhotoDesign(FrozenArrays):
     ----------
     calibration
         The camera; its covariance is not read.
-    ground
-        (3,) height at the origin [m] and slopes to east and north of the ground's plane.
     height_m
-        (E,) of the ends above it.
+        (E,) of the ends above the ground.
     line
         (L, 2) ends of the lengths.
     pixel_sigma_px, length_sigma_m
@@ -32,18 +30,21 @@ class PhotoDesign(FrozenArrays):
     camera_root
         (P, K) what K unknowns, each normal with sigma 1, do to the camera's parameters: a root of
         their covariance. None: the camera is exact.
+    ground_root
+        (3, G) what G unknowns, each normal with sigma 1, do to the ground's plane. None: it is
+        exact.
     tape_scale_sigma
         Of the tape, a share of all lengths; 0: it is exact.
     """
 
     calibration: Calibration
-    ground: Annotated[Floats, 3]
     height_m: Annotated[Floats, "e"]
     line: Annotated[Ints, "l", 2]
     pixel_sigma_px: Annotated[Floats, "e"]
     length_sigma_m: Annotated[Floats, "l"]
     information: Annotated[Floats, 6, 6]
     camera_root: Floats | None = None
+    ground_root: Floats | None = None
     tape_scale_sigma: float = 0.0
 
 
@@ -57,12 +58,15 @@ class PhotoDraws(FrozenArrays):
         (B, E, 2) of the ends, (B, L) readings.
     center_world_m, world_from_camera
         (B, 3), (B, 3, 3) the pose beforehand.
+    ground
+        (B, 3) the ground's plane beforehand: height at the origin [m], slopes to east and north.
     """
 
     pixel_px: Annotated[Floats, "b", "e", 2]
     length_m: Annotated[Floats, "b", "l"]
     center_world_m: Annotated[Floats, "b", 3]
     world_from_camera: Annotated[Floats, "b", 3, 3]
+    ground: Annotated[Floats, "b", 3]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,9 +79,9 @@ class PhotoPosesFound(FrozenArrays):
         (B, 3), (B, 3, 3), (B, 6, 6) as of `Poses`; without a covariance where one did not come
         to rest.
     place_m
-        (B, E, 2) east and north of the ends.
+        (B, E, 3) of the ends.
     common
-        (B, K) the camera's unknowns, and the tape's last; K = 0 where both are exact.
+        (B, K) the unknowns of camera, ground and tape, in that order; K = 0 where all are exact.
     cost
         (B,) weighted sum of squares.
     converged, steps
@@ -87,7 +91,7 @@ class PhotoPosesFound(FrozenArrays):
     center_world_m: Annotated[Floats, "b", 3]
     world_from_camera: Annotated[Floats, "b", 3, 3]
     covariance: Annotated[Floats, "b", 6, 6, NAN_IS_NONE]
-    place_m: Annotated[Floats, "b", "e", 2, NAN_IS_NONE]
+    place_m: Annotated[Floats, "b", "e", 3, NAN_IS_NONE]
     common: Annotated[Floats, "b", "k", NAN_IS_NONE]
     cost: Annotated[Floats, "b", NAN_IS_NONE]
     converged: Annotated[Bools, "b"]

@@ -9,6 +9,7 @@ import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints
 from uavgram.model.result.verdict import VerdictLevel
+from uavgram.model.scenario.as_stated import Unlike
 
 SIGMAS = (1.0, 1.959963984540054, 3.0)
 """Within which errors are counted: 68.3, 95 and 99.7 % of normal ones lie there."""
@@ -154,6 +155,8 @@ class Simulation:
         asked for.
     running
         Pairs of a number of repetitions, and the mean spread over the predicted one by then.
+    unlike
+        What the scenario draws otherwise than its project states it.
     """
 
     name: str
@@ -163,3 +166,4 @@ class Simulation:
     accuracy: Accuracy
     variants: tuple[Variant, ...] = ()
     running: tuple[tuple[int, float], ...] = ()
+    unlike: tuple[Unlike, ...] = ()

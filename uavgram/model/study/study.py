@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 from uavgram.model.study.methods import MethodRow
 
-SOURCES = ("lengths", "picks", "log", "camera", "tape")
-"""Of errors: readings of lengths, picks, what the log says, the camera file, the tape's scale."""
+SOURCES = ("lengths", "picks", "log", "camera", "tape", "ground")
+"""Of errors: readings of lengths, picks, what the log says, the camera file, the tape's scale, and
+the plane of the ground."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +84,12 @@ class Study:
     cells: tuple[Cell, ...]
     seconds: float
     methods: tuple[MethodRow, ...] = ()
+
+    @property
+    def settings(self) -> dict[str, tuple[MethodRow, ...]]:
+        """Methods by setting, in their order; the usual one first."""
+        names = dict.fromkeys(row.setting for row in self.methods)
+        return {name: tuple(r for r in self.methods if r.setting == name) for name in names}
 
     @property
     def has_names(self) -> bool:

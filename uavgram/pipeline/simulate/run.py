@@ -10,6 +10,7 @@ from uavgram.errors import InputError, UavgramError
 from uavgram.estimation.repeated.accuracy import accuracy_of, running_ratio
 from uavgram.io.outputs import staged_output
 from uavgram.io.results.simulation_json import write_simulation
+from uavgram.model.scenario.as_stated import unlike_stated
 from uavgram.model.scenario.ground import GroundSpec
 from uavgram.model.scenario.habits import HabitSpec
 from uavgram.model.scenario.scenario import Scenario
@@ -73,6 +74,7 @@ def simulate_many(
         accuracy=accuracy_of(found),
         variants=compared,
         running=tuple(_running(found)),
+        unlike=unlike_stated(world.scenario) if isinstance(world, ScenarioWorld) else (),
     )
 
 

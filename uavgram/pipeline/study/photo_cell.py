@@ -78,8 +78,7 @@ def cell_of(
     sigma = np.sqrt(expected.variance)
     error = error_m[good]
     low, middle, high = ratio_of(error / sigma)
-    parts = (expected.lengths, expected.picks, expected.beforehand, expected.camera, expected.tape)
-    total = expected.variance.sum()
+    parts, total = expected[1:], expected.variance.sum()
     return Cell(
         curve=place.curve,
         at=place.at,

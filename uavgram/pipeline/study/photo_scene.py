@@ -11,6 +11,7 @@ from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.options import GroundOptions
 from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
 from uavgram.model.study.scene import StudyScene
 from uavgram.pipeline.study.method_scenes import AREA_M, FOCAL_PX, LOG_SIGMA, SIZE_PX
@@ -33,6 +34,9 @@ BEFOREHAND = {
     "rtk": np.array([0.05, 0.05, 0.08, *LOG_SIGMA[3:]]),
 }
 """Sigmas of the log's pose: centre [m], turn about the camera's axes [rad]."""
+
+GROUND = np.diag([GroundOptions.height_sigma_m, *[np.deg2rad(GroundOptions.slope_sigma_deg)] * 2])
+"""How well the ground's plane is known beforehand: as projects have it that state nothing."""
 
 LENS = np.array([FOCAL_PX, FOCAL_PX, (SIZE_PX[0] - 1) / 2, (SIZE_PX[1] - 1) / 2, 0, 0, 0, 0, 0])
 
@@ -84,13 +88,15 @@ def photo_of(scene: StudyScene) -> Photo:
             parameters=LENS,
             covariance=np.zeros((9, 9)),
         ),
-        ground=np.zeros(3),
         height_m=np.zeros(len(place)),
         line=line,
         pixel_sigma_px=sigma,
         length_sigma_m=np.full(len(line), scene.tape_m),
         information=np.diag(BEFOREHAND[scene.log] ** -2.0),
         camera_root=_camera_root(scene),
+        # A log says where the camera is, and only this where the ground: without one the plane is
+        # what everything is measured from.
+        ground_root=None if scene.log == "none" else GROUND,
         tape_scale_sigma=scene.tape_scale,
     )
     return Photo(scene, design, center, rotation, place, pairs)
@@ -110,6 +116,7 @@ def exact_draw(photo: Photo) -> PhotoDraws:
         length_m=_lengths(photo.place_m, photo.design.line)[None],
         center_world_m=photo.center[None],
         world_from_camera=photo.rotation[None],
+        ground=np.zeros((1, 3)),
     )
 
 
@@ -142,12 +149,16 @@ def draw(photo: Photo, count: int, rng: np.random.Generator) -> tuple[PhotoDraws
     off = BEFOREHAND[scene.log] * rng.standard_normal((count, 6))
     if scene.log == "none":
         off *= 0.0
+    ground = np.zeros((count, 3))
+    if design.ground_root is not None:
+        ground += rng.standard_normal((count, 3)) @ design.ground_root.T
     draws = PhotoDraws(
         pixel_px=pixel + noise,
         length_m=reading,
         center_world_m=photo.center + off[:, :3],
         # true = beforehand @ exp(error)
         world_from_camera=photo.rotation @ exp_so3(-off[:, 3:]),
+        ground=ground,
     )
     return draws, _lengths(world, photo.pairs)
 

@@ -10,14 +10,16 @@ from pathlib import Path
 from uavgram.errors import UavgramError, near_miss
 from uavgram.io.outputs import staged_output
 from uavgram.io.results.study_json import write_studies
+from uavgram.model.study.methods import MethodRow
 from uavgram.model.study.study import Study
 from uavgram.pipeline.parallel import in_processes
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.study.grids import GRIDS, Grid
 from uavgram.pipeline.study.method_scenes import Setting
-from uavgram.pipeline.study.methods import compared
-from uavgram.pipeline.study.photo_cell import photo_cell
-from uavgram.pipeline.study.survey_cells import PHOTOS, SurveyGrid, survey_cell
+from uavgram.pipeline.study.methods import LIMITS, compared
+from uavgram.pipeline.study.photo_cell import Place, photo_cell
+from uavgram.pipeline.study.survey_cells import PHOTOS, SurveyPlace, survey_cell
+from uavgram.pipeline.threads import one_blas_thread
 from uavgram.views.study.figures import figure_files
 from uavgram.views.study.page import write_study_page
 
@@ -26,6 +28,10 @@ METHODS = "methods"
 NAMES = (*GRIDS, "photos", METHODS)
 SURVEYS_TO_PHOTOS = 10
 """Of repetitions: a survey of several photos runs through the whole program, one photo does not."""
+
+SETTINGS = (Setting(name="usual"), *LIMITS)
+USUAL_TO_LIMITS = 4
+"""Of scenes: where a method ends shows in fewer."""
 
 
 def study_names(asked: str) -> tuple[str, ...]:
@@ -68,7 +74,8 @@ def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress
     """
     began = time.perf_counter()
     if name == METHODS:
-        rows = compared(Setting(name="usual"), repetitions)
+        made = in_processes(partial(_setting, repetitions), SETTINGS, workers)
+        rows = [row for rows in progress(made, f"study of {name}", len(SETTINGS)) for row in rows]
         return Study(
             name=name,
             title="Ways to find the pose, compared",
@@ -80,22 +87,29 @@ def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress
             methods=tuple(rows),
         )
     if name == "photos":
-        grid: Grid | SurveyGrid = PHOTOS
+        grid: Grid[SurveyPlace] | Grid[Place] = PHOTOS
         count = max(20, repetitions // SURVEYS_TO_PHOTOS)
-        made = in_processes(partial(survey_cell, repetitions=count), PHOTOS.places, workers)
+        found = in_processes(partial(survey_cell, repetitions=count), PHOTOS.places, workers)
     else:
         grid = GRIDS[name]
         work = partial(photo_cell, repetitions=repetitions)
-        made = in_processes(work, GRIDS[name].places, workers)
+        found = in_processes(work, GRIDS[name].places, workers)
     return Study(
         name=name,
         title=grid.title,
         question=grid.question,
         axis=grid.axis,
         is_log=grid.is_log,
-        cells=tuple(progress(made, f"study of {name}", len(grid.places))),
+        cells=tuple(progress(found, f"study of {name}", len(grid.places))),
         seconds=time.perf_counter() - began,
     )
+
+
+def _setting(scenes: int, setting: Setting) -> list[MethodRow]:
+    """All methods in one setting."""
+    count = scenes if setting == SETTINGS[0] else scenes // USUAL_TO_LIMITS
+    with one_blas_thread():
+        return compared(setting, max(count, 20))
 
 
 def make_studies(

@@ -16,6 +16,7 @@ from uavgram.model.study.study import Cell
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.pipeline.simulate.repeat import gathered, one_repetition, predicted
 from uavgram.pipeline.simulate.worlds import ScenarioWorld
+from uavgram.pipeline.study.grids import Grid
 from uavgram.pipeline.study.method_scenes import SIZE_PX
 from uavgram.pipeline.study.photo_cell import ratio_of
 from uavgram.pipeline.study.photo_scene import LENS, photo_of
@@ -32,17 +33,6 @@ class SurveyPlace:
     base_m: float
     relief_m: float = 0.0
     readout_ms: float = 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class SurveyGrid:
-    """The study before it is made; fields as of `Study`."""
-
-    title: str
-    question: str
-    axis: str
-    is_log: bool
-    places: tuple[SurveyPlace, ...]
 
 
 def photos_text(count: int) -> str:
@@ -71,7 +61,7 @@ def _places() -> tuple[SurveyPlace, ...]:
     return tuple(found)
 
 
-PHOTOS = SurveyGrid(
+PHOTOS = Grid(
     title="Number of photos and their base",
     question="What do more photos bring, and how far apart should they be taken?",
     axis="photos",

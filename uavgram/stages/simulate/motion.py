@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import accumulate
 from typing import Annotated
 
 import numpy as np
+from scipy.linalg import solve_banded
 from scipy.ndimage import gaussian_filter1d
 
 from uavgram.model.arrays import Floats, FrozenArrays
@@ -70,9 +70,9 @@ def gauss_markov(
     decay = float(np.exp(-step_s / tau_s))
     white = rng.standard_normal((count, len(sigma)))
     white[1:] *= np.sqrt(1.0 - decay**2)
-    # A recursion is nothing for numpy, and scipy.signal takes longer to load than this to run.
-    columns = [list(accumulate(w, lambda x, new: decay * x + new)) for w in white.T.tolist()]
-    return np.reshape(columns, white.T.shape).T * sigma
+    # A recursion is nothing for numpy, and scipy.signal takes long to load: x solves a band matrix.
+    band = np.array([np.ones(count), np.full(count, -decay)])
+    return np.asarray(solve_banded((1, 0), band, white)) * sigma
 
 
 def fly(plan: FlightPlan, site: Site, rng: np.random.Generator) -> Motion:

@@ -14,6 +14,7 @@ from uavgram.views.simulation.words import (
     level_of,
     reasons,
     rows_of,
+    unlike,
     warned,
 )
 
@@ -46,6 +47,7 @@ def render_simulation_page(simulation: Simulation) -> str:
             ranges=ranges_of(simulation),
             curve=curve_of(simulation),
             reasons=reasons(found),
+            unlike=unlike(simulation),
             warned=warned(found),
             costs=costs(simulation),
         )

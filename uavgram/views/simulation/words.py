@@ -42,6 +42,18 @@ WORDS = {
 """By the scenario's key, without its section."""
 
 
+PRIORS = {
+    "position_bias_m": ("the position of the whole flight", " m"),
+    "heading_bias_deg": ("the heading of the whole flight", "°"),
+    "boresight_deg": ("the camera in its mount", "°"),
+    "lever_arm_sigma_m": ("the place of the camera", " m"),
+    "tape_scale": ("the scale of the tape", ""),
+    "height_sigma_m": ("the height of the ground", " m"),
+    "slope_sigma_deg": ("the slope of the ground", "°"),
+}
+"""What a scenario draws and its project states, and its unit, by the key without its section."""
+
+
 class Cells(NamedTuple):
     """One measurement's row."""
 
@@ -134,7 +146,8 @@ def headline(simulation: Simulation) -> str:
     if not bad:
         return "Too many repetitions gave no result: this survey is too weak, or too much is amiss."
     which = f"{len(bad)} of {len(simulation.repetitions.name)} measurements"
-    factor = float(np.nanmedian(simulation.accuracy.z))
+    z, low = simulation.accuracy.z, simulation.accuracy.z_range[:, 0]
+    factor = float(np.median(z[low > 1.0]))
     return (
         f"The program's ± is too small here: of {which} the errors were larger than it said "
         f"(typically {factor:.1f} times what they should be)."
@@ -170,6 +183,21 @@ def _kind(text: str) -> str:
 def warned(found: Repetitions, most: int = 8) -> list[tuple[str, int]]:
     """The warnings that were given most often, and in how many repetitions."""
     return Counter(code for codes in found.codes for code in codes).most_common(most)
+
+
+def unlike(simulation: Simulation) -> str:
+    """What is drawn otherwise than stated, in a sentence; empty: nothing."""
+    told = []
+    for one in simulation.unlike:
+        what, unit = PRIORS[one.key.rpartition(".")[2]]
+        drawn, stated = (" and ".join(f"{v:.2g}" for v in vs) for vs in (one.drawn, one.stated))
+        told.append(f"{what} (drawn ± {drawn}{unit}, stated ± {stated}{unit})")
+    if not told:
+        return ""
+    return (
+        f"Drawn otherwise than the project states it: {', '.join(told)}. The errors need not be as "
+        "large as predicted then; --as-stated draws each of these as it is stated."
+    )
 
 
 class Cost(NamedTuple):

@@ -16,7 +16,7 @@ from uavgram.model.study.study import SOURCES, Cell, Study
 from uavgram.views.study.words import AGREES, SOURCE_WORDS
 
 COLOURS = ("#2f6fb5", "#d9730d", "#2b8a3e", "#8e44ad", "#c92a2a")
-SOURCE_COLOURS = ("#c92a2a", "#2f6fb5", "#2b8a3e", "#d9730d", "#8e44ad")
+SOURCE_COLOURS = ("#c92a2a", "#2f6fb5", "#2b8a3e", "#d9730d", "#8e44ad", "#8a6d3b")
 MARKERS = ("o", "s", "^", "D", "v")
 MOST_TICKS = 8
 GRID, GREY = "#e3e5e8", "#8a8f98"
@@ -35,7 +35,8 @@ def figure_files(studies: tuple[Study, ...]) -> dict[str, bytes]:
     # same study gives the same file.
     with rc_context({"svg.fonttype": "path", "svg.hashsalt": "uavgram", "font.size": 9.5}):
         for study in studies:
-            figure = _methods(study.methods) if study.methods else _cells(study)
+            usual = next(iter(study.settings.values()), ())
+            figure = _methods(usual) if usual else _cells(study)
             FigureCanvasAgg(figure)
             for kind in ("svg", "png"):
                 drawn = io.BytesIO()

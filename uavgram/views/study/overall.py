@@ -34,7 +34,7 @@ def overall(studies: tuple[Study, ...]) -> list[str]:
         f"{len(cells)} conditions of single photos were studied in which the world is what the "
         "program takes for granted."
     ]
-    for source in ("picks", "lengths", "log", "camera"):
+    for source in ("picks", "lengths", "log", "camera", "ground"):
         mine = [(study, cell) for study, cell in cells if most(cell) == source]
         matter = verb(source, "matter", "matters")
         if not mine:

@@ -7,6 +7,7 @@ from itertools import groupby
 
 import numpy as np
 
+from uavgram.model.study.methods import MethodRow
 from uavgram.model.study.study import SOURCES, Cell, Study
 
 AGREES = (0.95, 1.05)
@@ -18,9 +19,16 @@ SOURCE_WORDS = {
     "log": "the flight log",
     "camera": "the camera file",
     "tape": "the scale of the tape",
+    "ground": "the ground's plane",
 }
 LENGTHS = ("lengths", "tape")
 """Sources that are errors of the reference lengths."""
+
+MOST_NAMED = 6
+
+MANY, TOO_FEW = 0.05, 0.9
+"""Share of photos from which on a method is told to fail, and of errors within 95 % up to which its
+sigmas are."""
 
 SEEN = 0.8
 """Share of surveys from which on a mistake is called seen."""
@@ -71,6 +79,9 @@ def agreement(studies: tuple[Study, ...]) -> str:
             f", and of the others {len(apart)} differ by more than their number of repetitions "
             "explains"
         )
+    if apart:
+        named = (f"{c.curve}, {place_text(c)} ({c.ratio:.2f})" for c in apart[:MOST_NAMED])
+        text += f": {'; '.join(named)}" + (" and others" if len(apart) > MOST_NAMED else "")
     lost = sum(cell.lost for cell in cells)
     drawn = sum(cell.repetitions for cell in cells)
     return f"{text}. {lost} of {drawn} repetitions gave no result."
@@ -202,7 +213,8 @@ def _unseen(name: str, cells: tuple[Cell, ...]) -> str:
 
 
 def _of_methods(study: Study) -> Iterator[str]:
-    rows = [row for row in study.methods if np.isfinite(row.rms_m)]
+    usual, *limits = study.settings.values()
+    rows = [row for row in usual if np.isfinite(row.rms_m)]
     best, worst = min(rows, key=lambda r: r.rms_m), max(rows, key=lambda r: r.rms_m)
     yield (
         f'On the same {best.scenes} photos "{best.method}" is the best: '
@@ -222,6 +234,28 @@ def _of_methods(study: Study) -> Iterator[str]:
                 f'"{row.method}" states sigmas that hold {_percent(row.coverage)} of the errors '
                 "where 95 % should lie."
             )
+    for ending in limits:
+        # A log alone is no better in any of them.
+        ends = [_ends(row) for row in ending if row.method != "log"]
+        told = "; ".join(text for text in ends if text)
+        yield (
+            f"{capital(ending[0].setting)} ({ending[0].scenes} photos): "
+            f"{told or 'every method holds'}."
+        )
+
+
+def _ends(row: MethodRow) -> str:
+    """How a method fails in a setting; empty: it does not."""
+    parts = []
+    if not np.isfinite(row.rms_m):
+        return f'"{row.method}" has no result'
+    if row.failed > MANY:
+        parts.append(
+            f"useless in {_percent(row.failed)}, without a word in {_percent(row.failed_silently)}"
+        )
+    if np.isfinite(row.coverage) and row.coverage < TOO_FEW:
+        parts.append(f"{_percent(row.coverage)} of the errors within what should hold 95 %")
+    return f'"{row.method}" {" and ".join(parts)}' if parts else ""
 
 
 def _share(cell: Cell, source: str) -> float:
@@ -257,7 +291,7 @@ def millimetres(size_m: float) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
+    return f"{100 * share:.0f} %" if share == 0 or share >= 0.05 else f"{100 * share:.1f} %"
 
 
 def _percents(shares: list[float]) -> str:
