@@ -106,7 +106,8 @@ class PlanRequest:
     robust: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("max_height_m", "min_height_m", "battery_min", "speed_m_s", "shortest_line_m"):
+        positive = ("max_height_m", "min_height_m", "battery_min", "speed_m_s")
+        for name in (*positive, "shortest_line_m", "longest_tape_m"):
             _require(getattr(self, name) > 0, f"{name} must be greater than 0")
         for name in ("deviation_m", "deviation_deg", "roughness_m", "seconds_per_photo"):
             _require(getattr(self, name) >= 0, f"{name} must not be negative")

@@ -25,6 +25,9 @@ from uavgram.model.scenario.road import (
 )
 from uavgram.model.survey.observations import MeasurementRequest
 
+STEEPEST_DEG = 45.0
+"""Ground on which nobody measures."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Site:
@@ -53,6 +56,14 @@ class Site:
     road_azimuth_deg: float = 62.0
     ground_height_m: float = -0.4
     ground_slope_deg: tuple[float, float] = (0.25, -0.15)
+
+    def __post_init__(self) -> None:
+        require(abs(self.latitude_deg) < 90, "latitude_deg must lie between -90 and 90")
+        require(abs(self.longitude_deg) <= 180, "longitude_deg must lie between -180 and 180")
+        require(
+            max(abs(slope) for slope in self.ground_slope_deg) <= STEEPEST_DEG,
+            f"ground_slope_deg must lie between -{STEEPEST_DEG:g} and {STEEPEST_DEG:g}",
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.errors import GeometryError
+from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.parts import (
     PlannedFrames,
@@ -55,7 +57,13 @@ def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> Fl
     choice = choose(scene, request, wanted, flown, progress)
     layout = choice.sturdy if request.robust else choice.layout
     ends = ends_of(choice.possible, layout.lines)
-    found = predicted(scene, choice.flight.cameras, wanted, ends)
+    try:
+        found = predicted(scene, choice.flight.cameras, wanted, ends)
+    except SingularError as fault:
+        raise GeometryError(
+            f"with {len(ends)} reference lines nothing says where the photos were taken from: "
+            "allow more (lines), or fly with a log (telemetry)"
+        ) from fault
     lines = planned_lines(scene, choice, layout.lines, found)
     shown = scene.requests
     measured = planned_measurements(request, wanted, found)

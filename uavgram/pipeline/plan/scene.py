@@ -10,6 +10,7 @@ import numpy as np
 
 from uavgram.errors import InputError, near_miss
 from uavgram.io.area_file import AreaFile, read_areas
+from uavgram.io.tables.measure import PARAMETERS, points_fault
 from uavgram.model.arrays import Floats
 from uavgram.model.options import GroundOptions, MountOptions, TapeOptions, TelemetryOptions
 from uavgram.model.planned.request import PlanRequest
@@ -148,12 +149,12 @@ def _wanted(
                 )
             label[name] = at
             names.append(name)
-        requests.append(
-            MeasurementRequest(
-                name=wanted.name,
-                kind=wanted.kind,
-                points=tuple(names),
-                parameters=wanted.parameters,
-            )
+        asked = MeasurementRequest(
+            name=wanted.name, kind=wanted.kind, points=tuple(names), parameters=wanted.parameters
         )
+        given = dict(wanted.parameters)
+        missing = [one for one in PARAMETERS.get(wanted.kind, ()) if one not in given]
+        if fault := points_fault(asked) or (missing and f"needs {' and '.join(missing)}"):
+            raise InputError(path, f"plan.wanted: {wanted.name!r}: {fault}")
+        requests.append(asked)
     return tuple(requests), tuple(label), np.array(list(label.values())).reshape(-1, 2)
