@@ -61,14 +61,16 @@ def by_pymavlink(mission: Mission, folder: Path) -> Floats:
 
 def by_plan(mission: Mission, _: Path) -> Floats:
     plan = QgcPlan.model_validate_json(qgc_plan_text(mission)).mission
-    rows, pitch = [], np.nan
+    home_m = plan.plannedHomePosition[2]
+    pitch: float | None = None
+    rows = []
     for item in plan.items:
         if item.command == MAV.MAV_CMD_DO_MOUNT_CONTROL:
             pitch = item.params[0]
         if isinstance(item, PlacedItem):
-            *_, heading, latitude, longitude, height = item.params
+            heading, latitude, longitude, height = item.params[3:]
             assert height == item.Altitude
-            rows.append((latitude, longitude, plan.plannedHomePosition[2] + height, heading, pitch))
+            rows.append((latitude, longitude, home_m + item.Altitude, heading, pitch))
     return np.array(rows)
 
 
