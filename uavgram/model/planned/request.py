@@ -11,6 +11,9 @@ Corners = tuple[tuple[float, float], ...]
 """Of a polygon: x, y in the scene's axes [m]."""
 
 FlightPattern = Literal["single", "strip", "grid", "orbit"]
+Laid = Literal["lines", "plates"]
+"""What is laid out to be known: lines for a tape, or coded plates."""
+
 PATTERNS: tuple[FlightPattern, ...] = ("single", "strip", "grid", "orbit")
 
 
@@ -58,8 +61,10 @@ class PlanRequest:
         Where neither a tape nor the drone may pass: polygons as `area`, or a file.
     longest_tape_m, shortest_line_m
         Between which lengths a reference line lies.
+    lay
+        What is laid out: reference lines, coded plates of the scenario's size, or the better one.
     lines
-        How many reference lines; None: as few as reach what is wanted.
+        How many reference lines, or plates; None: as few as reach what is wanted.
     most_lines
         The most that the program may choose.
     wanted
@@ -88,6 +93,7 @@ class PlanRequest:
     no_go: str | tuple[Corners, ...] = ()
     longest_tape_m: float = 15.0
     shortest_line_m: float = 3.0
+    lay: Literal["lines", "plates", "either"] = "lines"
     lines: int | None = None
     most_lines: int = 8
     wanted: tuple[WantedMeasurement, ...] = ()

@@ -15,6 +15,7 @@ from uavgram.model.scenario.errors import ErrorSpec, StatedSpec, TelemetryClass
 from uavgram.model.scenario.flight import FlightPlan
 from uavgram.model.scenario.ground import GroundSpec
 from uavgram.model.scenario.habits import HabitSpec
+from uavgram.model.scenario.plates import PlateSpec
 from uavgram.model.scenario.road import (
     DEMO_LINES,
     DEMO_POINTS,
@@ -142,6 +143,8 @@ class Scenario:
         What the program does not take for granted.
     road, points, lines, measurements
         What lies on the ground, and what is taped and measured of it.
+    plates
+        Coded plates on the ground.
     control
         Labels of points whose coordinates are known and used.
     plan
@@ -161,13 +164,14 @@ class Scenario:
     road: RoadLayout = DEMO_ROAD
     points: tuple[ScenePoint, ...] = DEMO_POINTS
     lines: tuple[SceneLine, ...] = DEMO_LINES
+    plates: PlateSpec = field(default_factory=PlateSpec)
     control: tuple[str, ...] = ()
     measurements: tuple[MeasurementRequest, ...] = DEMO_MEASUREMENTS
     plan: PlanRequest | None = None
 
     def __post_init__(self) -> None:
         require(self.seed >= 0, "seed must not be negative")
-        labels = [point.label for point in self.points]
+        labels = self.labels
         twice = sorted({label for label in labels if labels.count(label) > 1})
         require(not twice, f"points: labels given twice: {', '.join(twice)}")
         used = {end for line in self.lines for end in (line.start, line.end)}
@@ -188,6 +192,11 @@ class Scenario:
     def with_seed(self, seed: int) -> Scenario:
         """Give the same scenario with another draw of every error."""
         return dataclasses.replace(self, seed=seed)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Of all points, and of the corners of all plates."""
+        return (*(point.label for point in self.points), *self.plates.labels)
 
     @property
     def lost_exposure(self) -> int | None:

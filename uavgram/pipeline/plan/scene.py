@@ -87,6 +87,7 @@ def scene_of(scenario: Scenario, path: Path) -> Asked:
             roughness_sigma_m=request.roughness_m,
         ),
         tape=TapeOptions(scale_sigma=stated.tape_scale_sigma),
+        plates=scenario.plates,
         logged=_logged(scenario),
         picks_sigma_px=errors.pick_px,
         tape_sigma_m=errors.tape_m,

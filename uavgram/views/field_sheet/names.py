@@ -16,10 +16,11 @@ from uavgram.views.field_sheet.paper import WIDTH, Paper
 from uavgram.views.planned.numbers import metres
 from uavgram.views.unit_words import in_units
 
-NameKind = Literal["line", "corner", "end", "wanted", "photo", "point"]
+NameKind = Literal["line", "plate", "corner", "end", "wanted", "photo", "point"]
 
 SIZES: dict[NameKind, float] = {
     "line": 15.0,
+    "plate": 15.0,
     "corner": 13.0,
     "end": 11.0,
     "wanted": 12.0,
@@ -28,7 +29,7 @@ SIZES: dict[NameKind, float] = {
 }
 """Height of the letters."""
 
-BOLD: frozenset[NameKind] = frozenset({"line", "corner"})
+BOLD: frozenset[NameKind] = frozenset({"line", "plate", "corner"})
 
 _HALF_LETTER, _HALF_LINE, _BESIDE = 0.31, 0.62, 8.0
 _HALF_TICK, _HALF_PHOTO, _HALF_POINT = 8.0, 9.0, 3.0
@@ -84,6 +85,8 @@ def _taken(planned: FlightPlanned, paper: Paper) -> TextPlaces:
         places.reserve(np.array([*middle, reach + 2.0, _HALF_TICK, turn]))
     for x, y in paper(planned.frames.center_world_m):
         places.reserve(np.array([x, y, _HALF_PHOTO, _HALF_PHOTO, 0.0]))
+    for x, y in paper(planned.plates.center_world_m):
+        places.reserve(np.array([x, y, _HALF_PHOTO, _HALF_PHOTO, 0.0]))
     for x, y in paper(planned.points.world_m):
         places.reserve(np.array([x, y, _HALF_POINT, _HALF_POINT, 0.0]))
     return places
@@ -94,6 +97,8 @@ def _names(planned: FlightPlanned, units: Units) -> Iterator[tuple[NameKind, str
     middles = (lines.start_world_m + lines.end_world_m) / 2
     for name, length, at in zip(lines.name, lines.length_m, middles, strict=True):
         yield "line", f"{name} {in_units(metres(float(length)), units)}", at
+    for name, at in zip(planned.plates.name, planned.plates.center_world_m, strict=True):
+        yield "plate", name, at
     for number, at in enumerate(planned.area_world_m, start=1):
         yield "corner", f"corner {number}", at
     ends = np.concatenate([lines.start_world_m, lines.end_world_m])

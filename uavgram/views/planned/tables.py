@@ -56,6 +56,17 @@ class LineRow:
 
 
 @dataclass(frozen=True)
+class PlateRow:
+    """One plate to lay: its name, how to get to its middle, photos, and as in `LineRow`."""
+
+    name: str
+    place: str
+    photos: int
+    without: str
+    is_needed: bool
+
+
+@dataclass(frozen=True)
 class ValueRow:
     """One wanted value.
 
@@ -99,6 +110,28 @@ def line_rows(planned: FlightPlanned) -> tuple[LineRow, ...]:
             )
         )
     return tuple(rows)
+
+
+def plate_rows(planned: FlightPlanned) -> tuple[PlateRow, ...]:
+    """All plates in their order."""
+    plates = planned.plates
+    worse = WORTH_SAYING * planned.mean_sigma
+    return tuple(
+        PlateRow(
+            name=name,
+            place=place_in_area(planned.area_world_m, middle),
+            photos=round(photos),
+            without=centimetres(without) if without > worse else "",
+            is_needed=math.isnan(without),
+        )
+        for name, middle, photos, without in zip(
+            plates.name,
+            plates.center_world_m,
+            plates.frames_seen.tolist(),
+            plates.mean_sigma_without.tolist(),
+            strict=True,
+        )
+    )
 
 
 def value_rows(planned: FlightPlanned, units: Units) -> tuple[ValueRow, ...]:

@@ -29,6 +29,9 @@ def headline(planned: FlightPlanned) -> str:
     """What to do, in one sentence."""
     lines, photos = len(planned.lines.name), len(planned.frames.name)
     lay = f"Lay and tape {_count(lines, 'line')}, then take" if lines else "Take"
+    if planned.plates.name:
+        side = metres(planned.plates.side_m)
+        lay = f"Lay {_count(len(planned.plates.name), 'plate')} of {side}, then take"
     height = metres(planned.flight.height_m)
     return f"{lay} {_count(photos, 'photo')} from {height} above the ground."
 
@@ -94,14 +97,17 @@ def unchecked(planned: FlightPlanned) -> tuple[str, ...]:
 
 
 def if_a_line_is_lost(planned: FlightPlanned) -> tuple[str, ...]:
-    """What to do where a line cannot be laid, and which loss is the worst."""
-    lines = planned.lines
+    """What to do where a line or a plate cannot be laid, and which loss is the worst."""
+    lines = planned.laid
     if not lines.name:
         return ()
     without = lines.mean_sigma_without
     told = [
-        "Lay another one of about the same length and direction, as near to it as you can. Mark "
-        "and tape it, and draw it into the sheet with its length. Never guess a length.",
+        "Lay it as near to its place as you can, flat and wholly in view: where it lies is found "
+        "from the photos, only its number and its size must be right."
+        if planned.plates.name
+        else "Lay another one of about the same length and direction, as near to it as you can. "
+        "Mark and tape it, and draw it into the sheet with its length. Never guess a length.",
     ]
     fatal = [name for name, sigma in zip(lines.name, without, strict=True) if math.isnan(sigma)]
     if fatal:
@@ -140,8 +146,9 @@ def assumed(planned: FlightPlanned) -> str:
     log = LOGS.get(rests.telemetry, f"a log of the class {rests.telemetry}")
     pixel = centimetres(planned.flight.ground_sample_m)
     tape = f"tape readings to ± {centimetres(rests.tape_sigma_m)}, "
+    tape = "plates as exact as the scenario says, " if planned.plates.name else tape
     return (
-        f"All ± hold with {log}, {tape if planned.lines.name else ''}points "
+        f"All ± hold with {log}, {tape if planned.laid.name else ''}points "
         f"clicked to ± {rests.pick_sigma_px:g} pixels (each is {pixel} on the ground), ground that "
         f"departs from a plane by ± {centimetres(rests.roughness_m)}, and a drone within "
         f"± {metres(rests.deviation_m)} and ± {rests.deviation_deg:g}° of the plan. Rougher ground "
