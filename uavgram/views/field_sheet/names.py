@@ -31,6 +31,9 @@ SIZES: dict[NameKind, float] = {
 
 BOLD: frozenset[NameKind] = frozenset({"line", "plate", "corner"})
 
+BAR_ROOM = WIDTH / 5 + 40.0
+"""What the scale bar takes at the lower left; the arrow to the north is at the upper right."""
+
 _HALF_LETTER, _HALF_LINE, _BESIDE = 0.31, 0.62, 8.0
 _HALF_TICK, _HALF_PHOTO, _HALF_POINT = 8.0, 9.0, 3.0
 
@@ -75,8 +78,13 @@ def placed_names(planned: FlightPlanned, paper: Paper, units: Units) -> tuple[Na
 
 
 def _taken(planned: FlightPlanned, paper: Paper) -> TextPlaces:
-    """What is drawn and must be seen: reference lines with their ends, photos, corners."""
+    """What is drawn and must be seen: reference lines with their ends, photos, bar and arrow."""
     places, lines = TextPlaces(), planned.lines
+    for x, y, half_width, half_height in (
+        (0.5 * BAR_ROOM, paper.height - 21.0, 0.5 * BAR_ROOM, 21.0),
+        (WIDTH - 26.0, 35.0, 26.0, 35.0),
+    ):
+        places.reserve(np.array([x, y, half_width, half_height, 0.0]))
     starts, ends = paper(lines.start_world_m), paper(lines.end_world_m)
     along = ends - starts
     half = np.linalg.norm(along, axis=1) / 2

@@ -11,11 +11,9 @@ from uavgram.model.arrays import Floats
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
 from uavgram.views.planned.numbers import centimetres, metres
+from uavgram.views.planned.words import WORTH_SAYING
 from uavgram.views.units import spread_text, value_text
 from uavgram.views.wording import KIND_WORDS
-
-WORTH_SAYING = 1.1
-"""A loss that makes values worse by less than that is none."""
 
 ROUGHLY = 10.0
 """A wanted value is told to so many of its standard deviations: it is no result yet."""

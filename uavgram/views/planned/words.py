@@ -14,6 +14,9 @@ from uavgram.views.planned.numbers import centimetres, metres
 LOW_CHECK = 0.1
 """Redundancy of a reading below which a mistake is as good as unchecked (Baarda 1968)."""
 
+WORTH_SAYING = 1.1
+"""A loss that makes values worse by less than that is none."""
+
 SAME_DEG, SAME_M = 0.5, 0.5
 """What differs by less is one number for a pilot."""
 
@@ -68,11 +71,16 @@ def flight_facts(planned: FlightPlanned) -> tuple[tuple[str, str], ...]:
     is_one_way = float(np.ptp(heading)) < SAME_DEG
     is_nadir = float((pitch + 90.0).max()) < SAME_DEG
     low, high = float(heights.min()), float(heights.max())
-    height = metres(low) if high - low < SAME_M else f"{low:.1f} to {high:.1f} m"
+    height = f"{metres(low)} above the ground"
+    if high - low >= SAME_M:
+        middle = metres(flight.height_m)
+        height = (
+            f"{middle} above the middle of the area; {low:.1f} to {high:.1f} m above the ground"
+        )
     return (
         ("Drone", planned.drone or "–"),
         ("Photos", str(len(frames.name))),
-        ("Height", f"{height} above the ground"),
+        ("Height", height),
         ("Camera", "straight down" if is_nadir else f"{_span(-pitch)}° below level"),
         ("Nose", f"{_span(heading)}° from north" if is_one_way else "turns: see each photo"),
         ("At each photo", f"hover {flight.seconds_per_photo:.0f} s, then trigger"),
@@ -115,8 +123,10 @@ def if_a_line_is_lost(planned: FlightPlanned) -> tuple[str, ...]:
             f"Without {_and(fatal)} nothing holds the survey to its true size: if it cannot be "
             "laid, and nothing in its place, do not fly."
         )
-    if np.isfinite(without).any():
-        worst = int(np.nanargmax(without))
+    worst = int(np.nanargmax(without)) if np.isfinite(without).any() else 0
+    if without[worst] <= WORTH_SAYING * planned.mean_sigma:
+        told.append(f"The loss of {'another' if fatal else 'a single'} one changes little.")
+    elif np.isfinite(without[worst]):
         told.append(
             f"Of the others {lines.name[worst]} matters most: without it, expect "
             if fatal
