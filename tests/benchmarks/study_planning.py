@@ -2,12 +2,14 @@
 
     python tests/benchmarks/study_planning.py --scenes 200
     python tests/benchmarks/study_planning.py --scenes 0 --simulate 20 --draws 200
+    python tests/benchmarks/study_planning.py --scenes 0 --beside 20
 
 Scenes are those of tests/support/plan_scenes.py: 20 to 60 m long, 20 distances wanted, 3 to 6 lines
 of 3 to 15 m, single photos and strips of 4 to 8. Beside each planned layout stand 100 random ones
 of as many lines, of the same places and lengths. Simulated is the planned layout beside the random
 one whose predicted sigma is the median: rms errors of surveys drawn from the priors and adjusted by
-the real likelihood; also with relief and a tape's scale that the plan knows nothing of.
+the real likelihood; also with relief and a tape's scale that the plan knows nothing of. `--beside`
+asks what it costs to lay and fly beside the plan.
 """
 
 from __future__ import annotations
@@ -23,14 +25,16 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 
 from plan_draws import World, errors
-from plan_scenes import plan_case
+from plan_scenes import STEADY, plan_case
 
 from uavgram.estimation.planning.layouts import best_layout, criterion_of
 from uavgram.model.arrays import Floats
 from uavgram.model.options import TapeOptions
 from uavgram.model.planned.request import FlightPattern
+from uavgram.pipeline.plan.accuracy import ends_of
 from uavgram.pipeline.plan.possible import Possible, possible
 from uavgram.pipeline.plan.predicted import predicted
+from uavgram.stages.plan.scene import Deviation
 
 RANDOM = 100
 WRONG_M = 1.0
@@ -102,6 +106,44 @@ WORLDS = {
 }
 
 
+def laid_beside(pattern: FlightPattern, seed: int) -> Floats:
+    """(BESIDE, LAYINGS) mean sigma of a plan carried out roughly, over that of the plan."""
+    deviation = Deviation()
+    case = plan_case(pattern, seed, roughness_m=0.05, deviation=deviation)
+    scene, cameras, wanted = case.scene, case.cameras, case.wanted
+    options = possible(scene, cameras, wanted, (3.0, case.longest_m))
+    ends = ends_of(options, best_layout(options.aim, options.candidates, case.lines).lines)
+    scene = replace(scene, deviation=STEADY)  # photos are where they are, and show what they show
+    as_planned = predicted(scene, cameras, wanted, ends).sigma.mean()
+    rng = np.random.default_rng(seed)
+    found = np.empty((len(BESIDE), LAYINGS))
+    for row, (shift_m, end_m, drone_m) in enumerate(BESIDE.values()):
+        for turn in range(LAYINGS):
+            moved = ends + directions(rng, (len(ends), 1), 2) * shift_m
+            moved += directions(rng, (len(ends), 2), 2) * end_m
+            center = cameras.center_m + directions(rng, (len(cameras.center_m),), 3) * drone_m
+            there = cameras._replace(center_m=center)
+            sigma = predicted(scene, there, wanted, moved).sigma.mean()
+            found[row, turn] = sigma / as_planned
+    return found
+
+
+def directions(rng: np.random.Generator, shape: tuple[int, ...], size: int) -> Floats:
+    """Random unit vectors."""
+    drawn = rng.standard_normal((*shape, size))
+    return np.asarray(drawn / np.linalg.norm(drawn, axis=-1, keepdims=True))
+
+
+BESIDE = {  # metres: whole lines moved, each end moved, each photo moved
+    "lines half a metre beside": (0.5, 0.0, 0.0),
+    "each end half a metre off": (0.0, 0.5, 0.0),
+    "drone 1 m off": (0.0, 0.0, 1.0),
+    "all three": (0.5, 0.5, 1.0),
+    "lines 2 m beside": (2.0, 0.0, 0.0),
+}
+LAYINGS = 10
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", type=int, default=200)
@@ -109,10 +151,19 @@ def main() -> None:
     parser.add_argument("--roughness", type=float, default=0.0)
     parser.add_argument("--simulate", type=int, default=0)
     parser.add_argument("--draws", type=int, default=200)
+    parser.add_argument("--beside", type=int, default=0, metavar="SCENES")
     parser.add_argument("--world", default="", help="part of the name of a world")
     asked = parser.parse_args()
     if asked.scenes:
         predict(asked)
+    for pattern in BARS if asked.beside else ():
+        ratio = np.array([laid_beside(pattern, seed) for seed in range(asked.beside)])
+        for row, what in enumerate(BESIDE):
+            share = ratio[:, row]
+            print(
+                f"{pattern}, {what}: sigma over the planned one, mean {share.mean():.3f}, "
+                f"95 % below {np.quantile(share, 0.95):.3f}, worst {share.max():.3f}"
+            )
     for name, (world, known_m) in WORLDS.items() if asked.simulate else ():
         if asked.world not in name:
             continue

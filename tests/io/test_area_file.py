@@ -64,6 +64,9 @@ def test_bare_geometries_and_several_parts(tmp_path: Path) -> None:
         ("<kml><Placemark>", "no XML"),
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><kml/>", "entities"),
         ("<kml/>", "no polygon"),
+        (geojson({"type": "Polygon", "coordinates": [[]]}), "no polygon"),
+        (KML[: KML.index("-104.62,")] + KML[KML.index("</coordinates>") :], "no polygon"),
+        ("PK\x03\x04", "KMZ"),
         (KML.replace("-104.62,50.445,0 ", "x,y "), "coordinates"),
     ],
 )

@@ -46,23 +46,32 @@ class PlanCase:
 
 
 def plan_case(
-    pattern: FlightPattern, seed: int, *, roughness_m: float = 0.0, lines: int | None = None
+    pattern: FlightPattern,
+    seed: int,
+    *,
+    roughness_m: float = 0.0,
+    lines: int | None = None,
+    deviation: Deviation = STEADY,
 ) -> PlanCase:
-    """A random scene that a flight of the pattern shows completely.
+    """A random scene that a flight of the pattern shows completely, even if it deviates.
 
     20 to 60 m long, flown as low as shows it all, tilted by up to 30 degrees; half of the scenes
     without a log.
     """
     rng = np.random.default_rng([seed, len(pattern)])
     while True:
-        case = _drawn(pattern, rng, roughness_m, lines)
+        case = _drawn(pattern, rng, (roughness_m, deviation), lines)
         if case is not None:
             return case
 
 
 def _drawn(
-    pattern: FlightPattern, rng: np.random.Generator, roughness_m: float, lines: int | None
+    pattern: FlightPattern,
+    rng: np.random.Generator,
+    known: tuple[float, Deviation],
+    lines: int | None,
 ) -> PlanCase | None:
+    roughness_m, deviation = known
     half = 0.5 * np.array([rng.uniform(20, 60), rng.uniform(15, 40)])
     area = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
     point = rng.uniform(-0.95, 0.95, (2 * DISTANCES, 2)) * half
@@ -80,7 +89,7 @@ def _drawn(
         ground=GroundOptions(roughness_sigma_m=roughness_m),
         logged=Logged() if rng.random() < 0.5 else None,
         picks_sigma_px=rng.uniform(0.5, 1.0),
-        deviation=STEADY,
+        deviation=deviation,
     )
     request = PlanRequest(area=())
     pitch, photos = (

@@ -54,6 +54,8 @@ def read_areas(path: Path) -> AreaFile:
         text = path.read_text(encoding="utf-8-sig", errors="replace")
     except OSError as fault:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    if text.startswith("PK"):
+        raise InputError(path, "is zipped, as KMZ files are: save it as KML, or unpack it")
     found = _kml(path, text) if text.lstrip().startswith("<") else _geojson(path, text)
     if not found.areas:
         raise InputError(path, "holds no polygon: draw one around the area and save it again")
@@ -103,7 +105,7 @@ def _geometries(root: object) -> list[tuple[str, dict[str, Any]]]:
 
 
 def _ring(at: list[list[float]]) -> Floats:
-    return np.array([[float(x), float(y)] for x, y, *_ in at])
+    return np.array([[float(x), float(y)] for x, y, *_ in at]).reshape(-1, 2)
 
 
 def _kml(path: Path, text: str) -> AreaFile:
@@ -142,4 +144,5 @@ def _coordinates(element: Element | None) -> list[list[float]]:
 
 def _file(areas: list[Area], points: list[tuple[str, list[float]]]) -> AreaFile:
     label = tuple(name for name, _ in points)
-    return AreaFile(tuple(areas), label, np.array([at for _, at in points]).reshape(-1, 2))
+    drawn = tuple(area for area in areas if len(area.longitude_latitude_deg))
+    return AreaFile(drawn, label, np.array([at for _, at in points]).reshape(-1, 2))

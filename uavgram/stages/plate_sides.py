@@ -11,11 +11,13 @@ from uavgram.model.target_families import corner_label, plate_of
 TAPE = "targets"
 """What all plates have in common, as one printer made them, is the scale of this tape."""
 
-_OWN_SHARE = 0.5
+OWN_SHARE = 0.5
 """Of the sigma of a plate's side: what differs from side to side."""
 
 _SLOPE: Along = "slope"
-_PAIRS = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
+SIDES = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
+"""Pairs of corners whose distance is known: sides and diagonals."""
+
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
@@ -61,7 +63,7 @@ def with_plate_sides(
             float(np.linalg.norm(outline_m[b] - outline_m[a])),
         )
         for plate, corners in sorted(_found(picks).items())
-        for a, b in _PAIRS
+        for a, b in SIDES
         if {a, b} <= set(corners)
     ]
     new = [one for one in pairs if f"{one[0]} {one[1]}" not in taken]
@@ -73,7 +75,7 @@ def with_plate_sides(
         start=(*lines.start, *(a for a, _, _ in new)),
         end=(*lines.end, *(b for _, b, _ in new)),
         length_m=np.append(lines.length_m, [length for _, _, length in new]),
-        sigma_m=np.append(lines.sigma_m, np.full(more, _OWN_SHARE * sigma_m)),
+        sigma_m=np.append(lines.sigma_m, np.full(more, OWN_SHARE * sigma_m)),
         adjust=np.append(lines.adjust, np.ones(more, dtype=np.bool_)),
         tape=(*(lines.tape or ("",) * count), *(TAPE,) * more),
         along=(*(lines.along_of(i) for i in range(count)), *(_SLOPE,) * more),

@@ -10,11 +10,13 @@ import numpy as np
 from uavgram.model.planned.next_lines import NextLines
 from uavgram.model.planned.plan import FlightPlanned, Gain
 from uavgram.views.planned.numbers import centimetres, metres
+from uavgram.views.planned.tables import plate_rows
 from uavgram.views.planned.words import headline, outcome
 from uavgram.views.terminal import aligned, message_lines
 from uavgram.views.wording import number
 
 LINES = ("line", "length", "photos", "a mistake that passes", "expect without it")
+PLATES = ("plate", "middle", "photos", "expect without it")
 VALUES = ("measurement", "about", "± to expect", "± wanted", "")
 
 
@@ -36,6 +38,8 @@ def plan_lines(planned: FlightPlanned) -> list[str]:
     ]
     if planned.lines.name:
         shown += [aligned([LINES, *_line_rows(planned)], right=(1, 2, 3, 4)), ""]
+    if planned.plates.name:
+        shown += [aligned([PLATES, *_plate_rows(planned)], right=(2, 3)), ""]
     if planned.measurements.name:
         shown += [aligned([VALUES, *_value_rows(planned)], right=(1, 2, 3)), ""]
     mean = _sigma(planned, planned.mean_sigma)
@@ -58,6 +62,12 @@ def _line_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
         )
 
 
+def _plate_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
+    for row, without in zip(plate_rows(planned), planned.plates.mean_sigma_without, strict=True):
+        left = "nothing holds" if row.is_needed else f"± {_sigma(planned, float(without))}"
+        yield row.name, row.place, str(row.photos), left
+
+
 def _value_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
     wanted = planned.measurements
     for i, name in enumerate(wanted.name):
@@ -77,10 +87,11 @@ def _gain(planned: FlightPlanned, gain: Gain) -> str:
     told = f"{gain.what}: ± {_sigma(planned, gain.mean_sigma)}, {change}"
     if gain.worst_without is None:
         return told
-    here = float(np.max(planned.lines.mean_sigma_without))
+    here = float(np.max(planned.laid.mean_sigma_without))
     beside = "nothing would hold it" if math.isnan(here) else f"± {_sigma(planned, here)}"
+    what = "plate" if planned.plates.name else "line"
     return (
-        f"{told}; with its most important line lost ± {_sigma(planned, gain.worst_without)}, "
+        f"{told}; with its most important {what} lost ± {_sigma(planned, gain.worst_without)}, "
         f"where in this plan {beside}"
     )
 

@@ -67,6 +67,18 @@ def test_an_area_from_a_map_is_where_it_lies(command: Command, tmp_path: Path) -
     assert planned.site.longitude_deg == pytest.approx(8.00015, abs=1e-4)
 
 
+def test_latitude_before_longitude_is_noticed_beside_the_site(
+    command: Command, tmp_path: Path
+) -> None:
+    ring = [[47.0, 8.0], [47.0, 8.0003], [47.0002, 8.0003], [47.0002, 8.0], [47.0, 8.0]]
+    (tmp_path / "area.geojson").write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    site = "site: {latitude_deg: 47.001, longitude_deg: 8.001}\n"
+    path = scenario(tmp_path, PLAN.format(area="area.geojson") + site)
+    done = command("plan", path, "--output", tmp_path / "out")
+    assert done.status == 1, done
+    assert "area.geojson: has latitude and longitude in the wrong order" in done.stderr
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -85,6 +97,19 @@ def test_an_area_from_a_map_is_where_it_lies(command: Command, tmp_path: Path) -
         (PLAN.format(area=SQUARE).replace("40", "4"), "min_height_m"),
         (PLAN.format(area="[[-90, -90], [90, -90], [90, 90], [-90, 90]]"), "smaller"),
         (PLAN.format(area=SQUARE) + "  tape: 4\n", "tape"),
+        (PLAN.format(area=SQUARE) + "  longest_tape_m: 0\n", "longest_tape_m must be greater than"),
+        (PLAN.format(area=SQUARE) + "  lines: 0\ntelemetry: none\n", "nothing says where"),
+        (PLAN.format(area=SQUARE) + "  wanted: [{name: a, points: [P1]}]\n", "needs 2 labels"),
+        (
+            PLAN.format(area=SQUARE)
+            + "  wanted: [{name: a, kind: skid_speed, points: [P1, P2]}]\n",
+            "needs mu and mu_sigma",
+        ),
+        (
+            PLAN.format(area=SQUARE) + "  wanted: [{name: far, points: [P1, [300, 0]]}]\n",
+            "outside of the area (far 2)",
+        ),
+        (PLAN.format(area=SQUARE) + "site: {latitude_deg: 151.2}\n", "latitude_deg must lie"),
         (PLAN.format(area=SQUARE) + "camera: {drone: Wright Flyer}\n", "Wright Flyer"),
     ],
 )

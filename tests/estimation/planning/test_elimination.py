@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from plan_scenes import PlanCase, plan_case
 
-from uavgram.estimation.planning.elimination import eliminated, of_all_points, of_points
+from uavgram.estimation.planning.elimination import (
+    eliminated,
+    of_all_points,
+    whitened_readings,
+)
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.model.arrays import Floats
 from uavgram.pipeline.plan.predicted import survey_with
@@ -51,8 +55,9 @@ def test_lines_tell_of_the_core_what_the_whole_normal_matrix_says(
     expected = without_points(normal(list(blocks.values()), layout.size), layout.first_frame)
     tapes = blocks.pop("lengths")
     points = eliminated(planned.problem, blocks)
-    readings = of_points(points, layout, tapes.columns, tapes.jacobian[:, 0])
-    row = readings.gradient / np.sqrt(readings.variance + 1.0)[:, None]
+    taped = planned.problem.survey
+    ends = np.stack([taped.line_start, taped.line_end], axis=1)
+    row = whitened_readings(points, layout, tapes.columns[:, None], tapes.jacobian, ends)[:, 0]
     found = points.base + points.information(np.arange(layout.points)) + row.T @ row
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     np.testing.assert_allclose(found / scale, expected / scale, atol=1e-9)

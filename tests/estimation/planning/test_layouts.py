@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from plan_scenes import PlanCase, plan_case
 
-from uavgram.estimation.planning.elimination import Functions
 from uavgram.estimation.planning.layouts import (
     Candidates,
     Chosen,
@@ -32,12 +31,7 @@ def options(case: PlanCase) -> Possible:
 def few(candidates: Candidates, count: int) -> Candidates:
     """Every so many of the candidates."""
     some = np.linspace(0, len(candidates.ends) - 1, count).astype(int)
-    readings = candidates.readings
-    return Candidates(
-        Functions(readings.gradient[some], readings.variance[some]),
-        candidates.ends[some],
-        candidates.node_root,
-    )
+    return Candidates(candidates.whitened[some], candidates.ends[some], candidates.node_root)
 
 
 @pytest.mark.parametrize("pattern", ["single", "strip"])

@@ -14,9 +14,10 @@ from qgc_plan_format import PlacedItem, QgcPlan
 
 from uavgram.errors import GeometryError
 from uavgram.io.exports.mission_items import FRAMES, Command, Frame, mission_items
-from uavgram.io.exports.mission_qgc import qgc_plan_text, write_qgc_plan
-from uavgram.io.exports.mission_waypoints import waypoints_text, write_waypoints
+from uavgram.io.exports.mission_qgc import qgc_plan_text
+from uavgram.io.exports.mission_waypoints import waypoints_text
 from uavgram.model.maps.mission import Autopilot, HeightFrame, Mission
+from uavgram.stages.products.mission import flight_mission
 
 MAV = mavutil.mavlink
 AUTOPILOTS: tuple[Autopilot, ...] = ("ardupilot", "px4")
@@ -159,11 +160,7 @@ def test_what_heights_are_above_is_said(
 
 def test_a_plan_is_written_where_its_photos_are(tmp_path: Path) -> None:
     planned = sample_plan()
-    write_waypoints(tmp_path / "flight.waypoints", planned)
-    write_qgc_plan(tmp_path / "flight.plan", planned, "px4")
-    loader = mavwp.MAVWPLoader()
-    loader.load(str(tmp_path / "flight.waypoints"))
-    items = [loader.wp(row) for row in range(loader.count())]
+    items = _loaded(flight_mission(planned), tmp_path)
     stops = _stops(items)
     place = in_metres([[stop.y, stop.x] for stop in stops])
     np.testing.assert_allclose(place, planned.frames.center_world_m[:, :2], atol=0.002, rtol=0)
@@ -172,14 +169,11 @@ def test_a_plan_is_written_where_its_photos_are(tmp_path: Path) -> None:
     assert items[0].z == pytest.approx(site.height_msl_m + site.ground_height_m, abs=1e-3)
     headed = [world_from_camera(s.param4, planned.flight.gimbal_pitch_deg) for s in stops]
     np.testing.assert_allclose(headed, planned.frames.world_from_camera, atol=1e-6)
-    QgcPlan.model_validate_json((tmp_path / "flight.plan").read_text(encoding="utf-8"))
+    _plan(flight_mission(planned, "px4"))
 
 
-def test_a_flight_higher_than_allowed_is_not_written(tmp_path: Path) -> None:
+def test_a_flight_higher_than_allowed_is_no_mission() -> None:
     planned = sample_plan()
     low = replace(planned, flight=replace(planned.flight, max_height_m=HEIGHT_M - 0.5))
     with pytest.raises(GeometryError, match=r"P1 would be taken 40.0 m above the ground.*39.5 m"):
-        write_waypoints(tmp_path / "flight.waypoints", low)
-    with pytest.raises(GeometryError, match="max_height_m"):
-        write_qgc_plan(tmp_path / "flight.plan", low)
-    assert not list(tmp_path.iterdir())
+        flight_mission(low)

@@ -3,36 +3,35 @@
 from __future__ import annotations
 
 import csv
-from pathlib import Path
 
 import numpy as np
 import pytest
 from planned_sample import HEIGHT_M, PITCH_DEG, in_metres, sample_plan
 
-from uavgram.io.exports.mission_litchi import write_litchi
+from uavgram.io.exports.mission_litchi import litchi_text
 from uavgram.model.maps.mission import HeightFrame
+from uavgram.stages.products.mission import flight_mission
 
 PLAN = sample_plan()
 
 
-def rows_of(folder: Path, height_frame: HeightFrame = "relative") -> list[dict[str, str]]:
-    write_litchi(folder / "mission.csv", PLAN, height_frame)
-    with (folder / "mission.csv").open(encoding="utf-8", newline="") as file:
-        table = csv.DictReader(file)
-        assert table.fieldnames is not None
-        assert len(table.fieldnames) == len(set(table.fieldnames)) == 8 + 2 * 15 + 2 + 4 + 2
-        return list(table)
+def rows_of(height_frame: HeightFrame = "relative") -> list[dict[str, str]]:
+    mission = flight_mission(PLAN, height_frame=height_frame)
+    table = csv.DictReader(litchi_text(mission).splitlines())
+    assert table.fieldnames is not None
+    assert len(table.fieldnames) == len(set(table.fieldnames)) == 8 + 2 * 15 + 2 + 4 + 2
+    return list(table)
 
 
-def test_stops_are_where_the_photos_are(tmp_path: Path) -> None:
-    rows = rows_of(tmp_path)
+def test_stops_are_where_the_photos_are() -> None:
+    rows = rows_of()
     place = in_metres([[float(row["longitude"]), float(row["latitude"])] for row in rows])
     np.testing.assert_allclose(place, PLAN.frames.center_world_m[:, :2], atol=0.002, rtol=0)
     assert [float(row["altitude(m)"]) for row in rows] == pytest.approx([HEIGHT_M] * 6)
 
 
-def test_at_each_stop_it_turns_tilts_waits_and_takes_one_photo(tmp_path: Path) -> None:
-    for row, heading in zip(rows_of(tmp_path), PLAN.frames.heading_deg, strict=True):
+def test_at_each_stop_it_turns_tilts_waits_and_takes_one_photo() -> None:
+    for row, heading in zip(rows_of(), PLAN.frames.heading_deg, strict=True):
         done = [(int(row[f"actiontype{k}"]), float(row[f"actionparam{k}"])) for k in range(1, 16)]
         # rotate aircraft, tilt camera, stay for [ms], take photo
         stay_ms = 1000 * PLAN.flight.seconds_per_photo
@@ -41,6 +40,6 @@ def test_at_each_stop_it_turns_tilts_waits_and_takes_one_photo(tmp_path: Path) -
         assert row["photo_timeinterval"] == row["photo_distinterval"] == "-1"
 
 
-def test_what_heights_count_from_is_said(tmp_path: Path) -> None:
-    assert {row["altitudemode"] for row in rows_of(tmp_path)} == {"0"}
-    assert {row["altitudemode"] for row in rows_of(tmp_path, "terrain")} == {"1"}
+def test_what_heights_count_from_is_said() -> None:
+    assert {row["altitudemode"] for row in rows_of()} == {"0"}
+    assert {row["altitudemode"] for row in rows_of("terrain")} == {"1"}

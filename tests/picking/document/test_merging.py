@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavgram.io.tables.measure import THERE_AND_BACK
+from uavgram.io.tables.measure import THERE_AND_BACK, points_fault
 from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply, changed
-from uavgram.picking.document.merging import points_fault
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import Line, Pick, State
 

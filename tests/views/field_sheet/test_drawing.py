@@ -67,6 +67,23 @@ def test_no_name_covers_another_or_a_line_to_lay() -> None:
     assert {"L1 14.2 m", "L5b", "corner 4", "P6", "skid left", "A"} <= told
 
 
+@pytest.mark.parametrize("turn_deg", [15, 28, 45])
+def test_no_name_is_hidden_by_scale_bar_or_arrow(turn_deg: float) -> None:
+    turn = np.deg2rad(turn_deg)
+    cos, sin = np.cos(turn), np.sin(turn)
+    corners = (
+        PLAN.area_world_m * [3.0, 1.2, 1.0] @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
+    )
+    drawn = field_drawing(dataclasses.replace(PLAN, area_world_m=corners), METRIC)
+    bar = (12.0, drawn.height - 38.0, 22.0 + drawn.bar + 14.0, drawn.height)  # as the template has
+    arrow = (WIDTH - 41.0, 4.0, WIDTH - 11.0, 66.0)
+    for name in drawn.names:
+        for left, top, right, bottom in (bar, arrow):
+            beside = max(left - name.x, name.x - right) - name.half_width
+            above = max(top - name.y, name.y - bottom) - name.half_height
+            assert max(beside, above) >= 0, name
+
+
 @pytest.mark.parametrize(
     ("low", "high"), [(0.012, 0.0227), (0.01, 0.01), (0.0031, 2.2), (0.4, 0.41)]
 )

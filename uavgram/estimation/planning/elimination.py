@@ -127,10 +127,12 @@ class Functions:
     variance: Floats
 
 
-def of_points(points: Eliminated, layout: Layout, columns: Ints, jacobian: Floats) -> Functions:
-    """Functions of points by their gradients (n, k) and unknowns (n, k), the points eliminated.
+def whitened_readings(
+    points: Eliminated, layout: Layout, columns: Ints, jacobian: Floats, ends: Ints
+) -> Floats:
+    """(n, q, C) what groups of q readings say of the core, as rows of unit variance.
 
-    Points of one function err independently where the core is known.
+    The points of a group are its own: they are eliminated, which ties its readings together.
 
     Parameters
     ----------
@@ -139,32 +141,32 @@ def of_points(points: Eliminated, layout: Layout, columns: Ints, jacobian: Float
     layout
         Of the unknowns.
     columns, jacobian
-        (n, k) which unknowns, and derivatives; an unknown may occur twice.
+        (n, q, k) which unknowns, and derivatives of the whitened readings; an unknown may occur
+        twice.
+    ends
+        (n, m) the points of each group.
     """
     size, first = layout.point_size, layout.first_frame
-    n = len(columns)
-    gradient, variance = np.zeros((n, layout.size - first)), np.zeros(n)
-    at = np.arange(n)
-    done = np.zeros(columns.shape, dtype=np.bool_)
-    for k in range(columns.shape[1]):
-        is_core = columns[:, k] >= first
-        c = at[is_core]
-        gradient[c, columns[c, k] - first] += jacobian[c, k]
-        done[c, k] = True
-    while not done.all():
-        # One point of each function at a time: the next that is not done yet.
-        label = np.where(done, np.iinfo(np.int64).max, columns // size).min(axis=1)
-        some = np.flatnonzero(~done.all(axis=1))
-        own = np.zeros((len(some), size))
-        for k in range(columns.shape[1]):
-            mine = ~done[some, k] & (columns[some, k] // size == label[some])
-            row = np.flatnonzero(mine)
-            own[row, columns[some[row], k] % size] += jacobian[some[row], k]
-            done[some[row], k] = True
-        which = label[some]
-        gradient[some] += np.einsum("np,npc->nc", own, points.by_core[which])
-        variance[some] += np.einsum("np,npq,nq->n", own, points.covariance[which], own)
-    return Functions(gradient, variance)
+    n, q, _ = columns.shape
+    core = np.zeros((n, q, layout.size - first))
+    own = np.zeros((n, q, ends.shape[1], size))
+    group, reading = np.indices((n, q))
+    for column, by_column in zip(
+        np.moveaxis(columns, 2, 0), np.moveaxis(jacobian, 2, 0), strict=True
+    ):
+        of_core = column >= first
+        at = group[of_core], reading[of_core]
+        core[*at, column[of_core] - first] += by_column[of_core]
+        at = group[~of_core], reading[~of_core]
+        label = column[~of_core] // size
+        which = (ends[at[0]] == label[:, None]).argmax(axis=1)
+        own[*at, which, column[~of_core] % size] += by_column[~of_core]
+    core += np.einsum("nqmp,nmpc->nqc", own, points.by_core[ends], optimize=True)
+    moved = np.einsum("nqmp,nmpr->nqmr", own, points.covariance[ends], optimize=True)
+    variance = np.eye(q) + np.einsum("nqmr,nsmr->nqs", moved, own, optimize=True)
+    if q == 1:
+        return np.asarray(core / np.sqrt(variance))
+    return np.asarray(np.linalg.solve(np.linalg.cholesky(variance), core), dtype=np.float64)
 
 
 def of_all_points(points: Eliminated, layout: Layout, gradient: Floats) -> Functions:

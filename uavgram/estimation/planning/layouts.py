@@ -1,4 +1,4 @@
-"""Which few of many possible reference lines make what is wanted best known.
+"""Which few of many possible reference lines, or plates, make what is wanted best known.
 
 Greedy, then exchange: the line that helps most is added until there are enough; then each in turn
 is taken out and the best put in its place, until none changes (Fedorov 1972, ch. 3; Atkinson,
@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -57,31 +56,27 @@ class Aim:
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """N lines that could be taped.
+    """N lines that could be taped, or plates that could be laid.
 
     Attributes
     ----------
-    readings
-        The tape's readings by the core; `variance` holds the tape's as well.
+    whitened
+        (N, q, C) what the q lengths of each say of the core (`whitened_readings`).
     ends
-        (N, 2) nodes.
+        (N, m) nodes.
     node_root
         (K, r, C) what the sightings of a node say of the core (`Eliminated.root`).
     """
 
-    readings: Functions
+    whitened: Floats
     ends: Ints
     node_root: Floats
 
-    @cached_property
-    def whitened(self) -> Floats:
-        """(N, C) gradients over the sigmas of the readings where the core is known."""
-        return np.asarray(self.readings.gradient / np.sqrt(self.readings.variance)[:, None])
-
     def rows(self, lines: Ints) -> Floats:
-        """(n, 2r + 1, C) all that lines say of the core, as rows."""
-        first, second = self.node_root[self.ends[lines].T]
-        return np.concatenate([first, second, self.whitened[lines][:, None]], axis=1)
+        """(n, m r + q, C) all that candidates say of the core, as rows."""
+        of_nodes = self.node_root[self.ends[lines]]
+        flat = of_nodes.reshape(len(lines), -1 if of_nodes.size else 0, of_nodes.shape[-1])
+        return np.concatenate([flat, self.whitened[lines]], axis=1)
 
     def information(self, lines: Sequence[int]) -> Floats:
         """(C, C) what lines say of the core together."""
@@ -130,13 +125,15 @@ def with_one_more(aim: Aim, candidates: Candidates, covariance: Floats, among: I
     """
     before = aim.sigma(covariance) ** 2
     with_wanted = covariance @ aim.wanted.gradient.T
-    rows = candidates.whitened[among]
-    taken = (rows @ with_wanted) ** 2
-    taken /= 1.0 + np.einsum("nc,nc->n", rows @ covariance, rows)[:, None]
-    found = _criterion(aim, before - taken)
-    if not candidates.node_root.shape[1]:
-        return found
-    best = np.argsort(found)[:SHORTLIST]
+    found, best = np.full(len(among), np.inf), np.arange(len(among))
+    if candidates.whitened.shape[1] == 1:  # one reading each: a formula, and few looked at closely
+        rows = candidates.whitened[among, 0]
+        taken = (rows @ with_wanted) ** 2
+        taken /= 1.0 + np.einsum("nc,nc->n", rows @ covariance, rows)[:, None]
+        found = _criterion(aim, before - taken)
+        if not candidates.node_root.shape[1]:
+            return found
+        best = np.argsort(found)[:SHORTLIST]
     rows = candidates.rows(among[best])
     inner = rows @ covariance @ np.swapaxes(rows, 1, 2)
     inner += np.eye(inner.shape[1])

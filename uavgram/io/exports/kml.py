@@ -33,6 +33,7 @@ _LAYERS = {
     "planned_measurements": ("What will be measured", "ff6b7900"),
     "planned_points": ("Points to measure", "ff6b7900"),
     "planned_lines": ("Lines to lay and tape", "ff7a12b0"),
+    "planned_plates": ("Plates to lay", "ff7a12b0"),
     "planned_line_ends": ("Ends of lines", "ff7a12b0"),
 }
 _HIDDEN = (*HIDDEN, "planned_footprints")

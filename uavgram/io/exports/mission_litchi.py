@@ -9,12 +9,8 @@ from __future__ import annotations
 
 import csv
 import io
-from pathlib import Path
 
-from uavgram.io.outputs import replace_text
 from uavgram.model.maps.mission import HeightFrame, Mission
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.stages.products.mission import flight_mission
 
 NO_ACTION, STAY_MS, PHOTO, TURN_DRONE, TILT_CAMERA = -1, 0, 1, 4, 5
 MOST_ACTIONS = 15
@@ -29,30 +25,6 @@ COLUMNS = (
     *("poi_latitude", "poi_longitude", "poi_altitude(m)", "poi_altitudemode"),
     *("photo_timeinterval", "photo_distinterval"),
 )
-
-
-def write_litchi(
-    path: Path, planned: FlightPlanned, height_frame: HeightFrame = "relative"
-) -> None:
-    """Write the mission of a plan; see `flight_mission` for what heights count from.
-
-    Parameters
-    ----------
-    path
-        The file.
-    planned
-        The plan.
-    height_frame
-        What heights count from.
-
-    Raises
-    ------
-    GeometryError
-        A photo is higher above the ground than the plan allows.
-    OutputError
-        The file cannot be written.
-    """
-    replace_text(path, litchi_text(flight_mission(planned, height_frame=height_frame)))
 
 
 def litchi_text(mission: Mission) -> str:

@@ -7,51 +7,18 @@ polygon with ``inclusion: false`` is one that must not be flown into (QGCFencePo
 from __future__ import annotations
 
 import json
-from pathlib import Path
 
 import numpy as np
 
 from uavgram.io.exports.mission_items import Command, MissionItem, mission_items
-from uavgram.io.outputs import replace_text
 from uavgram.io.results.codec import Record
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.mission import Autopilot, HeightFrame, Mission
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.stages.products.mission import flight_mission
 
 _FIRMWARE: dict[Autopilot, int] = {"ardupilot": 3, "px4": 12}  # MAV_AUTOPILOT
 _QUADROTOR = 2  # MAV_TYPE
 # QGroundControlQmlGlobal.h: AltitudeModeRelative, AltitudeModeTerrainFrame
 _ALTITUDE_MODES: dict[HeightFrame, int] = {"relative": 1, "terrain": 4}
-
-
-def write_qgc_plan(
-    path: Path,
-    planned: FlightPlanned,
-    autopilot: Autopilot = "ardupilot",
-    height_frame: HeightFrame = "relative",
-) -> None:
-    """Write the mission of a plan; see `flight_mission` for the choices.
-
-    Parameters
-    ----------
-    path
-        The file.
-    planned
-        The plan.
-    autopilot
-        Whose commands it is written in.
-    height_frame
-        What heights count from.
-
-    Raises
-    ------
-    GeometryError
-        A photo is higher above the ground than the plan allows.
-    OutputError
-        The file cannot be written.
-    """
-    replace_text(path, qgc_plan_text(flight_mission(planned, autopilot, height_frame)))
 
 
 def qgc_plan_text(mission: Mission) -> str:

@@ -6,48 +6,18 @@ longitude, height, autocontinue (https://mavlink.io/en/file_formats/#mission_pla
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from uavgram.io.exports.mission_items import Command, Frame, MissionItem, mission_items
-from uavgram.io.outputs import replace_text
-from uavgram.model.maps.mission import HeightFrame, Mission
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.stages.products.mission import flight_mission
+from uavgram.model.maps.mission import Mission
 
 _HEAD = "QGC WPL 110"
 
 
-def write_waypoints(
-    path: Path,
-    planned: FlightPlanned,
-    height_frame: HeightFrame = "relative",
-) -> None:
-    """Write the mission of a plan for ArduPilot; see `flight_mission` for what heights count from.
-
-    Not for PX4: tools that hand such a file to PX4 take its first line, the place of take-off on
-    the ground, for the first stop. `mission_qgc` has a file for both.
-
-    Parameters
-    ----------
-    path
-        The file.
-    planned
-        The plan.
-    height_frame
-        What heights count from.
-
-    Raises
-    ------
-    GeometryError
-        A photo is higher above the ground than the plan allows.
-    OutputError
-        The file cannot be written.
-    """
-    replace_text(path, waypoints_text(flight_mission(planned, "ardupilot", height_frame)))
-
-
 def waypoints_text(mission: Mission) -> str:
-    """All lines; the first item is the place of take-off, as ArduPilot has it, and no stop."""
+    """All lines of a mission for ArduPilot; its first item is the place of take-off, and no stop.
+
+    Not for PX4: tools that hand such a file to PX4 take that place, on the ground, for the first
+    stop. `mission_qgc` has a file for both.
+    """
     home = MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0, 0.0, 0.0, 0.0, *mission.home))
     items = (home, *mission_items(mission))
     lines = [_HEAD, *(_line(row, item) for row, item in enumerate(items))]

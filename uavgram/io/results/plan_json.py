@@ -13,7 +13,7 @@ from uavgram.io.json_text import parse_json
 from uavgram.io.outputs import replace_text
 from uavgram.io.results.codec import Record, encode, from_record
 from uavgram.io.results.results_json import load_message, one_record_a_line
-from uavgram.model.planned.parts import AccuracyGrid, PlannedLines, PlannedPoints
+from uavgram.model.planned.parts import AccuracyGrid, PlannedLines, PlannedPlates, PlannedPoints
 from uavgram.model.planned.plan import FlightPlanned
 
 SCHEMA = 1
@@ -68,17 +68,24 @@ def read_plan(path: str | Path) -> FlightPlanned:
         )
     try:
         messages = tuple(load_message(record) for record in content["messages"])
-        parts = {name: _part(owner, content[name]) for name, owner in PARTS.items()}
+        written = {name: content[name] for name in PARTS if name in content}
+        parts = {name: _part(PARTS[name], record) for name, record in written.items()}
         return from_record(FlightPlanned, content, messages=messages, **parts)
     except (KeyError, TypeError, ValueError) as fault:
         raise InputError(path, f"was edited ({fault!r}): plan again") from fault
 
 
-PARTS: dict[str, type] = {"lines": PlannedLines, "points": PlannedPoints, "grid": AccuracyGrid}
+PARTS: dict[str, type] = {
+    "lines": PlannedLines,
+    "plates": PlannedPlates,
+    "points": PlannedPoints,
+    "grid": AccuracyGrid,
+}
 """Of which there may be none."""
 
 
 def _part(owner: type, record: Record) -> object:
     """A part of a plan; no place at all has still three coordinates."""
     none = {name: np.zeros((0, 3)) for name in record if name.endswith("world_m")}
+    none |= {name: np.zeros((0, 4, 3)) for name in record if name == "corner_world_m"}
     return from_record(owner, record, **{name: none[name] for name in none if not record[name]})

@@ -92,6 +92,18 @@ def counted(least: int, most: int | None) -> str:
     return str(least) if least == most else f"{least} or {most}"
 
 
+def points_fault(request: MeasurementRequest) -> str:
+    """Say why the labels or parameters of a measurement mean nothing; empty where they do."""
+    kind, points = request.kind, request.points
+    least, most = POINT_COUNTS[kind]
+    if len(points) < least or (most is not None and len(points) > most):
+        return f"a measurement of kind {kind} needs {counted(least, most)} labels"
+    twice = any(a == b for a, b in itertools.pairwise(points))
+    if twice or (kind not in THERE_AND_BACK and len(set(points)) < len(points)):
+        return f"a measurement of kind {kind} needs different labels"
+    return request_fault(request)
+
+
 def request_fault(request: MeasurementRequest) -> str:
     """Say why the parameters of a request do not go with each other, or with its points."""
     given = dict(request.parameters)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
+
+import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 
@@ -79,6 +81,42 @@ class PlannedLines(FrozenArrays):
     def end_label(self) -> tuple[str, ...]:
         """(L,) label of the other end of each."""
         return tuple(f"{name}b" for name in self.name)
+
+
+def _none() -> Floats:
+    return np.zeros(0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlannedPlates(FrozenArrays):
+    """L coded plates to be laid flat; none where lines are taped.
+
+    Attributes
+    ----------
+    name
+        (L,) as the program calls them, ``T0``: what is printed on it has that number.
+    corner_world_m
+        (L, 4, 3) corners of the black square, counterclockwise from above.
+    side_m
+        Of each.
+    frames_seen
+        (L,) in how many photos all of it is.
+    mean_sigma_without
+        (L,) `FlightPlanned.mean_sigma` if it is lost; NaN where nothing holds it then.
+    """
+
+    name: Annotated[tuple[str, ...], "n"] = ()
+    corner_world_m: Annotated[Floats, "n", 4, 3] = field(
+        default_factory=lambda: np.zeros((0, 4, 3))
+    )
+    side_m: float = 0.0
+    frames_seen: Annotated[Floats, "n"] = field(default_factory=_none)
+    mean_sigma_without: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
+
+    @property
+    def center_world_m(self) -> Floats:
+        """(L, 3) their middles."""
+        return np.asarray(self.corner_world_m.mean(axis=1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from uavgram.model.arrays import Floats, FrozenArrays
@@ -13,6 +13,7 @@ from uavgram.model.planned.parts import (
     PlannedFrames,
     PlannedLines,
     PlannedMeasurements,
+    PlannedPlates,
     PlannedPoints,
 )
 from uavgram.model.planned.request import FlightPattern
@@ -130,7 +131,7 @@ class FlightPlanned(FrozenArrays):
         Polygons (v, 3) likewise.
     flight, assumptions
         The flight in numbers; what the prediction rests on.
-    frames, lines, points, measurements, grid
+    frames, lines, plates, points, measurements, grid
         See each.
     mean_sigma
         Mean predicted standard deviation of what is wanted (of the map where nothing else is).
@@ -150,9 +151,15 @@ class FlightPlanned(FrozenArrays):
     assumptions: Assumptions
     frames: PlannedFrames
     lines: PlannedLines
+    plates: PlannedPlates = field(default_factory=PlannedPlates)
     points: PlannedPoints
     measurements: PlannedMeasurements
     grid: AccuracyGrid
     mean_sigma: float
     gains: tuple[Gain, ...] = ()
     messages: tuple[Message, ...] = ()
+
+    @property
+    def laid(self) -> PlannedLines | PlannedPlates:
+        """What is laid out to be known: plates, or lines where there are none."""
+        return self.plates if self.plates.name else self.lines

@@ -11,6 +11,9 @@ Corners = tuple[tuple[float, float], ...]
 """Of a polygon: x, y in the scene's axes [m]."""
 
 FlightPattern = Literal["single", "strip", "grid", "orbit"]
+Laid = Literal["lines", "plates"]
+"""What is laid out to be known: lines for a tape, or coded plates."""
+
 PATTERNS: tuple[FlightPattern, ...] = ("single", "strip", "grid", "orbit")
 
 
@@ -58,8 +61,10 @@ class PlanRequest:
         Where neither a tape nor the drone may pass: polygons as `area`, or a file.
     longest_tape_m, shortest_line_m
         Between which lengths a reference line lies.
+    lay
+        What is laid out: reference lines, coded plates of the scenario's size, or the better one.
     lines
-        How many reference lines; None: as few as reach what is wanted.
+        How many reference lines, or plates; None: as few as reach what is wanted.
     most_lines
         The most that the program may choose.
     wanted
@@ -88,6 +93,7 @@ class PlanRequest:
     no_go: str | tuple[Corners, ...] = ()
     longest_tape_m: float = 15.0
     shortest_line_m: float = 3.0
+    lay: Literal["lines", "plates", "either"] = "lines"
     lines: int | None = None
     most_lines: int = 8
     wanted: tuple[WantedMeasurement, ...] = ()
@@ -106,7 +112,8 @@ class PlanRequest:
     robust: bool = False
 
     def __post_init__(self) -> None:
-        for name in ("max_height_m", "min_height_m", "battery_min", "speed_m_s", "shortest_line_m"):
+        positive = ("max_height_m", "min_height_m", "battery_min", "speed_m_s")
+        for name in (*positive, "shortest_line_m", "longest_tape_m"):
             _require(getattr(self, name) > 0, f"{name} must be greater than 0")
         for name in ("deviation_m", "deviation_deg", "roughness_m", "seconds_per_photo"):
             _require(getattr(self, name) >= 0, f"{name} must not be negative")

@@ -15,6 +15,7 @@ from uavgram.model.scenario.errors import ErrorSpec, StatedSpec, TelemetryClass
 from uavgram.model.scenario.flight import FlightPlan
 from uavgram.model.scenario.ground import GroundSpec
 from uavgram.model.scenario.habits import HabitSpec
+from uavgram.model.scenario.plates import PlateSpec
 from uavgram.model.scenario.road import (
     DEMO_LINES,
     DEMO_POINTS,
@@ -24,6 +25,9 @@ from uavgram.model.scenario.road import (
     ScenePoint,
 )
 from uavgram.model.survey.observations import MeasurementRequest
+
+STEEPEST_DEG = 45.0
+"""Ground on which nobody measures."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +57,14 @@ class Site:
     road_azimuth_deg: float = 62.0
     ground_height_m: float = -0.4
     ground_slope_deg: tuple[float, float] = (0.25, -0.15)
+
+    def __post_init__(self) -> None:
+        require(abs(self.latitude_deg) < 90, "latitude_deg must lie between -90 and 90")
+        require(abs(self.longitude_deg) <= 180, "longitude_deg must lie between -180 and 180")
+        require(
+            max(abs(slope) for slope in self.ground_slope_deg) <= STEEPEST_DEG,
+            f"ground_slope_deg must lie between -{STEEPEST_DEG:g} and {STEEPEST_DEG:g}",
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,6 +143,8 @@ class Scenario:
         What the program does not take for granted.
     road, points, lines, measurements
         What lies on the ground, and what is taped and measured of it.
+    plates
+        Coded plates on the ground.
     control
         Labels of points whose coordinates are known and used.
     plan
@@ -150,13 +164,14 @@ class Scenario:
     road: RoadLayout = DEMO_ROAD
     points: tuple[ScenePoint, ...] = DEMO_POINTS
     lines: tuple[SceneLine, ...] = DEMO_LINES
+    plates: PlateSpec = field(default_factory=PlateSpec)
     control: tuple[str, ...] = ()
     measurements: tuple[MeasurementRequest, ...] = DEMO_MEASUREMENTS
     plan: PlanRequest | None = None
 
     def __post_init__(self) -> None:
         require(self.seed >= 0, "seed must not be negative")
-        labels = [point.label for point in self.points]
+        labels = self.labels
         twice = sorted({label for label in labels if labels.count(label) > 1})
         require(not twice, f"points: labels given twice: {', '.join(twice)}")
         used = {end for line in self.lines for end in (line.start, line.end)}
@@ -177,6 +192,11 @@ class Scenario:
     def with_seed(self, seed: int) -> Scenario:
         """Give the same scenario with another draw of every error."""
         return dataclasses.replace(self, seed=seed)
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Of all points, and of the corners of all plates."""
+        return (*(point.label for point in self.points), *self.plates.labels)
 
     @property
     def lost_exposure(self) -> int | None:

@@ -10,10 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
+from uavgram.io.tables.measure import points_fault
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.labels import forget, rename, swap
-from uavgram.picking.document.merging import merge, points_fault, split
+from uavgram.picking.document.merging import merge, split
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import Line, Pick, State, without_matches
 

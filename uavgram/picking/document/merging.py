@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
-from uavgram.io.tables.measure import POINT_COUNTS, THERE_AND_BACK, counted, request_fault
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.io.tables.measure import points_fault
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.labels import all_labels, with_label
 from uavgram.picking.document.refused import RefusedError
@@ -75,18 +73,6 @@ def split(state: State, do: c.Split) -> State:
         else:
             picks.append(replace(pick, **stated))
     return replace(state, picks=tuple(picks))
-
-
-def points_fault(request: MeasurementRequest) -> str:
-    """Say why the labels or parameters of a measurement mean nothing; empty where they do."""
-    kind, points = request.kind, request.points
-    least, most = POINT_COUNTS[kind]
-    if len(points) < least or (most is not None and len(points) > most):
-        return f"a measurement of kind {kind} needs {counted(least, most)} labels"
-    twice = any(a == b for a, b in itertools.pairwise(points))
-    if twice or (kind not in THERE_AND_BACK and len(set(points)) < len(points)):
-        return f"a measurement of kind {kind} needs different labels"
-    return request_fault(request)
 
 
 def _with_one_pick_each(state: State, do: c.Merge) -> State:

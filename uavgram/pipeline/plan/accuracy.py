@@ -18,11 +18,18 @@ from uavgram.estimation.planning.layouts import (
 from uavgram.estimation.planning.losses import without_each
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.model.arrays import Floats
-from uavgram.model.planned.parts import AccuracyGrid, PlannedLines, PlannedMeasurements
+from uavgram.model.planned.parts import (
+    AccuracyGrid,
+    PlannedLines,
+    PlannedMeasurements,
+    PlannedPlates,
+)
 from uavgram.model.planned.plan import Gain
-from uavgram.model.planned.request import PlanRequest
-from uavgram.pipeline.plan.choose import Choice, good_enough
+from uavgram.model.planned.request import Laid, PlanRequest
+from uavgram.model.target_families import plate_label
+from uavgram.pipeline.plan.choose import Choice, good_enough, lengths
 from uavgram.pipeline.plan.possible import Possible
+from uavgram.pipeline.plan.possible import possible as lines_or_plates
 from uavgram.pipeline.plan.predicted import Predicted, predicted
 from uavgram.stages.plan.cameras import seen
 from uavgram.stages.plan.flights import Flight, flight
@@ -35,11 +42,15 @@ NOTHING_HOLDS = 100.0
 
 
 def ends_of(possible: Possible, lines: Sequence[int]) -> Floats:
-    """(L, 2, 2) where lines begin and end, from west to east, the southernmost first."""
+    """(L, 2, 2) where lines begin and end, from west to east, the southernmost first.
+
+    Of plates the corners (L, 4, 2), counterclockwise.
+    """
     ends = possible.spot_m[possible.candidates.ends[list(lines)]]
-    ends = ends.reshape(-1, 2, 2)
-    turned = ends[:, 0, 0] > ends[:, 1, 0]
-    ends[turned] = ends[turned, ::-1]
+    ends = ends.reshape(-1, possible.candidates.ends.shape[1], 2)
+    if ends.shape[1] == 2:
+        turned = ends[:, 0, 0] > ends[:, 1, 0]
+        ends[turned] = ends[turned, ::-1]
     middle = ends.mean(axis=1)
     return ends[np.lexsort((middle[:, 0], middle[:, 1]))] if len(ends) else ends
 
@@ -69,29 +80,60 @@ def planned_lines(
         What it will reach.
     """
     possible = choice.possible
-    ends = ends_of(possible, lines)
+    ends = ends_of(possible, lines) if choice.laid == "lines" else np.zeros((0, 2, 2))
     world = scene.on_ground(ends)
-    shown = seen(
-        scene.calibration, choice.flight.cameras, world.reshape(-1, 3), scene.deviation
-    ).certain.reshape(-1, len(ends), 2)
-    aim = plain_mean(possible)
-    left = np.array([_without(aim, possible, lines, end) for end in ends])
-    whole = criterion_of(aim, possible.candidates, lines)
+    seen_in, without = _seen_and_lost(scene, choice, lines, world)
     return PlannedLines(
         name=tuple(f"L{i + 1}" for i in range(len(ends))),
         start_world_m=world[:, 0],
         end_world_m=world[:, 1],
         length_m=np.linalg.norm(world[:, 1] - world[:, 0], axis=1),
         sigma_m=np.full(len(ends), scene.tape_sigma_m),
-        frames_seen=np.count_nonzero(shown.all(axis=2), axis=0),
-        redundancy=found.redundancy,
-        mdb_m=found.mdb_m,
-        mean_sigma_without=np.where(left < NOTHING_HOLDS * whole, left, np.nan),
+        frames_seen=seen_in,
+        redundancy=found.redundancy[: len(ends)],
+        mdb_m=found.mdb_m[: len(ends)],
+        mean_sigma_without=without,
     )
 
 
+def planned_plates(scene: PlanScene, choice: Choice, plates: Sequence[int]) -> PlannedPlates:
+    """The plates of a layout, where these are laid.
+
+    Parameters
+    ----------
+    scene, choice
+        The ground; flight and candidates.
+    plates
+        The layout: candidates by index.
+    """
+    if choice.laid == "lines":
+        return PlannedPlates()
+    corner = scene.on_ground(ends_of(choice.possible, plates))
+    seen_in, without = _seen_and_lost(scene, choice, plates, corner)
+    return PlannedPlates(
+        name=tuple(plate_label(i) for i in range(len(corner))),
+        corner_world_m=corner,
+        side_m=scene.plates.side_m,
+        frames_seen=seen_in,
+        mean_sigma_without=without,
+    )
+
+
+def _seen_and_lost(
+    scene: PlanScene, choice: Choice, lines: Sequence[int], world_m: Floats
+) -> tuple[Floats, Floats]:
+    """(L,) in how many photos each of (L, k, 3) is whole, and the criterion without it."""
+    cameras, possible = choice.flight.cameras, choice.possible
+    shown = seen(scene.calibration, cameras, world_m.reshape(-1, 3), scene.deviation).certain
+    whole = shown.reshape(len(shown), *world_m.shape[:2]).all(axis=2)
+    aim = plain_mean(possible)
+    left = np.array([_without(aim, possible, lines, end) for end in world_m[..., :2]])
+    limit = NOTHING_HOLDS * criterion_of(aim, possible.candidates, lines)
+    return np.count_nonzero(whole, axis=0).astype(np.float64), np.where(left < limit, left, np.nan)
+
+
 def _without(aim: Aim, possible: Possible, lines: Sequence[int], end: Floats) -> float:
-    """The criterion without the line that has these ends (2, 2)."""
+    """The criterion without the line or plate that has these ends (k, 2)."""
     middle = possible.spot_m[possible.candidates.ends[list(lines)]].mean(axis=1)
     lost = int(np.argmin(np.linalg.norm(middle - end.mean(axis=0), axis=1)))
     return float(without_each(aim, possible.candidates, lines)[lost])
@@ -165,22 +207,29 @@ def gains(
     """
     options = choice.possible
     aim, candidates = plain_mean(options), options.candidates
+    one_each, several = ("line", "lines") if choice.laid == "lines" else ("plate", "plates")
     information = options.aim.information + candidates.information(lines)
     among = np.flatnonzero(candidates.apart_from(lines))
     if len(among):
         found = with_one_more(options.aim, candidates, covariance_of(information), among)
         best = int(among[np.argmin(found)])
-        yield Gain(what="one more line", mean_sigma=criterion_of(aim, candidates, [*lines, best]))
+        yield Gain(
+            what=f"one more {one_each}", mean_sigma=criterion_of(aim, candidates, [*lines, best])
+        )
     if len(lines) > 1:
         fewer = best_layout(options.aim, candidates, len(lines) - 1)
-        yield Gain(what="one line less", mean_sigma=criterion_of(aim, candidates, fewer.lines))
+        yield Gain(
+            what=f"one {one_each} less", mean_sigma=criterion_of(aim, candidates, fewer.lines)
+        )
+    if request.lay == "either":
+        yield from _instead(scene, request, wanted, choice, len(lines))
     other = choice.layout if request.robust else choice.sturdy
     if set(other.lines) != set(lines):
         aimed = "for the best result if none is lost" if request.robust else "to bear a loss best"
         whole = criterion_of(aim, candidates, other.lines)
         worst = float(without_each(aim, candidates, other.lines).max())
         yield Gain(
-            what=f"{len(other.lines)} lines laid {aimed}",
+            what=f"{len(other.lines)} {several} laid {aimed}",
             mean_sigma=whole,
             worst_without=worst if worst < NOTHING_HOLDS * whole else None,
         )
@@ -191,6 +240,20 @@ def gains(
         except (GeometryError, SingularError):
             return
         yield Gain(what="one more photo", mean_sigma=mean_sigma(after))
+
+
+def _instead(
+    scene: PlanScene, request: PlanRequest, wanted: Wanted, choice: Choice, count: int
+) -> Iterator[Gain]:
+    """As many plates instead of the lines, or lines instead of the plates, where they fit."""
+    laid: Laid = "plates" if choice.laid == "lines" else "lines"
+    try:
+        options = lines_or_plates(scene, choice.flight.cameras, wanted, lengths(request, laid))
+    except GeometryError:
+        return
+    found = best_layout(options.aim, options.candidates, count).lines
+    sigma = criterion_of(plain_mean(options), options.candidates, found)
+    yield Gain(what=f"{len(found)} {laid} in place of these {choice.laid}", mean_sigma=sigma)
 
 
 def one_photo_more(scene: PlanScene, request: PlanRequest, flown: Flight) -> Flight | None:

@@ -41,6 +41,12 @@ def site_of(site: Site, request: PlanRequest, file: AreaFile | None, path: Path)
     away = np.linalg.norm(on_map(middle[None], site)[0])
     if away <= FAR_M:
         return site
+    if np.linalg.norm(on_map(middle[None, ::-1], site)[0]) <= FAR_M:
+        raise InputError(
+            path.parent / str(request.area),
+            "has latitude and longitude in the wrong order: GeoJSON and KML have the longitude "
+            "first",
+        )
     by_place = any(not isinstance(one, str) for each in request.wanted for one in each.points)
     if by_place or (request.no_go and not isinstance(request.no_go, str)):
         raise InputError(

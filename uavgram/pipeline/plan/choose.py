@@ -16,7 +16,7 @@ from uavgram.estimation.planning.layouts import (
 )
 from uavgram.estimation.planning.losses import surviving
 from uavgram.model.arrays import Floats
-from uavgram.model.planned.request import PlanRequest
+from uavgram.model.planned.request import Laid, PlanRequest
 from uavgram.pipeline.plan.possible import Possible, possible
 from uavgram.pipeline.progress import Progress
 from uavgram.stages.plan.flights import Flight
@@ -28,6 +28,9 @@ SPOTS_AT_FIRST = 100
 
 MINUTES_PER_LINE = 3.0
 """To mark both ends, pull the tape, read it twice, and write it down."""
+
+MINUTES_PER_PLATE = 1.0
+"""To lay it flat where it shall be, and to fetch it afterwards: the program finds its corners."""
 
 MINUTES_PER_PHOTO = 0.25
 """To pick its points, with the program's help, or to look at what it found."""
@@ -45,8 +48,8 @@ class Choice(NamedTuple):
 
     Attributes
     ----------
-    flight, possible
-        The flight, and what lines it allows.
+    flight, possible, laid
+        The flight, and what lines or plates it allows.
     layout, sturdy
         The best one, and one of as many lines that bears the loss of any.
     """
@@ -55,10 +58,12 @@ class Choice(NamedTuple):
     possible: Possible
     layout: Chosen
     sturdy: Chosen
+    laid: Laid = "lines"
 
 
 class _Tried(NamedTuple):
     flight: Flight
+    laid: Laid
     lines: int
     criterion: float
     worst: float  # largest share of what is good enough; NaN where nobody said
@@ -73,6 +78,8 @@ def choose(
     progress: Progress,
 ) -> Choice:
     """Compare flights with few possible places for lines, then lay out the best one with many.
+
+    So with plates, where these are asked for.
 
     Parameters
     ----------
@@ -94,15 +101,15 @@ def choose(
     tried: list[_Tried] = []
     refused: GeometryError | None = None
     for one in progress(flown, "comparing flights", len(flown)):
-        try:
-            tried += _try(scene, request, wanted, one, enough)
-        except GeometryError as why:
-            refused = refused or why
+        for laid in kinds(request):
+            try:
+                tried += _try(scene, request, wanted, (one, laid), enough)
+            except GeometryError as why:
+                refused = refused or why
     if not tried:
         raise refused or GeometryError("no line fits into the area: allow shorter ones")
     best = _least_effort(tried)
-    lengths = request.shortest_line_m, request.longest_tape_m
-    options = possible(scene, best.flight.cameras, wanted, lengths, enough)
+    options = possible(scene, best.flight.cameras, wanted, lengths(request, best.laid), enough)
     layout = best_layout(options.aim, options.candidates, best.lines)
     if request.lines is None and best.worst <= 1.0:  # exchange may do with one line less
         layout = _fewer(options, layout, least_lines(scene, best.flight))
@@ -111,7 +118,17 @@ def choose(
         sturdy = surviving(options.aim, options.candidates, layout)
     if sturdy.criterion < layout.criterion:  # another start for the exchanges, a better one
         layout = exchanged(options.aim, options.candidates, sturdy)
-    return Choice(best.flight, options, layout, sturdy)
+    return Choice(best.flight, options, layout, sturdy, best.laid)
+
+
+def kinds(request: PlanRequest) -> tuple[Laid, ...]:
+    """What may be laid out."""
+    return ("lines", "plates") if request.lay == "either" else (request.lay,)
+
+
+def lengths(request: PlanRequest, laid: Laid) -> tuple[float, float] | None:
+    """Between which lengths lines lie; None of plates."""
+    return (request.shortest_line_m, request.longest_tape_m) if laid == "lines" else None
 
 
 def least_lines(scene: PlanScene, flight: Flight) -> int:
@@ -127,11 +144,17 @@ def good_enough(request: PlanRequest, wanted: Wanted) -> Floats:
 
 
 def _try(
-    scene: PlanScene, request: PlanRequest, wanted: Wanted, one: Flight, enough: Floats
+    scene: PlanScene,
+    request: PlanRequest,
+    wanted: Wanted,
+    way: tuple[Flight, Laid],
+    enough: Floats,
 ) -> list[_Tried]:
-    """A flight with each number of lines, as greedy choice lays them."""
-    lengths = request.shortest_line_m, request.longest_tape_m
-    options = possible(scene, one.cameras, wanted, lengths, enough, SPOTS_AT_FIRST)
+    """A flight with each number of lines or plates, as greedy choice lays them."""
+    one, laid = way
+    between = lengths(request, laid)
+    options = possible(scene, one.cameras, wanted, between, enough, SPOTS_AT_FIRST)
+    each = MINUTES_PER_LINE if laid == "lines" else MINUTES_PER_PLATE
     most = request.lines if request.lines is not None else request.most_lines
     least = request.lines if request.lines is not None else least_lines(scene, one)
     start = Chosen((), options.aim.criterion(covariance_of(options.aim.information)))
@@ -139,12 +162,11 @@ def _try(
     return [
         _Tried(
             one,
+            laid,
             len(layout.lines),
             layout.criterion,
             worst_share(options, layout),
-            one.duration_s / 60.0
-            + MINUTES_PER_PHOTO * one.photos
-            + MINUTES_PER_LINE * len(layout.lines),
+            one.duration_s / 60.0 + MINUTES_PER_PHOTO * one.photos + each * len(layout.lines),
         )
         for layout in layouts
         if len(layout.lines) >= min(least, len(layouts) - 1)

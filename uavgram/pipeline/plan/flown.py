@@ -54,10 +54,19 @@ def flown(scenario: Scenario, asked: Asked, planned: FlightPlanned) -> Scenario:
             SceneLine(name=name, start=start, end=end)
             for name, start, end in zip(lines.name, lines.start_label, lines.end_label, strict=True)
         ),
+        plates=replace(scenario.plates, at=_plates(site, planned)),
         control=(),
         measurements=wanted.requests,
         plan=None,
     )
+
+
+def _plates(site: Site, planned: FlightPlanned) -> tuple[tuple[float, float, float], ...]:
+    plates = planned.plates
+    xy = in_scene_axes(site, plates.center_world_m[:, :2])
+    side = plates.corner_world_m[:, 1] - plates.corner_world_m[:, 0]
+    turn = np.rad2deg(np.arctan2(side[:, 1], side[:, 0])) + site.road_azimuth_deg - 90.0
+    return tuple(zip(*xy.T.tolist(), turn.tolist(), strict=True)) if len(xy) else ()
 
 
 def in_scene_axes(site: Site, east_north_m: Floats) -> Floats:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.errors import GeometryError
+from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.parts import (
     PlannedFrames,
@@ -20,6 +22,7 @@ from uavgram.pipeline.plan.accuracy import (
     mean_sigma,
     planned_lines,
     planned_measurements,
+    planned_plates,
 )
 from uavgram.pipeline.plan.choose import Choice, choose
 from uavgram.pipeline.plan.predicted import predicted
@@ -55,8 +58,15 @@ def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> Fl
     choice = choose(scene, request, wanted, flown, progress)
     layout = choice.sturdy if request.robust else choice.layout
     ends = ends_of(choice.possible, layout.lines)
-    found = predicted(scene, choice.flight.cameras, wanted, ends)
+    try:
+        found = predicted(scene, choice.flight.cameras, wanted, ends)
+    except SingularError as fault:
+        raise GeometryError(
+            f"with {len(ends)} reference {choice.laid} nothing says where the photos were taken "
+            "from: allow more (lines), or fly with a log (telemetry)"
+        ) from fault
     lines = planned_lines(scene, choice, layout.lines, found)
+    plates = planned_plates(scene, choice, layout.lines)
     shown = scene.requests
     measured = planned_measurements(request, wanted, found)
     return FlightPlanned(
@@ -84,12 +94,15 @@ def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> Fl
         ),
         frames=_frames(scene, choice),
         lines=lines,
+        plates=plates,
         points=PlannedPoints(label=scene.label, world_m=scene.on_ground(scene.point_m)),
         measurements=measured if shown else _nothing(),
         grid=accuracy_grid(scene, choice, layout.lines),
         mean_sigma=mean_sigma(found),
         gains=tuple(gains(scene, request, wanted, choice, layout.lines)),
-        messages=tuple(remarks(lines, measured, gained_by(choice.possible, layout.lines))),
+        messages=tuple(
+            remarks((lines, plates), measured, gained_by(choice.possible, layout.lines))
+        ),
     )
 
 

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from uavgram.errors import InputError
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
-from uavgram.estimation.planning.elimination import Functions, eliminated, of_points
+from uavgram.estimation.planning.elimination import Functions, eliminated, whitened_readings
 from uavgram.estimation.planning.layouts import Aim, Candidates, covariance_of, with_one_more
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -195,10 +195,11 @@ def _candidates(adjustment: Adjustment, places: _Places, pairs: Ints, sigma_m: f
         raise ValueError("places that photos show lie in front of them")
     tapes = blocks["lengths"]
     points = eliminated(problem, {k: v for k, v in blocks.items() if k in OF_POINTS})
-    readings = of_points(points, problem.layout, tapes.columns, tapes.jacobian[:, 0])
-    return Candidates(
-        Functions(readings.gradient, readings.variance + 1.0), row[pairs], points.root
+    ends = row[pairs]
+    whitened = whitened_readings(
+        points, problem.layout, tapes.columns[:, None], tapes.jacobian, ends
     )
+    return Candidates(whitened, ends, points.root)
 
 
 OF_POINTS = ("pixels", "roughness", "idle")

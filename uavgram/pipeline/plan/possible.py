@@ -14,15 +14,20 @@ from uavgram.estimation.planning.elimination import (
     Functions,
     eliminated,
     of_all_points,
-    of_points,
+    whitened_readings,
 )
 from uavgram.estimation.planning.layouts import Aim, Candidates, covariance_of, greedy
-from uavgram.model.arrays import Bools, Floats
+from uavgram.geometry.ground.polygons import contains
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.pipeline.plan.survey import Lines, Marks, hardly_known, planned_survey
 from uavgram.stages.plan.cameras import Cameras, seen
 from uavgram.stages.plan.scene import PlanScene
 from uavgram.stages.plan.spots import MOST_SPOTS, joined, spots
 from uavgram.stages.plan.wanted import Wanted, equal_weights
+from uavgram.stages.plate_sides import SIDES
+
+PLATES_M = 8.0
+"""A grid of places for plates need not be finer than a third of that."""
 
 LINES_AT_FIRST = 3
 """With which the sigmas of what is measured in other units than metres are compared."""
@@ -30,7 +35,7 @@ LINES_AT_FIRST = 3
 
 @dataclass(frozen=True, eq=False)
 class Possible:
-    """Lines that could be laid out for a flight.
+    """Lines, or plates, that could be laid out for a flight.
 
     Attributes
     ----------
@@ -39,7 +44,7 @@ class Possible:
     candidates
         Each line.
     spot_m
-        (K, 2) where ends may lie: `Candidates.ends` counts them.
+        (K, 2) where ends, or corners, may lie: `Candidates.ends` counts them.
     kind, unit, enough
         (M,) of what is wanted, and the sigma that is good enough; NaN where nobody said.
     """
@@ -56,11 +61,11 @@ def possible(
     scene: PlanScene,
     cameras: Cameras,
     wanted: Wanted,
-    lengths_m: tuple[float, float],
+    lengths_m: tuple[float, float] | None,
     good_enough: Floats | None = None,
     most_spots: int = MOST_SPOTS,
 ) -> Possible:
-    """Reckon what each line between any two places would tell.
+    """Reckon what each line between any two places would tell, or a plate at any.
 
     Parameters
     ----------
@@ -69,7 +74,7 @@ def possible(
     wanted
         What is measured.
     lengths_m
-        Shortest and longest line.
+        Shortest and longest line; None: plates.
     good_enough
         (requests,) sigmas that are good enough; NaN where nobody said.
     most_spots
@@ -80,22 +85,17 @@ def possible(
     GeometryError
         A point that is wanted is in no photo for certain, or no line is.
     """
-    spot = spots(scene.area_m, scene.no_go_m, lengths_m[1], most_spots)
-    world = scene.on_ground(np.concatenate([wanted.point_m, spot]))
+    spot = _places(scene, lengths_m, most_spots)
+    world = np.concatenate([scene.on_ground(wanted.point_m), spot])
     found = seen(scene.calibration, cameras, world, scene.deviation)
     require_seen(wanted, found.certain)
     count = len(wanted.label)
-    shown = found.certain[:, count:].astype(np.float64)
-    pairs = joined(world[count:], scene.no_go_m, shown.T @ shown > 0, lengths_m)
-    if not len(pairs):
-        raise GeometryError(
-            f"no line of {lengths_m[0]:g} to {lengths_m[1]:g} m fits into the area, clear of what "
-            "is out of bounds, and lies in a photo for certain: fly higher, take more photos, or "
-            "allow shorter lines (shortest_line_m)"
-        )
-    marks = Marks((*wanted.label, *(f"spot{i}" for i in range(len(spot)))), world, found)
-    names = tuple(f"line{i}" for i in range(len(pairs)))
-    planned = planned_survey(scene, cameras, marks, Lines(names, pairs + count))
+    groups, known = _groups(scene, spot, found.certain[:, count:], lengths_m)
+    corners = len(spot) if lengths_m is None else 0
+    label = (*wanted.label, *(f"spot{i}" for i in range(len(spot))))
+    pairs = groups[:, known].reshape(-1, 2)
+    lines = Lines(tuple(f"line{i}" for i in range(len(pairs))), pairs + count, bool(corners))
+    planned = planned_survey(scene, cameras, Marks(label, world, found, corners), lines)
     problem, layout = planned.problem, planned.problem.layout
     blocks = planned.blocks()
     tapes = blocks.pop("lengths")
@@ -107,23 +107,60 @@ def possible(
     asked = of_all_points(points, layout, values.gradient)
     others = np.array([sum(part**2 for part in row.others.values()) for row in values.rows])
     asked = Functions(asked.gradient, asked.variance + others)
-    readings = of_points(points, layout, tapes.columns, tapes.jacobian[:, 0])
-    readings = Functions(  # the rows are whitened: a reading's own variance is one
-        readings.gradient, readings.variance + 1.0
-    )
     row_of = np.full(len(world), -1)
     row_of[planned.mark] = np.arange(len(planned.mark))
     used = np.flatnonzero(row_of[count:] >= 0)
     renumbered = np.full(len(spot), -1)
     renumbered[used] = np.arange(len(used))
     wanted_rows = row_of[:count]
-    candidates = Candidates(readings, renumbered[pairs], points.root[row_of[count:][used]])
+    by_group = (len(groups), len(known), -1)
+    whitened = whitened_readings(
+        points,
+        layout,
+        tapes.columns.reshape(by_group),
+        tapes.jacobian.reshape(by_group),
+        row_of[count:][groups],
+    )
+    candidates = Candidates(whitened, renumbered[groups], points.root[row_of[count:][used]])
     information = points.base + points.information(wanted_rows)
     aim = Aim(information, asked, np.full(len(values.rows), 1.0 / len(values.rows)))
     enough = _by_value(values.rows, wanted, good_enough)
     kind = tuple(row.request.kind for row in values.rows)
     aim = replace(aim, weight=_weights(aim, candidates, (kind, values.unit), enough))
-    return Possible(aim, candidates, spot[used], kind, values.unit, enough)
+    return Possible(aim, candidates, spot[used, :2], kind, values.unit, enough)
+
+
+def _places(scene: PlanScene, lengths_m: tuple[float, float] | None, most: int) -> Floats:
+    """(K, 3) where ends of lines may lie; the corners of all possible plates, plate by plate."""
+    if lengths_m is not None:
+        return scene.on_ground(spots(scene.area_m, scene.no_go_m, lengths_m[1], most))
+    middle = spots(scene.area_m, scene.no_go_m, PLATES_M, most)
+    corner = scene.plates_at(middle)
+    free = np.ones(len(middle), dtype=np.bool_)
+    for polygon in scene.no_go_m:
+        free &= ~contains(polygon, corner[..., :2].reshape(-1, 2)).reshape(-1, 4).any(axis=1)
+    return corner[free].reshape(-1, 3)
+
+
+def _groups(
+    scene: PlanScene, spot_m: Floats, certain: Bools, lengths_m: tuple[float, float] | None
+) -> tuple[Ints, Ints]:
+    """(N, m) spots that belong together, and (q, 2) between which of them lengths are known."""
+    shown = certain.astype(np.float64)
+    if lengths_m is None:
+        four = np.arange(len(spot_m)).reshape(-1, 4)
+        groups = four[certain[:, four].all(axis=2).any(axis=0)]
+        what, known = "plate", np.array(SIDES)
+    else:
+        groups = joined(spot_m, scene.no_go_m, shown.T @ shown > 0, lengths_m)
+        what, known = f"line of {lengths_m[0]:g} to {lengths_m[1]:g} m", np.array([[0, 1]])
+    if not len(groups):
+        shorter = ", or allow shorter lines (shortest_line_m)" if lengths_m else ""
+        raise GeometryError(
+            f"no {what} fits into the area, clear of what is out of bounds, and lies in a photo "
+            f"for certain: fly higher, take more photos{shorter}"
+        )
+    return groups, known
 
 
 def require_seen(wanted: Wanted, certain: Bools) -> None:

@@ -10,10 +10,12 @@ from uavgram.estimation.measuring.propagation import propagate
 from uavgram.estimation.reliability.redundancy import minimal_detectable_bias, reliability
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
+from uavgram.model.target_families import CORNERS, corner_label
 from uavgram.pipeline.plan.survey import Lines, Marks, PlannedSurvey, planned_survey
 from uavgram.stages.plan.cameras import Cameras, seen
 from uavgram.stages.plan.scene import PlanScene
 from uavgram.stages.plan.wanted import Wanted
+from uavgram.stages.plate_sides import SIDES
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +29,7 @@ class Predicted:
     request
         (M,) which of the requests each is of.
     redundancy, mdb_m
-        (L,) of the lines: see `PlannedLines`.
+        (L,) of the lines, of plates of each of their lengths: see `PlannedLines`.
     """
 
     name: tuple[str, ...]
@@ -43,23 +45,28 @@ class Predicted:
 def survey_with(
     scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats
 ) -> PlannedSurvey:
-    """The survey of wanted points and lines (L, 2, 2) on the ground.
+    """The survey of wanted points, and of lines or plates on the ground.
 
     Parameters
     ----------
     scene, cameras, wanted
         Ground, photos, and what is measured.
     ends_m
-        (L, 2, 2) ends of the lines.
+        (L, 2, 2) ends of the lines, or (L, 4, 2) corners of the plates.
     """
-    count, lines = len(wanted.label), len(ends_m)
+    count, (laid, marks_each) = len(wanted.label), ends_m.shape[:2]
+    of_plates = marks_each == CORNERS
     world = scene.on_ground(np.concatenate([wanted.point_m, ends_m.reshape(-1, 2)]))
-    label = (*wanted.label, *(f"L{i + 1}{end}" for i in range(lines) for end in "ab"))
-    marks = Marks(label, world, seen(scene.calibration, cameras, world, scene.deviation))
-    pairs = count + np.arange(2 * lines).reshape(-1, 2)
-    return planned_survey(
-        scene, cameras, marks, Lines(tuple(f"L{i + 1}" for i in range(lines)), pairs)
-    )
+    own = [
+        corner_label(i, c) if of_plates else f"L{i + 1}{'ab'[c]}"
+        for i, c in np.ndindex(laid, marks_each)
+    ]
+    found = seen(scene.calibration, cameras, world, scene.deviation)
+    marks = Marks((*wanted.label, *own), world, found, len(own) if of_plates else 0)
+    groups = count + np.arange(len(own)).reshape(laid, marks_each)
+    pairs = groups[:, np.array(SIDES if of_plates else ((0, 1),))].reshape(-1, 2)
+    names = tuple(f"L{i + 1}" for i in range(len(pairs)))
+    return planned_survey(scene, cameras, marks, Lines(names, pairs, of_plates))
 
 
 def predicted(scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats) -> Predicted:
@@ -72,7 +79,7 @@ def predicted(scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats
     wanted
         What is measured.
     ends_m
-        (L, 2, 2) ends of the reference lines.
+        (L, 2, 2) ends of the reference lines, or (L, 4, 2) corners of the plates.
 
     Raises
     ------
@@ -86,7 +93,7 @@ def predicted(scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats
     redundancy = np.zeros(0)
     if len(ends_m):
         redundancy = reliability(blocks["lengths"], adjustment.covariance).redundancy[:, 0]
-    sigma = np.full(len(redundancy), scene.tape_sigma_m)
+    sigma = planned.problem.survey.length_sigma_m
     place = {request.name: k for k, request in enumerate(wanted.requests)}
     return Predicted(
         name=values.name,

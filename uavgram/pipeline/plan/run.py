@@ -10,9 +10,9 @@ from uavgram.config.scenario_text import scenario_text
 from uavgram.errors import GeometryError, InputError
 from uavgram.io.exports.kml import write_kml
 from uavgram.io.exports.layers_geojson import write_layers_geojson
-from uavgram.io.exports.mission_litchi import write_litchi
-from uavgram.io.exports.mission_qgc import write_qgc_plan
-from uavgram.io.exports.mission_waypoints import write_waypoints
+from uavgram.io.exports.mission_litchi import litchi_text
+from uavgram.io.exports.mission_qgc import qgc_plan_text
+from uavgram.io.exports.mission_waypoints import waypoints_text
 from uavgram.io.outputs import replace_bytes, replace_text, staged_output
 from uavgram.io.results.plan_json import write_plan
 from uavgram.model.maps.mission import Autopilot, HeightFrame
@@ -25,6 +25,7 @@ from uavgram.pipeline.plan.make import plan_of
 from uavgram.pipeline.plan.scene import scene_of
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.products.mission import flight_mission
 from uavgram.stages.products.planned_layers import plan_layers
 from uavgram.views.field_sheet.page import NAME as SHEET
 from uavgram.views.field_sheet.page import field_sheet, field_sheet_pdf
@@ -114,6 +115,7 @@ def write_outputs(
     """
     if made.pdf is not None:
         weasyprint_for(SHEET)
+    mission = flight_mission(planned, made.autopilot, made.heights)
     layers, sheet = plan_layers(planned), field_sheet(planned, made.units)
     with staged_output(folder, [source]) as hidden:
         replace_text(hidden / SHEET_FILE, sheet)
@@ -122,9 +124,9 @@ def write_outputs(
         write_layers_geojson(layers, hidden / "plan.geojson")
         write_kml(layers, hidden / "plan.kml")
         if made.autopilot == "ardupilot":
-            write_waypoints(hidden / "mission.waypoints", planned, made.heights)
-        write_qgc_plan(hidden / "mission.plan", planned, made.autopilot, made.heights)
-        write_litchi(hidden / "mission_litchi.csv", planned, made.heights)
+            replace_text(hidden / "mission.waypoints", waypoints_text(mission))
+        replace_text(hidden / "mission.plan", qgc_plan_text(mission))
+        replace_text(hidden / "mission_litchi.csv", litchi_text(mission))
         write_plan_recording(planned, hidden / "plan.rrd", made.units)
         write_plan(planned, hidden / PLAN_FILE)
         remark = "The planned survey: `uavgram simulate` repeats it against known truth."

@@ -10,6 +10,7 @@ import numpy as np
 
 from uavgram.errors import InputError, near_miss
 from uavgram.io.area_file import AreaFile, read_areas
+from uavgram.io.tables.measure import PARAMETERS, points_fault
 from uavgram.model.arrays import Floats
 from uavgram.model.options import GroundOptions, MountOptions, TapeOptions, TelemetryOptions
 from uavgram.model.planned.request import PlanRequest
@@ -86,6 +87,7 @@ def scene_of(scenario: Scenario, path: Path) -> Asked:
             roughness_sigma_m=request.roughness_m,
         ),
         tape=TapeOptions(scale_sigma=stated.tape_scale_sigma),
+        plates=scenario.plates,
         logged=_logged(scenario),
         picks_sigma_px=errors.pick_px,
         tape_sigma_m=errors.tape_m,
@@ -148,12 +150,12 @@ def _wanted(
                 )
             label[name] = at
             names.append(name)
-        requests.append(
-            MeasurementRequest(
-                name=wanted.name,
-                kind=wanted.kind,
-                points=tuple(names),
-                parameters=wanted.parameters,
-            )
+        asked = MeasurementRequest(
+            name=wanted.name, kind=wanted.kind, points=tuple(names), parameters=wanted.parameters
         )
+        given = dict(wanted.parameters)
+        missing = [one for one in PARAMETERS.get(wanted.kind, ()) if one not in given]
+        if fault := points_fault(asked) or (missing and f"needs {' and '.join(missing)}"):
+            raise InputError(path, f"plan.wanted: {wanted.name!r}: {fault}")
+        requests.append(asked)
     return tuple(requests), tuple(label), np.array(list(label.values())).reshape(-1, 2)

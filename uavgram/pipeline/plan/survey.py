@@ -19,27 +19,40 @@ from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.stages.assemble import Observations, assemble
 from uavgram.stages.plan.cameras import Cameras, Seen
 from uavgram.stages.plan.scene import Logged, PlanScene
+from uavgram.stages.plate_sides import OWN_SHARE, SQUARE, TAPE, own_scale
 from uavgram.stages.seed.poses import seed
 
-HARDLY_KNOWN = (1000.0, 3.0)
+HARDLY_KNOWN = (300.0, 3.0)
 """Sigmas of a pose [m, rad] of which nothing is known: layouts begin with no line at all."""
 
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """K marks on the ground and where photos show them: (K,) labels, (K, 3) places, in F photos."""
+    """K marks on the ground and where photos show them.
+
+    Attributes
+    ----------
+    label, world_m
+        (K,), (K, 3) of each.
+    seen
+        In F photos.
+    corners
+        How many of them, the last ones, are corners of plates.
+    """
 
     label: tuple[str, ...]
     world_m: Floats
     seen: Seen
+    corners: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """L lines between marks: (L,) names, (L, 2) rows of the marks."""
+    """L known lengths between marks, taped ones or those of plates: (L,) names, (L, 2) rows."""
 
     name: tuple[str, ...]
     ends: Ints
+    of_plates: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +121,9 @@ def planned_survey(scene: PlanScene, cameras: Cameras, marks: Marks, lines: Line
     marks
         What is picked in each photo that shows it for certain; marks that none shows stay out.
     lines
-        What is taped between marks.
+        What is known between marks.
     """
+    plates = scene.plates
     name = tuple(f"P{i + 1}" for i in range(len(cameras.center_m)))
     mark, frame = np.nonzero(marks.seen.certain.T)
     length = np.linalg.norm(np.diff(marks.world_m[lines.ends], axis=1)[:, 0], axis=1)
@@ -122,7 +136,9 @@ def planned_survey(scene: PlanScene, cameras: Cameras, marks: Marks, lines: Line
                 image=tuple(name[i] for i in frame),
                 label=tuple(marks.label[k] for k in mark),
                 pixel_px=marks.seen.pixel_px[frame, mark],
-                sigma_px=np.full(len(mark), scene.picks_sigma_px),
+                sigma_px=np.where(
+                    mark < len(marks.label) - marks.corners, scene.picks_sigma_px, plates.corner_px
+                ),
                 height_m=np.full(len(mark), np.nan),
             ),
             lines=KnownLines(
@@ -130,13 +146,20 @@ def planned_survey(scene: PlanScene, cameras: Cameras, marks: Marks, lines: Line
                 start=tuple(marks.label[k] for k in lines.ends[:, 0]),
                 end=tuple(marks.label[k] for k in lines.ends[:, 1]),
                 length_m=length,
-                sigma_m=np.full(len(length), scene.tape_sigma_m),
+                sigma_m=np.full(
+                    len(length),
+                    OWN_SHARE * plates.sigma_m if lines.of_plates else scene.tape_sigma_m,
+                ),
                 adjust=np.ones(len(length), dtype=np.bool_),
+                tape=(TAPE,) * len(length) if lines.of_plates else (),
             ),
             telemetry=None if exposures is None else _telemetry(frames, exposures, scene),
             ground=replace(scene.ground, height_m=scene.height_m),
             picks_sigma_px=scene.picks_sigma_px,
             tape=scene.tape,
+            own_scale_sigma=own_scale(SQUARE * plates.side_m, plates.sigma_m)
+            if lines.of_plates
+            else (),
             photos=name,
         )
     ).survey

@@ -13,9 +13,11 @@ from uavgram.model.options import (
     Project,
     SolveOptions,
     TapeOptions,
+    TargetOptions,
     TelemetryOptions,
     TimeOptions,
 )
+from uavgram.model.scenario.plates import FAMILY
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.scenario.simulated import SimulatedSurvey
 from uavgram.pipeline.measure.inputs import Inputs
@@ -72,7 +74,7 @@ def project_of(scenario: Scenario, noise: str | None = None) -> Project:
     noise
         In place of what it states of `solve.noise`.
     """
-    stated, errors = scenario.stated, scenario.errors
+    stated, errors, plates = scenario.stated, scenario.errors, scenario.plates
     return Project(
         name=scenario.name,
         images=("photos/*.jpg",),
@@ -108,6 +110,9 @@ def project_of(scenario: Scenario, noise: str | None = None) -> Project:
             outliers=stated.outliers, noise="stated" if noise == "stated" else stated.noise
         ),
         tape=TapeOptions(scale_sigma=stated.tape_scale_sigma),
+        targets=TargetOptions(family=FAMILY, side_m=plates.side_m, sigma_m=plates.sigma_m)
+        if plates.at
+        else None,
     )
 
 

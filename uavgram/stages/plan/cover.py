@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.ground.polygons import long_axis
+from uavgram.geometry.ground.polygons import contains, long_axis
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.request import PlanRequest
 from uavgram.stages.plan.cameras import Cameras, seen
@@ -132,6 +132,11 @@ def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) 
     more = "" if "grid" in request.patterns else " allow the pattern grid,"
     if max(heights_to_try(request)) < request.max_height_m:
         more = f" fly higher (heights_m),{more}"
+    away = np.linalg.norm(scene.point_m - scene.area_m.mean(axis=0), axis=1)
+    away[contains(scene.area_m, scene.point_m)] = 0.0
+    if away.any():
+        farthest = scene.label[int(away.argmax())]
+        more += f" leave out what lies outside of the area ({farthest}),"
     return (
         f"{area}: from at most {max(heights_to_try(request)):g} m up, no flight ({tried}) shows "
         f"all of it for certain, as the drone may depart by {request.deviation_m:g} m and "

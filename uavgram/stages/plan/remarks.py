@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.model.message import Message
-from uavgram.model.planned.parts import PlannedLines, PlannedMeasurements
+from uavgram.model.planned.parts import PlannedLines, PlannedMeasurements, PlannedPlates
 
 LARGE_M = 0.3
 """A mistake of a tape reading that people do make: a slipped decimetre mark or three."""
@@ -16,16 +16,19 @@ LEAST_GAIN = 0.1
 """Share of the sigmas that reference lines must take away to be worth the work."""
 
 
-def remarks(lines: PlannedLines, measured: PlannedMeasurements, gained: float) -> Iterator[Message]:
+def remarks(
+    laid: tuple[PlannedLines, PlannedPlates], measured: PlannedMeasurements, gained: float
+) -> Iterator[Message]:
     """What to know of a plan before flying.
 
     Parameters
     ----------
-    lines, measured
-        As they will be.
+    laid, measured
+        As they will be; there are either lines or plates.
     gained
-        Share of the mean sigma that the lines take away; 1 where nothing holds without them.
+        Share of the mean sigma that they take away; 1 where nothing holds without them.
     """
+    lines, plates = laid
     if len(lines.name) and gained < LEAST_GAIN:
         yield Message(
             "warning",
@@ -47,6 +50,13 @@ def remarks(lines: PlannedLines, measured: PlannedMeasurements, gained: float) -
             "more sharply, or accept it.",
             measurements=(measured.name[i],),
         )
+    if len(plates.name) and gained < LEAST_GAIN:
+        yield Message(
+            "warning",
+            "plan-lines-useless",
+            f"Plates of {plates.side_m:g} m make what is measured only {100 * gained:.0f} % more "
+            "certain than none. Use larger ones, tape long lines (lay: lines), or save the work.",
+        )
     passes = np.isnan(lines.mdb_m) | (lines.mdb_m > LARGE_M)
     if passes.any():
         names = tuple(lines.name[i] for i in np.flatnonzero(passes))
@@ -67,4 +77,13 @@ def remarks(lines: PlannedLines, measured: PlannedMeasurements, gained: float) -
             f"Without {', '.join(names)} the photos hang on too little, and nothing could be "
             "measured to any use. Tape one more line, or write `robust: true` in the plan.",
             lengths=names,
+        )
+    needed = np.isnan(plates.mean_sigma_without)
+    if needed.any():
+        names = tuple(plates.name[i] for i in np.flatnonzero(needed))
+        yield Message(
+            "warning",
+            "plan-needs-line",
+            f"Without the plate {', '.join(names)} the photos hang on too little, and nothing "
+            "could be measured to any use. Lay one more, or write `robust: true` in the plan.",
         )

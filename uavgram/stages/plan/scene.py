@@ -7,9 +7,12 @@ from typing import Annotated
 
 import numpy as np
 
+from uavgram.geometry.ground.polygons import long_axis
+from uavgram.geometry.ground.squares import squares_on_plane
 from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.options import GroundOptions, MountOptions, TapeOptions, TelemetryOptions
+from uavgram.model.scenario.plates import PlateSpec
 from uavgram.model.survey.observations import MeasurementRequest
 
 
@@ -54,6 +57,8 @@ class PlanScene(FrozenArrays):
         What is measured.
     ground, tape
         What is known of ground and tape beforehand; the ground's height is `height_m` there too.
+    plates
+        How large the plates are that could be laid, and how well they are known and found.
     logged
         The log; None: there is none.
     picks_sigma_px, tape_sigma_m
@@ -73,6 +78,7 @@ class PlanScene(FrozenArrays):
     requests: tuple[MeasurementRequest, ...] = ()
     ground: GroundOptions = field(default_factory=GroundOptions)
     tape: TapeOptions = field(default_factory=TapeOptions)
+    plates: PlateSpec = field(default_factory=PlateSpec)
     logged: Logged | None = field(default_factory=Logged)
     picks_sigma_px: float = 0.7
     tape_sigma_m: float = 0.01
@@ -82,3 +88,10 @@ class PlanScene(FrozenArrays):
         """(..., 3) places on the ground at (..., 2)."""
         up = self.height_m + (east_north_m - self.pivot_m) @ self.slope
         return np.concatenate([east_north_m, up[..., None]], axis=-1)
+
+    def plates_at(self, east_north_m: Floats) -> Floats:
+        """(N, 4, 3) corners of plates on the ground about (N, 2), along the area's longer side."""
+        _, axis, _ = long_axis(self.area_m)
+        turn = np.full(len(east_north_m), np.arctan2(axis[1], axis[0]))
+        middle = self.on_ground(east_north_m)
+        return squares_on_plane(middle, self.slope, turn, self.plates.side_m)

@@ -74,6 +74,12 @@ def plan_layers(planned: FlightPlanned) -> Features:
             end=lines.end_label,
         ),
         _layer(
+            "planned_plates",
+            "polygon",
+            tuple(planned.plates.corner_world_m),
+            name=planned.plates.name,
+        ),
+        _layer(
             "planned_line_ends",
             "point",
             tuple(np.concatenate([lines.start_world_m, lines.end_world_m])[:, None]),

@@ -85,10 +85,11 @@ def _unseen(survey: SimulatedSurvey) -> Iterator[SenselessKey]:
             "" if len(used) == 1 else f", nor of the {len(used) - 1} others"
         )
         yield SenselessKey(("lines",), f"{text}. Lay them where the photos look, or fly over them")
-    if not shown and scenario.telemetry == "none" and len(scenario.control) < 2:
+    plates = seen.intersection(scenario.plates.labels)
+    if not shown and not plates and scenario.telemetry == "none" and len(scenario.control) < 2:
         text = (
-            "is none, and there is no length and no control point in view: nothing says how large "
-            "anything is. Give lines, control or a log"
+            "is none, and there is no length, plate or control point in view: nothing says how "
+            "large anything is. Give lines, plates, control or a log"
         )
         yield SenselessKey(("telemetry",), text)
     if not any(set(one.points) <= seen for one in scenario.measurements):

@@ -43,7 +43,9 @@ def seen_pixels(
     places = np.repeat(truth.point_world_m[None], len(truth.frame_id), axis=0)
     if errors.identification_m:
         offset = places[..., :2] - surface.middle_m
-        moved = offset + errors.identification_m * rng.standard_normal(offset.shape)
+        by_person = np.arange(offset.shape[1]) < len(scenario.points)
+        size = errors.identification_m * by_person[:, None]
+        moved = offset + size * rng.standard_normal(offset.shape)
         rise = surface.up(moved.reshape(-1, 2)) - surface.up(offset.reshape(-1, 2))
         up = places[..., 2] + rise.reshape(offset.shape[:2])
         places = np.concatenate([moved + surface.middle_m, up[..., None]], axis=2)
@@ -57,7 +59,7 @@ def pick(
     pixel_px: Floats,
     rngs: tuple[np.random.Generator, np.random.Generator],
 ) -> Picks:
-    """Pick every mark that is wholly in a photo.
+    """Pick every mark that is wholly in a photo; the program picks the corners of plates.
 
     Parameters
     ----------
@@ -68,15 +70,20 @@ def pick(
     rngs
         Draw the noise, and which picks are worse than that.
     """
-    sigma, habits = scenario.errors.pick_px, scenario.habits
+    habits, corners = scenario.habits, len(scenario.plates.labels)
+    sigmas = np.repeat([scenario.errors.pick_px, scenario.plates.corner_px], _counts(scenario))
     limit = np.array([calibration.width_px, calibration.height_px]) - 1.0 - PICK_MARGIN_PX
     inside = np.all((pixel_px > PICK_MARGIN_PX) & (pixel_px < limit), axis=-1)
     frame, point = np.nonzero(inside)
-    noise = sigma * rngs[0].standard_normal((len(frame), 2))
+    sigma = sigmas[point]
+    noise = sigma[:, None] * rngs[0].standard_normal((len(frame), 2))
     if habits.heavy_tails:
         noise *= np.where(rngs[1].random((len(frame), 1)) < habits.heavy_tails, TAIL, 1.0)
-    stated = np.array([p.height_m if p.stated == "height" else 0.0 for p in scenario.points])
-    free = np.array([p.stated == "free" for p in scenario.points])
+    points = scenario.points
+    stated = np.array(
+        [p.height_m if p.stated == "height" else 0.0 for p in points] + [0.0] * corners
+    )
+    free = np.array([p.stated == "free" for p in points] + [False] * corners)
     label = [truth.label[i] for i in point]
     for first, second in habits.swapped:
         _swap(label, frame.tolist(), first, second)
@@ -85,10 +92,16 @@ def pick(
         image=tuple(truth.frame_id[i] for i in frame),
         label=tuple(label),
         pixel_px=pixel_px[inside] + habits.pick_factor * noise,
-        sigma_px=np.full(len(frame), sigma),
+        sigma_px=sigma,
         height_m=np.where(stated[at] != 0.0, stated[at], np.nan),
         is_free=free[at],
+        source=tuple("target" if i >= len(points) else "hand" for i in point) if corners else (),
     )
+
+
+def _counts(scenario: Scenario) -> tuple[int, int]:
+    """How many points there are, and how many corners of plates."""
+    return len(scenario.points), len(scenario.plates.labels)
 
 
 def _swap(label: list[str], frame: list[int], first: str, second: str) -> None:

@@ -7,9 +7,11 @@ from typing import Annotated
 
 import numpy as np
 
+from uavgram.geometry.ground.squares import squares_on_plane
 from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.scenario.ground import GroundSpec
 from uavgram.model.scenario.scenario import Scenario
+from uavgram.stages.plate_sides import OWN_SHARE
 from uavgram.stages.simulate.route import scene_axes
 
 WAVES = 200  # of a relief: enough for its heights to be normal
@@ -88,8 +90,12 @@ def draw_surface(scenario: Scenario, rng: np.random.Generator) -> Surface:
     )
 
 
+PLATE_STEP_M = 0.2
+"""To either side, over which the ground's slope below a plate is taken."""
+
+
 def point_positions(scenario: Scenario, surface: Surface, rng: np.random.Generator) -> Floats:
-    """World positions (K, 3) of the scenario's points: on the ground, or above it.
+    """World positions (K, 3) of the scenario's points and of its plates' corners.
 
     Parameters
     ----------
@@ -107,4 +113,26 @@ def point_positions(scenario: Scenario, surface: Surface, rng: np.random.Generat
     up = up + [point.height_m + raised.get(point.label, 0.0) for point in scenario.points]
     if surface.spec.relief_m and not surface.spec.relief_length_m:
         up = up + surface.spec.relief_m * rng.standard_normal(len(up))
-    return np.column_stack([offset + surface.middle_m, up])
+    points = np.column_stack([offset + surface.middle_m, up])
+    return np.concatenate([points, _plate_corners(scenario, surface, rng)])
+
+
+def _plate_corners(scenario: Scenario, surface: Surface, rng: np.random.Generator) -> Floats:
+    """(N, 3) of all plates: flat, as large as printed, on the ground below their middles."""
+    plates = scenario.plates
+    if not plates.at:
+        return np.zeros((0, 3))
+    placed = np.array(plates.at)
+    offset = placed[:, :2] @ surface.axes.T
+    up = surface.up(offset)
+    if surface.spec.relief_m and not surface.spec.relief_length_m:
+        up = up + surface.spec.relief_m * rng.standard_normal(len(up))
+    step = PLATE_STEP_M * np.array([[1.0, 0.0], [0.0, 1.0]])
+    slope = np.stack([surface.up(offset + d) - surface.up(offset - d) for d in step], axis=-1)
+    middle = np.column_stack([offset + surface.middle_m, up])
+    east = np.arctan2(*surface.axes[::-1, 0])
+    turn = east + np.deg2rad(placed[:, 2])
+    side = plates.side_m + plates.sigma_m * float(rng.standard_normal())
+    corners = squares_on_plane(middle, slope / (2 * PLATE_STEP_M), turn, side)
+    own = OWN_SHARE * plates.sigma_m / np.sqrt(2.0)
+    return np.asarray((corners + own * rng.standard_normal(corners.shape)).reshape(-1, 3))

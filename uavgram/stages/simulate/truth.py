@@ -49,7 +49,7 @@ def survey_truth(
     """
     (motion, biases), (surface, points) = flown, ground
     center, rotation = true_poses(motion, biases, motion.exposure_time_s[stored])
-    row = {point.label: i for i, point in enumerate(scenario.points)}
+    row = {label: i for i, label in enumerate(scenario.labels)}
     ends = np.array([[row[line.start], row[line.end]] for line in scenario.lines], dtype=int)
     ends = ends.reshape(-1, 2)
     names, values, units = measured_values(requests, row, points)

@@ -20,6 +20,8 @@ MOST_FOOTPRINTS = 8
 
 _TRIANGLE = np.array([[0.0, -11.0], [6.5, 7.0], [0.0, 3.0], [-6.5, 7.0]])
 _TICK = 7.0
+_LEAST_PLATE = 9.0
+"""Half of a plate's diagonal on paper, at least."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,8 @@ class FieldDrawing:
         Way of the drone; a triangle at each photo, its tip where the nose is.
     lines, ticks
         Reference lines, and a bar across each of their ends.
+    plates
+        Squares, drawn large enough to be seen.
     wanted, points
         What will be measured, and (x, y) of the points that it is measured between.
     names
@@ -59,6 +63,7 @@ class FieldDrawing:
     photos: tuple[str, ...]
     lines: tuple[str, ...]
     ticks: tuple[str, ...]
+    plates: tuple[str, ...]
     wanted: tuple[str, ...]
     points: tuple[tuple[float, float], ...]
     names: tuple[Name, ...]
@@ -73,6 +78,7 @@ def field_drawing(planned: FlightPlanned, units: Units) -> FieldDrawing:
         [
             *(planned.area_world_m, *planned.no_go_world_m, frames.center_world_m),
             *(lines.start_world_m, lines.end_world_m, points.world_m),
+            planned.plates.center_world_m,
         ]
     )
     paper = Paper.showing(shown)
@@ -91,6 +97,7 @@ def field_drawing(planned: FlightPlanned, units: Units) -> FieldDrawing:
         photos=_triangles(paper(frames.center_world_m), frames.heading_deg),
         lines=tuple(svg_points(np.stack(pair)) for pair in zip(starts, ends, strict=True)),
         ticks=_ticks(starts, ends),
+        plates=_plates(paper(planned.plates.corner_world_m)),
         wanted=tuple(svg_points(paper(strip)) for some in wanted_shapes(planned) for strip in some),
         points=tuple((x, y) for x, y in paper(points.world_m).tolist()),
         names=placed_names(planned, paper, units),
@@ -106,6 +113,13 @@ def _triangles(places: Floats, heading_deg: Floats) -> tuple[str, ...]:
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], axis=1)
     corners = places[:, None] + np.einsum("nij,kj->nki", turn, _TRIANGLE)
     return tuple(svg_points(ring) for ring in corners)
+
+
+def _plates(corners: Floats) -> tuple[str, ...]:
+    middle = corners.mean(axis=1, keepdims=True)
+    half = np.linalg.norm(corners - middle, axis=-1, keepdims=True)
+    larger = np.maximum(_LEAST_PLATE / np.maximum(half, 1e-9), 1.0)
+    return tuple(svg_points(ring) for ring in middle + larger * (corners - middle))
 
 
 def _ticks(starts: Floats, ends: Floats) -> tuple[str, ...]:

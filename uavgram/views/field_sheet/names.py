@@ -16,10 +16,11 @@ from uavgram.views.field_sheet.paper import WIDTH, Paper
 from uavgram.views.planned.numbers import metres
 from uavgram.views.unit_words import in_units
 
-NameKind = Literal["line", "corner", "end", "wanted", "photo", "point"]
+NameKind = Literal["line", "plate", "corner", "end", "wanted", "photo", "point"]
 
 SIZES: dict[NameKind, float] = {
     "line": 15.0,
+    "plate": 15.0,
     "corner": 13.0,
     "end": 11.0,
     "wanted": 12.0,
@@ -28,7 +29,10 @@ SIZES: dict[NameKind, float] = {
 }
 """Height of the letters."""
 
-BOLD: frozenset[NameKind] = frozenset({"line", "corner"})
+BOLD: frozenset[NameKind] = frozenset({"line", "plate", "corner"})
+
+BAR_ROOM = WIDTH / 5 + 40.0
+"""What the scale bar takes at the lower left; the arrow to the north is at the upper right."""
 
 _HALF_LETTER, _HALF_LINE, _BESIDE = 0.31, 0.62, 8.0
 _HALF_TICK, _HALF_PHOTO, _HALF_POINT = 8.0, 9.0, 3.0
@@ -74,8 +78,13 @@ def placed_names(planned: FlightPlanned, paper: Paper, units: Units) -> tuple[Na
 
 
 def _taken(planned: FlightPlanned, paper: Paper) -> TextPlaces:
-    """What is drawn and must be seen: reference lines with their ends, photos, corners."""
+    """What is drawn and must be seen: reference lines with their ends, photos, bar and arrow."""
     places, lines = TextPlaces(), planned.lines
+    for x, y, half_width, half_height in (
+        (0.5 * BAR_ROOM, paper.height - 21.0, 0.5 * BAR_ROOM, 21.0),
+        (WIDTH - 26.0, 35.0, 26.0, 35.0),
+    ):
+        places.reserve(np.array([x, y, half_width, half_height, 0.0]))
     starts, ends = paper(lines.start_world_m), paper(lines.end_world_m)
     along = ends - starts
     half = np.linalg.norm(along, axis=1) / 2
@@ -83,6 +92,8 @@ def _taken(planned: FlightPlanned, paper: Paper) -> TextPlaces:
     for middle, reach, turn in zip((starts + ends) / 2, half, angle, strict=True):
         places.reserve(np.array([*middle, reach + 2.0, _HALF_TICK, turn]))
     for x, y in paper(planned.frames.center_world_m):
+        places.reserve(np.array([x, y, _HALF_PHOTO, _HALF_PHOTO, 0.0]))
+    for x, y in paper(planned.plates.center_world_m):
         places.reserve(np.array([x, y, _HALF_PHOTO, _HALF_PHOTO, 0.0]))
     for x, y in paper(planned.points.world_m):
         places.reserve(np.array([x, y, _HALF_POINT, _HALF_POINT, 0.0]))
@@ -94,6 +105,8 @@ def _names(planned: FlightPlanned, units: Units) -> Iterator[tuple[NameKind, str
     middles = (lines.start_world_m + lines.end_world_m) / 2
     for name, length, at in zip(lines.name, lines.length_m, middles, strict=True):
         yield "line", f"{name} {in_units(metres(float(length)), units)}", at
+    for name, at in zip(planned.plates.name, planned.plates.center_world_m, strict=True):
+        yield "plate", name, at
     for number, at in enumerate(planned.area_world_m, start=1):
         yield "corner", f"corner {number}", at
     ends = np.concatenate([lines.start_world_m, lines.end_world_m])

@@ -12,7 +12,7 @@ from uavgram.views.field_sheet.drawing import field_drawing
 from uavgram.views.pages import page_environment
 from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf
 from uavgram.views.planned.numbers import metres
-from uavgram.views.planned.tables import line_rows, value_rows
+from uavgram.views.planned.tables import line_rows, plate_rows, value_rows
 from uavgram.views.planned.words import (
     assumed,
     corners_on_earth,
@@ -51,6 +51,7 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
             headline=headline(planned),
             outcome=outcome(planned),
             lines=line_rows(planned),
+            plates=plate_rows(planned),
             wanted=value_rows(planned, units),
             facts=flight_facts(planned),
             corners=corners_on_earth(planned),

@@ -11,11 +11,9 @@ from uavgram.model.arrays import Floats
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
 from uavgram.views.planned.numbers import centimetres, metres
+from uavgram.views.planned.words import WORTH_SAYING
 from uavgram.views.units import spread_text, value_text
 from uavgram.views.wording import KIND_WORDS
-
-WORTH_SAYING = 1.1
-"""A loss that makes values worse by less than that is none."""
 
 ROUGHLY = 10.0
 """A wanted value is told to so many of its standard deviations: it is no result yet."""
@@ -51,6 +49,17 @@ class LineRow:
     end_place: str
     photos: int
     mistake: str
+    without: str
+    is_needed: bool
+
+
+@dataclass(frozen=True)
+class PlateRow:
+    """One plate to lay: its name, how to get to its middle, photos, and as in `LineRow`."""
+
+    name: str
+    place: str
+    photos: int
     without: str
     is_needed: bool
 
@@ -99,6 +108,28 @@ def line_rows(planned: FlightPlanned) -> tuple[LineRow, ...]:
             )
         )
     return tuple(rows)
+
+
+def plate_rows(planned: FlightPlanned) -> tuple[PlateRow, ...]:
+    """All plates in their order."""
+    plates = planned.plates
+    worse = WORTH_SAYING * planned.mean_sigma
+    return tuple(
+        PlateRow(
+            name=name,
+            place=place_in_area(planned.area_world_m, middle),
+            photos=round(photos),
+            without=centimetres(without) if without > worse else "",
+            is_needed=math.isnan(without),
+        )
+        for name, middle, photos, without in zip(
+            plates.name,
+            plates.center_world_m,
+            plates.frames_seen.tolist(),
+            plates.mean_sigma_without.tolist(),
+            strict=True,
+        )
+    )
 
 
 def value_rows(planned: FlightPlanned, units: Units) -> tuple[ValueRow, ...]:

@@ -14,6 +14,9 @@ from uavgram.views.planned.numbers import centimetres, metres
 LOW_CHECK = 0.1
 """Redundancy of a reading below which a mistake is as good as unchecked (Baarda 1968)."""
 
+WORTH_SAYING = 1.1
+"""A loss that makes values worse by less than that is none."""
+
 SAME_DEG, SAME_M = 0.5, 0.5
 """What differs by less is one number for a pilot."""
 
@@ -29,6 +32,9 @@ def headline(planned: FlightPlanned) -> str:
     """What to do, in one sentence."""
     lines, photos = len(planned.lines.name), len(planned.frames.name)
     lay = f"Lay and tape {_count(lines, 'line')}, then take" if lines else "Take"
+    if planned.plates.name:
+        side = metres(planned.plates.side_m)
+        lay = f"Lay {_count(len(planned.plates.name), 'plate')} of {side}, then take"
     height = metres(planned.flight.height_m)
     return f"{lay} {_count(photos, 'photo')} from {height} above the ground."
 
@@ -65,11 +71,16 @@ def flight_facts(planned: FlightPlanned) -> tuple[tuple[str, str], ...]:
     is_one_way = float(np.ptp(heading)) < SAME_DEG
     is_nadir = float((pitch + 90.0).max()) < SAME_DEG
     low, high = float(heights.min()), float(heights.max())
-    height = metres(low) if high - low < SAME_M else f"{low:.1f} to {high:.1f} m"
+    height = f"{metres(low)} above the ground"
+    if high - low >= SAME_M:
+        middle = metres(flight.height_m)
+        height = (
+            f"{middle} above the middle of the area; {low:.1f} to {high:.1f} m above the ground"
+        )
     return (
         ("Drone", planned.drone or "–"),
         ("Photos", str(len(frames.name))),
-        ("Height", f"{height} above the ground"),
+        ("Height", height),
         ("Camera", "straight down" if is_nadir else f"{_span(-pitch)}° below level"),
         ("Nose", f"{_span(heading)}° from north" if is_one_way else "turns: see each photo"),
         ("At each photo", f"hover {flight.seconds_per_photo:.0f} s, then trigger"),
@@ -94,14 +105,17 @@ def unchecked(planned: FlightPlanned) -> tuple[str, ...]:
 
 
 def if_a_line_is_lost(planned: FlightPlanned) -> tuple[str, ...]:
-    """What to do where a line cannot be laid, and which loss is the worst."""
-    lines = planned.lines
+    """What to do where a line or a plate cannot be laid, and which loss is the worst."""
+    lines = planned.laid
     if not lines.name:
         return ()
     without = lines.mean_sigma_without
     told = [
-        "Lay another one of about the same length and direction, as near to it as you can. Mark "
-        "and tape it, and draw it into the sheet with its length. Never guess a length.",
+        "Lay it as near to its place as you can, flat and wholly in view: where it lies is found "
+        "from the photos, only its number and its size must be right."
+        if planned.plates.name
+        else "Lay another one of about the same length and direction, as near to it as you can. "
+        "Mark and tape it, and draw it into the sheet with its length. Never guess a length.",
     ]
     fatal = [name for name, sigma in zip(lines.name, without, strict=True) if math.isnan(sigma)]
     if fatal:
@@ -109,8 +123,10 @@ def if_a_line_is_lost(planned: FlightPlanned) -> tuple[str, ...]:
             f"Without {_and(fatal)} nothing holds the survey to its true size: if it cannot be "
             "laid, and nothing in its place, do not fly."
         )
-    if np.isfinite(without).any():
-        worst = int(np.nanargmax(without))
+    worst = int(np.nanargmax(without)) if np.isfinite(without).any() else 0
+    if without[worst] <= WORTH_SAYING * planned.mean_sigma:
+        told.append(f"The loss of {'another' if fatal else 'a single'} one changes little.")
+    elif np.isfinite(without[worst]):
         told.append(
             f"Of the others {lines.name[worst]} matters most: without it, expect "
             if fatal
@@ -140,8 +156,9 @@ def assumed(planned: FlightPlanned) -> str:
     log = LOGS.get(rests.telemetry, f"a log of the class {rests.telemetry}")
     pixel = centimetres(planned.flight.ground_sample_m)
     tape = f"tape readings to ± {centimetres(rests.tape_sigma_m)}, "
+    tape = "plates as exact as the scenario says, " if planned.plates.name else tape
     return (
-        f"All ± hold with {log}, {tape if planned.lines.name else ''}points "
+        f"All ± hold with {log}, {tape if planned.laid.name else ''}points "
         f"clicked to ± {rests.pick_sigma_px:g} pixels (each is {pixel} on the ground), ground that "
         f"departs from a plane by ± {centimetres(rests.roughness_m)}, and a drone within "
         f"± {metres(rests.deviation_m)} and ± {rests.deviation_deg:g}° of the plan. Rougher ground "

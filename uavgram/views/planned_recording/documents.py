@@ -8,7 +8,7 @@ from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
 from uavgram.views.markdown import plain, table
 from uavgram.views.planned.numbers import metres
-from uavgram.views.planned.tables import line_rows, value_rows
+from uavgram.views.planned.tables import line_rows, plate_rows, value_rows
 from uavgram.views.planned.words import (
     assumed,
     flight_facts,
@@ -84,6 +84,10 @@ def lines_page(planned: FlightPlanned) -> str:
         )
         for row in line_rows(planned)
     ]
+    if planned.plates.name:
+        plates = [(row.name, plain(row.place), str(row.photos)) for row in plate_rows(planned)]
+        laid = table(("plate", "middle", "photos"), plates)
+        return "\n\n".join([laid, *map(plain, if_a_line_is_lost(planned))])
     if not rows:
         return "No line is to be laid."
     head = ("line", "length", "from", "to", "photos", "mistake noticed from")

@@ -74,6 +74,8 @@ def _entries(planned: FlightPlanned) -> list[tuple[str, Rgb]]:
     entries: list[tuple[str, Rgb]] = []
     if planned.lines.name:
         entries.append(("line to lay and tape", REFERENCE))
+    if planned.plates.name:
+        entries.append(("plate to lay", REFERENCE))
     entries += [("photo to take", REFINED), ("this photo, and what it shows", OBSERVED)]
     if planned.measurements.name:
         entries.append(("will be measured", MEASURED))

@@ -97,6 +97,9 @@ def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units
     strips = np.stack([lines.start_world_m, lines.end_world_m], axis=1)
     if len(strips):
         recorder.static(f"{SPACE}/lines_to_lay", polylines(strips, REFERENCE, 5.0))
+    if planned.plates.name:
+        rings = [closed(ring) for ring in planned.plates.corner_world_m]
+        recorder.static(f"{SPACE}/plates_to_lay", polylines(rings, REFERENCE, 5.0))
     wanted = [strip for some in wanted_shapes(planned) for strip in some]
     if wanted:
         recorder.static(f"{SPACE}/wanted", polylines(wanted, MEASURED, 3.0))
@@ -168,6 +171,8 @@ def _names(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: 
         f"{name} {in_units(metres(float(length)), units)}"
         for name, length in zip(lines.name, lines.length_m, strict=True)
     ]
+    places += list(planned.plates.center_world_m)
+    words += list(planned.plates.name)
     for name, sigma, unit, strips in zip(
         rows.name, rows.sigma, rows.unit, wanted_shapes(planned), strict=True
     ):

@@ -76,7 +76,7 @@ def plan_blueprint(planned: FlightPlanned, scene: PlanScene) -> rrb.Blueprint:
     legend = rrb.Spatial2DView(origin=LEGEND, name="Legend", titlebar=False, background=BACKGROUND)
     pages = rrb.Tabs(
         rrb.TextDocumentView(origin=SUMMARY, name="Summary"),
-        rrb.TextDocumentView(origin=LAY, name="Lines to lay"),
+        rrb.TextDocumentView(origin=LAY, name="What to lay"),
         rrb.TextDocumentView(origin=PHOTO, name="This photo"),
         active_tab=0,
     )
