@@ -32,7 +32,7 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
 from uavgram.cli.terminal import as_told, drop_output, tell_in
 from uavgram.errors import UavgramError
 from uavgram.model.units import METRIC
-from uavgram.pipeline.own_process import never_load_pandas, seldom_look_for_cycles
+from uavgram.pipeline.own_process import load_little, seldom_look_for_cycles
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -47,7 +47,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Of damaged photos OpenCV speaks in terms of its own source; our messages say what to do.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     if arguments is None:  # this process is ours alone
-        never_load_pandas()
+        load_little()
         seldom_look_for_cycles()
     tell_in(METRIC)
     try:

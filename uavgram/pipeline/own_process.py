@@ -6,31 +6,44 @@ import atexit
 import gc
 import sys
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.util import LazyLoader
 from types import ModuleType
+
+NEVER = frozenset({"pandas"})
+"""No command needs it, but Arrow, in which recordings are written, loads it where it is: a third of
+a second. Where the search for a module fails, it is not installed."""
+
+LATE = frozenset({"numpy.ctypeslib", "numpy.f2py", "numpy.polynomial", "numpy.testing"})
+"""scipy loads all of numpy, down to its compiler of Fortran. These are executed when somebody asks
+for something in them, which nobody does."""
 
 
 def seldom_look_for_cycles() -> None:
-    """Collect garbage seldom, and none of it at the end.
+    """Collect garbage hardly ever, and none of it at the end.
 
     The half thousand modules of a run are a million objects that stay. To look through them for
     cycles again and again takes a twentieth of a short run, to do so once more before the process
     ends as long.
     """
-    gc.set_threshold(100_000, 20, 100)
+    gc.set_threshold(1_000_000, 20, 100)
     atexit.register(gc.freeze)
 
 
-def never_load_pandas() -> None:
-    """No command needs pandas, but Arrow, in which recordings are written, loads it where it is.
-
-    That takes a third of a second. Where the search for a module fails, it is not installed.
-    """
-    sys.meta_path.insert(0, _NoPandas())
+def load_little() -> None:
+    """From now on load no module for nothing: see `NEVER` and `LATE`."""
+    sys.meta_path.insert(0, _Little())
 
 
-class _NoPandas(MetaPathFinder):
-    def find_spec(self, fullname: str, *_: Sequence[str] | ModuleType | None) -> None:
+class _Little(MetaPathFinder):
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
         """None, so that others go on looking, of everything else."""
-        if fullname.partition(".")[0] == "pandas":
+        if fullname.partition(".")[0] in NEVER:
             raise ModuleNotFoundError(fullname, name=fullname)
+        spec = PathFinder.find_spec(fullname, path, target) if fullname in LATE else None
+        if spec is not None and isinstance(spec.loader, Loader):
+            spec.loader = LazyLoader(spec.loader)
+        return spec

@@ -21,7 +21,7 @@ def cut_out(path: str | os.PathLike[str], regions: Sequence[Region]) -> tuple[Pi
     """Decode a photo once, and cut parts out of it.
 
     All of them are brightened alike, where the whole photo is too dark or flat to be seen. Pixels
-    are those of the photo, or means of them; none is interpolated.
+    are those of the photo, or means of those that they cover.
 
     Parameters
     ----------

@@ -1,6 +1,8 @@
-"""Smaller copies of pictures: each pixel the mean of what it covers."""
+"""Smaller copies of pictures: each pixel a mean of what it covers."""
 
 from __future__ import annotations
+
+import math
 
 import cv2
 import numpy as np
@@ -23,22 +25,29 @@ def shrunk(pixels: Pixels, longest_px: int, *, across_only: bool = False) -> Pix
 
     Notes
     -----
-    OpenCV's mean over areas takes a tenth of the time where exactly 2 x 2 pixels become one: so
-    a picture with even sides is halved as often as that leaves enough of it.
+    OpenCV's mean over areas takes four times as long as its bilinear mean, and twenty times as
+    long as that of exactly 2 x 2 pixels. So a picture is halved as often as that leaves enough of
+    it; what is left to do, by less than one half, is bilinear: of each pixel that is made, all that
+    it covers counts, if not by the area alone.
     """
     height, width = pixels.shape[:2]
     share = longest_px / (width if across_only else max(height, width, 1))
     if share >= 1.0:
         return pixels
     size = max(1, round(share * width)), max(1, round(share * height))
-    while pixels.shape[1] >= 2 * size[0] and pixels.shape[0] >= 2 * size[1] and _is_even(pixels):
+    while _reduction(pixels, size) >= 2.0 and not (pixels.shape[0] % 2 or pixels.shape[1] % 2):
         pixels = half(pixels)
-    return np.asarray(cv2.resize(pixels, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    halvings = int(math.log2(_reduction(pixels, size)))
+    larger = size[0] << halvings, size[1] << halvings
+    pixels = np.asarray(cv2.resize(pixels, larger, interpolation=cv2.INTER_LINEAR), np.uint8)
+    for _ in range(halvings):
+        pixels = half(pixels)
+    return pixels
 
 
-def _is_even(pixels: Pixels) -> bool:
-    height, width = pixels.shape[:2]
-    return not (height % 2 or width % 2)
+def _reduction(pixels: Pixels, size: tuple[int, int]) -> float:
+    """How many pixels become one, along the side where they are fewer."""
+    return min(pixels.shape[1] / size[0], pixels.shape[0] / size[1])
 
 
 def half(pixels: Pixels) -> Pixels:

@@ -18,7 +18,7 @@ from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
 
-from uavgram.pipeline.own_process import never_load_pandas, seldom_look_for_cycles
+from uavgram.pipeline.own_process import load_little, seldom_look_for_cycles
 from uavgram.pipeline.parallel import use_one_core
 
 if sys.platform != "win32":
@@ -226,7 +226,7 @@ def _serve(
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # half-written folders are removed
     use_one_core()
-    never_load_pandas()
+    load_little()
     seldom_look_for_cycles()
     _bound(memory_bytes)
     while True:
