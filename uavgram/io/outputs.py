@@ -8,7 +8,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Set
+from collections.abc import Callable, Iterable, Iterator, Set
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -29,7 +29,10 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 @contextmanager
 def staged_output(
-    folder: str | Path, inputs: Iterable[str | Path] = (), photos: Iterable[str | Path] = ()
+    folder: str | Path,
+    inputs: Iterable[str | Path] = (),
+    photos: Iterable[str | Path] = (),
+    hold: Callable[[], None] | None = None,
 ) -> Iterator[Path]:
     """Give a hidden folder to write into; move its files into `folder` once all are complete.
 
@@ -47,6 +50,9 @@ def staged_output(
         Files that no output may replace.
     photos
         The originals: nothing is written into their folders.
+    hold
+        Raises where somebody else may write now (`uavgram.io.claims.claimed`). What others were
+        moving when they were stopped is put back, and they cannot go on.
 
     Raises
     ------
@@ -57,7 +63,7 @@ def staged_output(
     folder = Path(folder).absolute()
     photo_folders = {Path(path).resolve().parent for path in photos}
     _keep_apart(photo_folders, folder)
-    with _as_output_errors(folder):
+    with as_output_errors(folder):
         existed = folder.is_dir()
         folder.mkdir(parents=True, exist_ok=True)
         _remove_stale(folder)
@@ -67,6 +73,9 @@ def staged_output(
             (staging / NEW).mkdir()
             yield staging / NEW
             _check_targets(staging / NEW, folder, inputs, photo_folders)
+            if hold is not None:
+                hold()
+                _stop_moving(folder, staging)
             _commit(staging, folder)
         finally:
             shutil.rmtree(staging, ignore_errors=True)
@@ -92,7 +101,7 @@ def replace_bytes(path: Path, content: bytes) -> None:
     """
     path = path.absolute()
     unfinished = path.with_name(f".{path.name}.unfinished")
-    with _as_output_errors(path.parent):
+    with as_output_errors(path.parent):
         try:
             unfinished.unlink(missing_ok=True)
             with unfinished.open("xb") as stream:  # never through a link
@@ -105,7 +114,7 @@ def replace_bytes(path: Path, content: bytes) -> None:
 
 
 @contextmanager
-def _as_output_errors(folder: Path) -> Iterator[None]:
+def as_output_errors(folder: Path) -> Iterator[None]:
     """Turn failures to write below `folder` into errors that say what to do."""
     try:
         yield
@@ -147,6 +156,16 @@ def _remove_stale(folder: Path) -> None:
                 shutil.rmtree(stale) if stale.is_dir() else stale.unlink()
             finally:
                 os.close(handle)
+
+
+def _stop_moving(folder: Path, own: Path) -> None:
+    """Take their hidden folders from all others that are moving files, and put those back."""
+    for other in folder.glob(f"{PREFIX}*"):
+        if other != own and (other / MOVING).is_file():
+            taken = own / other.name
+            with suppress(FileNotFoundError):  # it came to its end
+                other.rename(taken)
+                _put_back(taken, folder)
 
 
 def _keep_apart(photo_folders: Set[Path], folder: Path) -> None:
@@ -200,7 +219,8 @@ def _commit(staging: Path, folder: Path) -> None:
         for name in names:
             (source / name).replace(folder / name)
     except BaseException:
-        for name in names:
+        # Whoever takes the hidden folder away puts back what is in it.
+        for name in names if (staging / MOVING).is_file() else ():
             _restore(source / name, backup / name, folder / name)
         raise
 

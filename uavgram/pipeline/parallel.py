@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import pickle
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
-from multiprocessing import get_context
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
+
+from uavgram.errors import UavgramError
+from uavgram.pipeline.cores import cores
+from uavgram.pipeline.executor.processes import in_workers
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")
@@ -40,8 +41,7 @@ def in_processes(
 ) -> Iterator[Made]:
     """Results in order, made by so many processes (0: as there are cores); few items by this one.
 
-    For work in Python. `work` and items are pickled; processes are started afresh, so that no lock
-    of a thread is copied into them.
+    For work in Python. `work` and items are pickled.
 
     Parameters
     ----------
@@ -49,46 +49,24 @@ def in_processes(
         What is done with each item.
     workers
         Processes; 0: as many as there are cores.
+
+    Raises
+    ------
+    UavgramError
+        An item ended each process that tried it.
     """
     count = workers or cores()
     if count < 2 or len(items) <= FEW:
         yield from map(work, items)
         return
-    # Pickled here and once: what cannot be would leave the pool waiting for ever.
-    pool = ProcessPoolExecutor(
-        min(count, len(items)), get_context("spawn"), _take_work, (pickle.dumps(work),)
-    )
-    try:
-        yield from pool.map(_work_on, items)
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-_work: list[Callable[[Any], Any]] = []
-"""In a process that was started for it: what to do with each item."""
-
-
-def _take_work(pickled: bytes) -> None:
-    _work[:] = [pickle.loads(pickled)]  # noqa: S301  (of the process that started this one)
-
-
-def _work_on(item: object) -> Any:  # noqa: ANN401
-    return _work[0](item)
-
-
-_allowed: list[int] = []
-"""How many cores this process was told to use, if it was."""
-
-
-def use_one_core() -> None:
-    """From now on use one core: this process is one of as many as there are cores."""
-    _allowed[:] = [1]
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    if _allowed:
-        return _allowed[0]
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    early: dict[int, Any] = {}
+    due = 0
+    for one in in_workers(work, items, count):
+        if one.fault is not None:
+            raise one.fault
+        if one.why:
+            raise UavgramError(f"item {one.number + 1} of {len(items)}: {one.why}")
+        early[one.number] = one.value
+        while due in early:
+            yield early.pop(due)
+            due += 1

@@ -12,12 +12,13 @@ import pytest
 from small_projects import Command, Project
 
 from uavgram.errors import UavgramError
+from uavgram.io.claims import SupersededError
 from uavgram.io.results.batch_state import append_record, read_records
 from uavgram.model.batch import SurveyRecord, SurveyStatus
 from uavgram.pipeline.batch import run as batch_run
 from uavgram.pipeline.batch import survey
-from uavgram.pipeline.batch.survey import Asked, Outcome, Task, measure_survey
-from uavgram.pipeline.batch.workers import Ended
+from uavgram.pipeline.batch.survey import Asked, Outcome, Task, measure_survey, with_results
+from uavgram.pipeline.executor.processes import Ended
 
 
 def table(folder: Path) -> dict[str, dict[str, str]]:
@@ -167,6 +168,22 @@ def test_a_full_disk_is_named_and_leaves_earlier_results(
     assert row.status == "failed"
     assert "disk is full" in row.message
     assert (folder / "out" / "results.json").read_bytes() == before
+    assert not list((folder / "out").glob(".uavgram*"))
+
+
+def test_a_worker_that_begins_late_measures_nothing_that_another_has_measured(
+    measured: tuple[Path, SurveyRecord],
+) -> None:
+    folder, record = measured
+    results = folder / "out" / "results.json"
+    task = with_results(Task(project=record.row.project, asked=Asked(), before=None))
+    os.utime(results)  # another worker wrote them meanwhile
+    before = results.read_bytes()
+
+    with pytest.raises(SupersededError, match="another process"):
+        measure_survey(task)
+
+    assert results.read_bytes() == before
     assert not list((folder / "out").glob(".uavgram*"))
 
 

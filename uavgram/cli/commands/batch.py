@@ -12,10 +12,11 @@ from uavgram.cli.application import DONE, PROBLEM, Verbose, app
 from uavgram.cli.terminal import log_to_stderr, say_as_is, say_written
 
 if TYPE_CHECKING:
-    from uavgram.pipeline.batch.cluster import Cluster
     from uavgram.pipeline.batch.run import Step
+    from uavgram.pipeline.executor.cluster import Cluster
 
 Count = Annotated[int, Parameter(validator=validators.Number(gte=1))]
+Minutes = Annotated[float, Parameter(validator=validators.Number(gt=0))]
 
 
 @Parameter(name="*")
@@ -49,6 +50,7 @@ def batch(
     output: Path = Path("uavgram-batch"),
     workers: Count | None = None,
     memory_mb: Count | None = None,
+    most_minutes: Minutes = 180.0,
     pdf: Literal["a4", "letter"] | None = None,
     scheduler: Scheduler | None = None,
     verbose: Verbose = False,
@@ -68,7 +70,10 @@ def batch(
     workers
         Surveys measured at a time on this machine; by default one for each core.
     memory_mb
-        Most memory of each of them; by default its share of the machine's.
+        Most memory of each of them; by default its share of the machine's. A cluster's workers
+        have bounds of their own (dask worker --nthreads 1 --memory-limit 8GB).
+    most_minutes
+        Longest that one survey may take; then it is given up, and the others go on.
     pdf
         Write each report as report.pdf too, on this paper.
     scheduler
@@ -81,7 +86,12 @@ def batch(
     from uavgram.views.batch_words import headline
 
     log_to_stderr(verbose=verbose)
-    means = Means(workers=workers, memory_mb=memory_mb, cluster=_cluster(scheduler))
+    means = Means(
+        workers=workers,
+        memory_mb=memory_mb,
+        most_minutes=most_minutes,
+        cluster=_cluster(scheduler),
+    )
     found = run_batch(projects, output, Asked(pdf=pdf), means, _tell)
     words = headline(found)
     say_as_is("", words.sentence, *(f"  {reason}" for reason in words.reasons))
@@ -98,7 +108,7 @@ def _tell(step: Step) -> None:
 
 def _cluster(asked: Scheduler | None) -> Cluster | None:
     from uavgram.errors import UavgramError
-    from uavgram.pipeline.batch.cluster import Cluster
+    from uavgram.pipeline.executor.cluster import Cluster
 
     if asked is None:
         return None

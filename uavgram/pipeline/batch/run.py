@@ -15,11 +15,19 @@ from uavgram.io.exports.batch_tables import write_batch_csv, write_batch_parquet
 from uavgram.io.outputs import staged_output
 from uavgram.io.results.batch_state import STATE, append_record, read_records
 from uavgram.model.batch import Batch, SurveyRecord, SurveyRow
-from uavgram.pipeline.batch.cluster import Cluster, on_cluster
 from uavgram.pipeline.batch.projects import find_projects
-from uavgram.pipeline.batch.survey import Asked, Outcome, Task, failed, measure_survey, name_of
-from uavgram.pipeline.batch.workers import Ended, in_workers
-from uavgram.pipeline.parallel import cores
+from uavgram.pipeline.batch.survey import (
+    Asked,
+    Outcome,
+    Task,
+    failed,
+    measure_survey,
+    name_of,
+    with_results,
+)
+from uavgram.pipeline.cores import cores
+from uavgram.pipeline.executor.cluster import Cluster, on_cluster
+from uavgram.pipeline.executor.processes import Bounds, Ended, in_workers
 from uavgram.pipeline.versions import stamp
 from uavgram.stages.pooled import camera_drifts, pooled_fits
 from uavgram.views.batch_page import write_batch_page
@@ -29,7 +37,6 @@ log = logging.getLogger(__name__)
 CSV, PARQUET, PAGE = "batch.csv", "batch.parquet", "batch.html"
 _MEMORY_SHARE = 0.8
 """Of the machine's memory, that all workers may take together."""
-_PRELOADED = ("uavgram.pipeline.batch.survey",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,12 +49,15 @@ class Means:
         Processes on this machine; None: one for each core.
     memory_mb
         Most that one of them may take; None: its share of the machine's memory.
+    most_minutes
+        Longest that one survey may take.
     cluster
         Run on these workers instead.
     """
 
     workers: int | None = None
     memory_mb: int | None = None
+    most_minutes: float = 180.0
     cluster: Cluster | None = None
 
 
@@ -119,11 +129,13 @@ def _outcomes(
 
 
 def _ended(tasks: Sequence[Task], means: Means) -> Iterator[Ended[Outcome]]:
+    seconds = 60.0 * means.most_minutes
     if means.cluster is not None:
-        return on_cluster(measure_survey, tasks, means.cluster)
+        return on_cluster(measure_survey, tasks, means.cluster, seconds, with_results)
     workers = means.workers or cores()
     memory = _memory_bytes(workers) if means.memory_mb is None else means.memory_mb * 2**20
-    return in_workers(measure_survey, tasks, workers, memory, _PRELOADED)
+    bounds = Bounds(memory_bytes=memory, seconds=seconds)
+    return in_workers(measure_survey, tasks, workers, bounds)
 
 
 def _memory_bytes(workers: int) -> int | None:

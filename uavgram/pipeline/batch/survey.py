@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import time
 import traceback
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from uavgram.config.project import load_project
 from uavgram.errors import UavgramError
+from uavgram.io.claims import SupersededError, claimed
 from uavgram.io.outputs import LAST
 from uavgram.io.photos.catalogue import find_photos
 from uavgram.io.results.batch_state import is_as_it_was, stat_of, state_of
@@ -31,11 +34,25 @@ class Asked:
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """One survey to measure: its project file, and what is known of it from before, if anything."""
+    """One survey to measure.
+
+    Attributes
+    ----------
+    project
+        Its project file.
+    asked
+        What is made of it.
+    before
+        What is known of it from before, if anything.
+    results
+        Size and time of its results.json when it was given to a worker of a cluster, which may
+        begin late, when another one is done; None: that cannot be.
+    """
 
     project: str
     asked: Asked
     before: SurveyRecord | None = None
+    results: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,9 +70,16 @@ def measure_survey(task: Task) -> Outcome:
     ----------
     task
         Which.
+
+    Raises
+    ------
+    SupersededError
+        Another process measures it, or did: nothing was written.
     """
     try:
         return _measured(task)
+    except SupersededError:
+        raise
     except UavgramError as fault:
         why = str(fault)
     except MemoryError:
@@ -78,6 +102,15 @@ def failed(task: Task, why: str) -> Outcome:
     return Outcome(row=row, record=None)
 
 
+def with_results(task: Task) -> Task:
+    """A survey as it is given to a worker of a cluster now."""
+    try:
+        output = load_project(Path(task.project)).output
+    except UavgramError:  # told when it is measured
+        return task
+    return replace(task, results=stat_of(Path(output) / LAST))
+
+
 def name_of(project: str) -> str:
     """What a survey is called in the table where its project cannot be read."""
     path = Path(project)
@@ -89,8 +122,11 @@ def _measured(task: Task) -> Outcome:
     project = load_project(path)
     if task.before is not None and _is_unchanged(task, task.before, project):
         return Outcome(row=replace(task.before.row, status="unchanged"), record=task.before)
+    if task.results is not None and task.results != stat_of(Path(project.output) / LAST):
+        raise SupersededError(project.output)
     begun, before = time.process_time(), _stats(_inputs(path, project))
-    result = run(path, pdf=task.asked.pdf)
+    with _claimed(project) as hold:
+        result = run(path, pdf=task.asked.pdf, hold=hold)
     row = row_of(result, task.project, str(project.output), time.process_time() - begun)
     states = _states(result, path.absolute().parent, before)
     if states is None:
@@ -103,6 +139,14 @@ def _measured(task: Task) -> Outcome:
         results=state_of(Path(project.output) / LAST),
     )
     return Outcome(row=row, record=record)
+
+
+def _claimed(project: Project) -> AbstractContextManager[Callable[[], None] | None]:
+    """A claim to its output folder; none to one that is refused, as it holds the photos."""
+    output = Path(project.output).resolve()
+    if any(Path(one).resolve().parent == output for one in find_photos(project.images)):
+        return nullcontext()
+    return claimed(project.output)
 
 
 def _inputs(path: Path, project: Project) -> list[str]:

@@ -49,6 +49,8 @@ def run(
     sampling: Sampling | None = None,
     pdf: Paper | None = None,
     plan: PlanWish | None = None,
+    *,
+    hold: Callable[[], None] | None = None,
 ) -> Result:
     """Run a project from its inputs to its outputs.
 
@@ -66,6 +68,8 @@ def run(
         Paper of a report.pdf; None: there is none.
     plan
         Paper and scale of plan.pdf and plan.png; None: there is none.
+    hold
+        Raises where somebody else may write the outputs by now, as `staged_output` has it.
 
     Returns
     -------
@@ -96,7 +100,7 @@ def run(
         ties = tie_cloud(refined.adjustment, result.frames.frame_id)
     journal.result(result)
     if folder is not None:
-        with staged_output(Path(folder), inputs.files, inputs.photos.path) as staging:
+        with staged_output(Path(folder), inputs.files, inputs.photos.path, hold) as staging:
             _write_outputs(result, ties, staging, journal, progress, pdf, plan)
     return result
 

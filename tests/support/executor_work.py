@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 import signal
+import threading
 import time
 from pathlib import Path
+
+from uavgram.errors import InputError
 
 
 def squared(number: int) -> int:
@@ -48,7 +51,7 @@ def need(megabytes: int) -> str:
 
 def threads(_: int) -> tuple[str, int]:
     """What libraries are told, and how many cores our own code takes."""
-    from uavgram.pipeline.parallel import cores
+    from uavgram.pipeline.cores import cores
 
     return os.environ["OPENBLAS_NUM_THREADS"], cores()
 
@@ -59,6 +62,15 @@ def sleep_or_square(item: int | str) -> int | None:
         return squared(item)
     sleep_long(item)
     return None
+
+
+def stop_or_square(item: int | str) -> int:
+    """Stop for good, and say who did: no polite signal reaches a stopped process. Or do not."""
+    if isinstance(item, str):
+        Path(item).write_text(str(os.getpid()), encoding="ascii")
+        os.kill(os.getpid(), signal.SIGSTOP)
+        return 0
+    return squared(item)
 
 
 def sleep_long(marker: str) -> None:
@@ -75,3 +87,23 @@ def fail_at_two(number: int) -> int:
     if number == 2:
         raise ValueError("two")
     return number * number
+
+
+def misread(number: int) -> int:
+    """Fail with an error that cannot be put together again from what is sent of it."""
+    if number == 3:
+        raise InputError("picks.csv", "is wrong", 7)
+    return number
+
+
+STOPPED = threading.Event()
+"""Set once the work below began, of workers in this very process."""
+GO_ON = threading.Event()
+
+
+def hang_once(number: int) -> int:
+    """Of the first item, the first time: wait, as a worker does that was stopped."""
+    if number == 0 and not STOPPED.is_set():
+        STOPPED.set()
+        GO_ON.wait(60.0)
+    return number

@@ -6,9 +6,20 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from batch_work import die, die_once, hold, need, sleep_or_square, squared, threads
+from executor_work import (
+    die,
+    die_once,
+    hold,
+    misread,
+    need,
+    sleep_or_square,
+    squared,
+    stop_or_square,
+    threads,
+)
 
-from uavgram.pipeline.batch.workers import MOST_TRIES, in_workers
+from uavgram.pipeline.executor import processes
+from uavgram.pipeline.executor.processes import MOST_TRIES, Bounds, in_workers
 
 MB = 1 << 20
 
@@ -38,16 +49,44 @@ def test_an_item_that_kills_every_worker_is_given_up_and_the_others_are_not() ->
     assert "SIGKILL" in ended[1].why
 
 
+def test_an_item_that_never_ends_is_given_up_and_the_others_are_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(processes, "_PATIENCE_S", 0.2)
+    items: list[int | str] = [str(tmp_path / "sleeper"), 2, 3]
+
+    ended = {one.number: one for one in in_workers(stop_or_square, items, 1, Bounds(seconds=1.5))}
+
+    assert [ended[k].value for k in (1, 2)] == [4, 9]
+    assert (ended[0].value, ended[0].tries) == (None, 1)
+    assert "0.025 minutes" in ended[0].why
+    assert "--most-minutes" in ended[0].why
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "sleeper").read_text()), 0)
+
+
+def test_what_the_work_raises_is_told_and_costs_no_worker() -> None:
+    ended = {one.number: one for one in in_workers(misread, [2, 3, 4], 1)}
+
+    assert [ended[k].value for k in (0, 2)] == [2, 4]
+    assert (ended[1].why, ended[1].tries) == ("picks.csv:7: is wrong", 1)
+
+
 def test_a_worker_that_keeps_much_memory_is_replaced() -> None:
-    large = [one.value for one in in_workers(hold, [200, 200, 200], 1, 300 * MB)]
-    small = [one.value for one in in_workers(hold, [1, 1, 1], 1, 300 * MB)]
+    large = [
+        one.value for one in in_workers(hold, [200, 200, 200], 1, Bounds(memory_bytes=300 * MB))
+    ]
+    small = [one.value for one in in_workers(hold, [1, 1, 1], 1, Bounds(memory_bytes=300 * MB))]
 
     assert len(set(large)) == 3
     assert len(set(small)) == 1
 
 
 def test_a_worker_cannot_take_more_memory_than_it_may() -> None:
-    ended = {one.number: one.value for one in in_workers(need, [10, 3000], 1, 1000 * MB)}
+    ended = {
+        one.number: one.value
+        for one in in_workers(need, [10, 3000], 1, Bounds(memory_bytes=1000 * MB))
+    }
 
     assert ended == {0: "granted", 1: "refused"}
 

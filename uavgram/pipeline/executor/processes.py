@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import contextlib
 import os
+import pickle
 import signal
 import sys
+import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
@@ -18,8 +20,9 @@ from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
 
+from uavgram.errors import UavgramError
+from uavgram.pipeline.cores import use_one_core
 from uavgram.pipeline.own_process import load_little, seldom_look_for_cycles
-from uavgram.pipeline.parallel import use_one_core
 
 if sys.platform != "win32":
     import resource
@@ -48,22 +51,46 @@ _PATIENCE_S = 5.0
 
 @dataclass(frozen=True)
 class Ended(Generic[Made]):
-    """An item's number, what was made of it, and the tries; None, and why, if they all failed."""
+    """What became of an item.
+
+    Attributes
+    ----------
+    number
+        Of the item.
+    value
+        What was made of it; None if nothing was.
+    tries
+        How many workers began it.
+    why
+        For people: why there is no value.
+    fault
+        What the work itself raised, if it did.
+    """
 
     number: int
     value: Made | None
     tries: int
     why: str = ""
+    fault: Exception | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bounds:
+    """What one worker may take: memory at any time, and seconds for one item; None: no bound."""
+
+    memory_bytes: int | None = None
+    seconds: float | None = None
 
 
 class _Worker:
-    """A process, the pipe to it, and the number of the item that it is at."""
+    """A process, the pipe to it, the number of the item that it is at, and since when."""
 
     def __init__(
         self, context: BaseContext, work: Callable[[Any], Any], memory_bytes: int | None
     ) -> None:
         self.pipe, theirs = context.Pipe()
         self.item: int | None = None
+        self.since = 0.0
         self.process: BaseProcess = context.Process(  # type: ignore[attr-defined]
             target=_serve, args=(theirs, work, memory_bytes), daemon=True
         )
@@ -71,12 +98,12 @@ class _Worker:
         theirs.close()
 
     def give(self, number: int, item: object) -> None:
-        self.item = number
+        self.item, self.since = number, time.monotonic()
         with contextlib.suppress(OSError):  # it died: whoever waits for it sees that
             self.pipe.send(item)
 
-    def take(self) -> tuple[Any, bool]:
-        """What was made, and whether the process is about to leave. Raises EOFError if it died."""
+    def take(self) -> tuple[Any, Exception | None, bool]:
+        """What was made or raised, and whether the process leaves now. EOFError if it died."""
         try:
             return self.pipe.recv()  # type: ignore[no-any-return]
         except OSError as fault:
@@ -93,30 +120,28 @@ def in_workers(
     work: Callable[[Item], Made],
     items: Sequence[Item],
     count: int,
-    memory_bytes: int | None = None,
-    preload: Sequence[str] = (),
+    bounds: Bounds | None = None,
 ) -> Iterator[Ended[Made]]:
     """What is made of each item, as soon as it is; in whatever order that is.
 
-    An item whose process dies is tried again, in another one. When the caller leaves, at Ctrl+C
-    say, all processes end.
+    An item whose process dies is tried again, in another one; one that takes too long is given up,
+    and its process ended. When the caller leaves, at Ctrl+C say, all processes end.
 
     Parameters
     ----------
     work
-        A function at the top of a module.
+        A function at the top of a module, or a `functools.partial` of one.
     items
         Pickled to the processes.
     count
         Of processes.
-    memory_bytes
-        Most that one process may take; one that keeps half of it between items is replaced.
-    preload
-        Modules to import once for all processes, where the system can fork from a clean one.
+    bounds
+        What each process may take; one that keeps half of its memory between items is replaced.
     """
+    bounds = bounds or Bounds()
     with _one_thread_each():
-        context = _context(preload)
-        pool = _Pool(items, lambda: _Worker(context, work, memory_bytes), count)
+        context = _context(getattr(work, "func", work).__module__)
+        pool = _Pool(items, lambda: _Worker(context, work, bounds.memory_bytes), count, bounds)
         try:
             yield from pool.ended()
         finally:
@@ -126,8 +151,10 @@ def in_workers(
 class _Pool(Generic[Item]):
     """Who is at what, what is still to do, and how often it was tried."""
 
-    def __init__(self, items: Sequence[Item], start: Callable[[], _Worker], count: int) -> None:
-        self._items, self._start = items, start
+    def __init__(
+        self, items: Sequence[Item], start: Callable[[], _Worker], count: int, bounds: Bounds
+    ) -> None:
+        self._items, self._start, self._seconds = items, start, bounds.seconds
         self._waiting = deque(range(len(items)))
         self._tries = [0] * len(items)
         self.workers = [start() for _ in range(min(count, len(items)))]
@@ -139,8 +166,27 @@ class _Pool(Generic[Item]):
             busy = {id(one.pipe): one for one in self.workers if one.item is not None}
             if not busy:
                 return
-            for pipe in wait([one.pipe for one in busy.values()]):
+            for pipe in wait([one.pipe for one in busy.values()], self._patience(busy.values())):
                 yield from self._taken(busy[id(pipe)])
+            yield from self._overdue()
+
+    def _patience(self, busy: Iterable[_Worker]) -> float | None:
+        """Seconds until the first of them has taken too long."""
+        if self._seconds is None:
+            return None
+        return max(min(one.since for one in busy) + self._seconds - time.monotonic(), 0.0)
+
+    def _overdue(self) -> Iterator[Ended[Any]]:
+        """Items that take too long, and would every time: their processes are ended."""
+        if self._seconds is None:
+            return
+        for worker in self.workers[:]:
+            number = worker.item
+            if number is None or time.monotonic() - worker.since < self._seconds:
+                continue
+            _end_all([worker])
+            self._replace(worker)
+            yield Ended(number, None, self._tries[number], overdue(self._seconds))
 
     def _give(self) -> None:
         for worker in self.workers:
@@ -154,7 +200,7 @@ class _Pool(Generic[Item]):
         number = 0 if worker.item is None else worker.item
         tries = self._tries[number]
         try:
-            value, leaves = worker.take()
+            value, fault, leaves = worker.take()
         except EOFError:
             worker.process.join()
             self._replace(worker)
@@ -166,7 +212,8 @@ class _Pool(Generic[Item]):
         worker.item = None
         if leaves:
             self._replace(worker)
-        yield Ended(number, value, tries)
+        why = "" if fault is None else told(fault)
+        yield Ended(number, value, tries, why, fault)
 
     def _replace(self, worker: _Worker) -> None:
         worker.end()
@@ -184,6 +231,19 @@ def _end_all(workers: Sequence[_Worker]) -> None:
             worker.process.join()
 
 
+def told(fault: BaseException) -> str:
+    """What was raised, in words; bugs with their kind."""
+    return str(fault) if isinstance(fault, UavgramError) else f"{type(fault).__name__}: {fault}"
+
+
+def overdue(seconds: float) -> str:
+    """Why an item was given up that took too long."""
+    return (
+        f"was given up after {seconds / 60.0:.3g} minutes: where it needs longer, give it more "
+        "time (--most-minutes), or run it alone (uavgram run)"
+    )
+
+
 def _why(tries: int, status: int | None) -> str:
     how = f"ended with status {status}"
     if status is not None and status < 0:
@@ -195,12 +255,12 @@ def _why(tries: int, status: int | None) -> str:
     )
 
 
-def _context(preload: Sequence[str]) -> BaseContext:
-    """Processes forked from a clean one where the system has that, else started afresh."""
+def _context(module: str) -> BaseContext:
+    """Processes forked from a clean one that imported a module, where the system has that."""
     if sys.platform != "linux":
         return get_context("spawn")
     context = get_context("forkserver")
-    context.set_forkserver_preload(list(preload))
+    context.set_forkserver_preload([module])
     return context
 
 
@@ -234,14 +294,31 @@ def _serve(
             item = pipe.recv()
         except (EOFError, OSError):
             return
-        made = work(item)
+        made, fault = None, None
+        try:
+            made = work(item)
+        except Exception as raised:  # noqa: BLE001 (whoever asked for it hears of it)
+            fault = _sendable(raised)
         leaves = memory_bytes is not None and _kept_bytes() > _RECYCLED_AT * memory_bytes
         try:
-            pipe.send((made, leaves))
+            pipe.send((made, fault, leaves))
         except OSError:  # who asked is gone
             return
         if leaves:
             return
+
+
+def _sendable(fault: Exception) -> Exception:  # pragma: no cover (in another process)
+    """What was raised, or its text where it cannot be sent."""
+    try:
+        pickle.loads(pickle.dumps(fault))  # noqa: S301  (of our own making)
+    except Exception:  # noqa: BLE001  (whatever its class does when it is put together again)
+        return (
+            UavgramError(str(fault))
+            if isinstance(fault, UavgramError)
+            else RuntimeError(repr(fault))
+        )
+    return fault
 
 
 def _bound(memory_bytes: int | None) -> None:
