@@ -14,6 +14,7 @@ from functools import cached_property
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from scipy.sparse import csc_array
 
 from uavgram.estimation.solver.dense import DenseFactor
 from uavgram.estimation.solver.sparse.block_matrix import Assembly, BlockMatrix
@@ -60,6 +61,20 @@ class Block:
     residual: Floats
     columns: Ints
     jacobian: Floats
+
+    def times(self, rows: slice, several: Floats) -> Floats:
+        """(n, r, m) product of some rows of the Jacobian with (size, m) columns.
+
+        What all these rows hang on is multiplied at once; only the rest is gathered row by row.
+        """
+        columns, jacobian = self.columns[rows], self.jacobian[rows]
+        n, r, _ = jacobian.shape
+        common = (columns == columns[:1]).all(axis=0)
+        found = jacobian[..., ~common] @ several[columns[:, ~common]]
+        if n and common.any():
+            shared = jacobian[..., common].reshape(n * r, -1) @ several[columns[0, common]]
+            found += shared.reshape(n, r, -1)
+        return np.asarray(found)
 
 
 class NormalEquations:
@@ -197,8 +212,10 @@ class Factor:
         """Natural logarithm of the determinant of the (damped) normal matrix."""
         return self._factor.log_determinant() - 2.0 * float(np.log(self._scale).sum())
 
-    def solve(self, right: Floats) -> Floats:
+    def solve(self, right: Floats | csc_array) -> Floats:
         """Solve for one (n,) or several (n, m) right-hand sides; large systems a few at a time."""
+        if isinstance(right, csc_array):
+            return self._solve_sparse(right) if self.sparse else self.solve(right.toarray())
         scale = self._scale if right.ndim == 1 else self._scale[:, None]
         if not isinstance(self._factor, SparseFactor):
             return np.asarray(self._factor.solve(right * scale) * scale)
@@ -209,6 +226,14 @@ class Factor:
             scaled = columns[:, some] * self._scale[:, None]
             found[:, some] = self._factor.solve(scaled) * self._scale[:, None]
         return found.reshape(right.shape)
+
+    def _solve_sparse(self, right: csc_array) -> Floats:
+        """The same of columns of which most is zero: dense ones of many would fill the memory."""
+        found = np.empty(right.shape)
+        for start in range(0, right.shape[1], AT_ONCE):
+            some = slice(start, start + AT_ONCE)
+            found[:, some] = self.solve(right[:, some].toarray())
+        return found
 
     def predicted_fall(self, step: Floats, gradient: Floats) -> float:
         """Fall of the sum of squares that the linearised model promises of a solved step.

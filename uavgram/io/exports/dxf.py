@@ -40,7 +40,8 @@ _CROWDED = 16
 _GAP = 0.3  # around the text of a dimension, in heights of a letter
 _FAR = 1e6  # heights of a letter: farther than any drawing reaches
 _PAPER_M = (0.420, 0.297)  # A3
-_TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters
+_TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters,
+_CROWD = 0.2  # or, of many points, what leaves three quarters of an evenly filled sheet empty
 
 
 def write_local_dxf(features: Features, path: Path, words: Words = METRIC) -> None:
@@ -125,7 +126,8 @@ def _text_height(features: Features) -> float:
     if len(vertices) < 2:
         return 0.25
     corners = np.concatenate(vertices)[:, :2]
-    return max(float(np.ptp(corners, axis=0).max()) * _TEXT_SHARE, 0.01)
+    share = min(_TEXT_SHARE, _CROWD / np.sqrt(len(corners)))
+    return max(float(np.ptp(corners, axis=0).max()) * share, 0.01)
 
 
 def _dimension_style(document: Drawing, text_m: float) -> None:
