@@ -115,14 +115,14 @@ def propagate(
     picked
         Labels that somebody picked, be they adjusted or not.
     """
-    place = {label: k for k, label in enumerate(adjustment.survey.label)}
+    place = adjustment.survey.row_of_label
     rows: list[Measurand] = []
     parts: list[_Sparse] = []
     why_not: list[tuple[str, str]] = []
     size = adjustment.problem.layout.size
     for request in requests:
         try:
-            require_picked(request, adjustment.survey.label, picked)
+            require_picked(request, place, picked)
             found = _measured(adjustment, request, frames, place)
         except UnmeasurableError as why:
             found = [(row, _NOTHING) for row in unmeasured(request)]
@@ -215,11 +215,11 @@ def values_at(
         Name of another source of error (friction, a time) to its error, in its sigmas.
     """
     survey = adjustment.survey
-    place = {label: k for k, label in enumerate(survey.label)}
+    place = survey.row_of_label
     values: list[float] = []
     for request in requests:
         try:
-            require_picked(request, survey.label)
+            require_picked(request, place)
             label = np.array([place[p] for p in request.points], dtype=np.int64)
             world, _, _ = adjustment.problem.world_points(state, label)
             feet = None

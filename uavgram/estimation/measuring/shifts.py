@@ -42,7 +42,7 @@ class Shifts(NamedTuple):
 def shifts(adjustment: Adjustment, measured: MeasuredValues) -> Shifts:
     """What relief and a wrong tape would do to each measured value."""
     none = np.array([row.gradient is None for row in measured.rows], dtype=bool)
-    place = {name: k for k, name in enumerate(adjustment.survey.label)}
+    place = adjustment.survey.row_of_label
     points = [sorted({place[p] for p in row.request.points if p in place}) for row in measured.rows]
     touched = np.array(sorted({k for own in points for k in own}), dtype=np.int64)
     moved = np.abs(by_heights(adjustment, measured, touched))
