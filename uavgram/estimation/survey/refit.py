@@ -25,7 +25,7 @@ NEAR = 0.1
 """Squared length of a step, in sigmas of the unknowns, up to which it may be the last because what
 is asked hardly feels it."""
 
-UNFELT = 0.003
+UNFELT = 0.01
 """By how many of its sigmas a step then may move what is asked."""
 
 ENTRIES = 2_000_000
