@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from weakref import WeakKeyDictionary
+from typing import ClassVar
+from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -116,7 +117,7 @@ class NormalEquations:
             return np.asarray(jacobian.T @ jacobian)
         columns = [b.columns for b in self._blocks]
         if self.plan is None or not self.plan.assembly.serves(columns):
-            self.plan = Plan(columns, self._structure)
+            self.plan = Plan.of(columns, self._structure)
         return self.plan.assembly.normal([b.jacobian for b in self._blocks])
 
     def factor(self, damping: float = 0.0) -> Factor:
@@ -136,6 +137,20 @@ class NormalEquations:
 
 class Plan:
     """What serves every large system of the same columns."""
+
+    _recent: ClassVar[WeakValueDictionary[object, Plan]] = WeakValueDictionary()
+
+    @classmethod
+    def of(cls, columns: list[Ints], structure: Structure) -> Plan:
+        """That of an earlier system whose factor is still held, where it serves; else a new one.
+
+        Starts of one survey, and the survey again with other sigmas, have the same columns.
+        """
+        shape = structure, *(own.shape for own in columns)
+        plan = cls._recent.get(shape)
+        if plan is None or not plan.assembly.serves(columns):
+            plan = cls._recent[shape] = cls(columns, structure)
+        return plan
 
     def __init__(self, columns: list[Ints], structure: Structure) -> None:
         self.assembly = Assembly(columns, structure)
@@ -189,6 +204,7 @@ class Factor:
     ) -> None:
         self._scale = 1.0 / np.sqrt(diagonal)
         self._damping = damping
+        self._plan = plan  # held for the next system of the same columns
         self.size = len(diagonal)
         self._factor: DenseFactor | SparseFactor
         try:

@@ -21,12 +21,15 @@ from uavgram.model.arrays import Floats
 FAST = 0.5
 """Ratio of the squared lengths of successive steps above which a new normal matrix pays."""
 
-NEAR = 0.1
+NEAR = 0.3
 """Squared length of a step, in sigmas of the unknowns, up to which it may be the last because what
 is asked hardly feels it."""
 
 UNFELT = 0.01
 """By how many of its sigmas a step then may move what is asked."""
+
+STEADY = 0.9
+"""In place of `FAST`, for such steps: ten of them cost what a few new normal matrices do."""
 
 ENTRIES = 2_000_000
 """Numbers in the derivatives of all states that are evaluated together: 16 MB."""
@@ -112,6 +115,7 @@ def refit_many(
         if asked is not None and is_slow.any():
             moved = np.abs(asked[left].multiply(step).sum(axis=1))
             is_last |= is_slow & (length < NEAR) & (moved < UNFELT)
+            is_slow &= length > np.where(length < NEAR, STEADY, FAST) * previous
         for row in np.flatnonzero(is_slow & ~is_last).tolist():
             one = {name: error[row] for name, error in own.items()}
             state = adjustment.state if states is None else some(states, row)
