@@ -189,7 +189,7 @@ def test_sampling_gives_the_sigmas_of_first_and_second_order() -> None:
 def test_relief_below_a_free_point_moves_its_height_and_not_its_place() -> None:
     adjustment = adjusted(scene_of(11, noise=0.0).survey)
     found = measured(adjustment)
-    by_relief = by_heights(adjustment, found)
+    by_relief = by_heights(adjustment, found, np.arange(len(adjustment.survey.label)))
     np.testing.assert_allclose(by_relief[0, 0], -1.0, atol=1e-6)
     distance, rise = 13, 2
     np.testing.assert_allclose(by_relief[0, distance], 0.0, atol=1e-6)

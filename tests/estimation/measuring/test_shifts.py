@@ -52,7 +52,7 @@ def test_shifts_are_those_of_adjustments_anew(
     assert np.isnan(found.relief[3])
     assert np.isnan(found.tape[3])
 
-    one_sided = by_heights(adjustment, values)
+    one_sided = by_heights(adjustment, values, np.arange(len(survey.label)))
     step = 0.5 * RELIEF_M  # iterations end a hundredth of a sigma from the minimum
     total = np.zeros(3)
     for k in range(3):

@@ -187,6 +187,27 @@ def test_a_plan_serves_only_the_columns_it_was_made_for(monkeypatch: pytest.Monk
     assert again.plan is first.plan is not second.plan
 
 
+def test_what_was_analysed_serves_the_next_adjustment_of_the_same_columns(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
+    rng = np.random.default_rng(1)
+    columns = rng.permuted(np.tile(np.arange(5), (9, 1)), axis=1)[:, :3]
+    blocks = [
+        Block(np.zeros((9, 2)), np.array(own), jacobian)
+        for own, jacobian in zip(
+            [columns, columns, columns[::-1]], rng.normal(size=(3, 9, 2, 3)), strict=True
+        )
+    ]
+    systems = [NormalEquations([block], 5) for block in blocks]
+    factors = [system.factor() for system in systems]
+    for block, factor in zip(blocks, factors, strict=True):
+        jacobian = dense_jacobian({"own": block}, 5)
+        found = factor.joint(np.arange(5)) @ (jacobian.T @ jacobian)
+        np.testing.assert_allclose(found, np.eye(5), atol=1e-9)
+    assert systems[1].plan is systems[0].plan is not systems[2].plan
+
+
 def test_covariances_of_unknowns_without_a_common_observation_are_not_guessed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -55,3 +55,16 @@ def test_what_is_reserved_stays_free() -> None:
     taken = [places.take_near(lambda ring: around(np.zeros(2), half, 0.1, ring)) for _ in range(20)]
 
     assert not overlaps(np.array(taken), below[None]).any()
+
+
+def test_whoever_looks_only_near_by_takes_the_places_that_are_free_of_all() -> None:
+    rng = np.random.default_rng(3)
+    places = TextPlaces()
+    taken = rng.uniform(-400.0, 0.0, (1, 5)) * [1, 1, -1, -1, 0]  # larger than any square
+    places.reserve(taken[0])
+    for _ in range(300):
+        candidates = random_places(rng, 6) * [3, 3, 1, 1, 1] + [*rng.normal(0, 9, 2), 0, 0, 0]
+        free = np.flatnonzero(~overlaps(candidates, taken).any(axis=1))
+        assert places.take(candidates) == (free[0] if len(free) else None)
+        taken = np.concatenate([taken, candidates[free[:1]]])
+    assert 100 < len(taken) < 300

@@ -43,7 +43,7 @@ def error_budget(blocks: Mapping[str, Block], measured: MeasuredValues) -> dict[
         points off it as well. NaN where there is no value.
     """
     parts = {name: _contribution(block, measured.solved) for name, block in blocks.items()}
-    first_order = np.einsum("km,km->m", measured.gradient, measured.solved)
+    first_order = (measured.gradient * measured.solved).sum(axis=0)
     below = np.array([_below(row.others) for row in measured.rows])
     if below.any():
         parts["roughness"] = parts.get("roughness", 0.0) + below
@@ -65,10 +65,8 @@ def _contribution(block: Block, solved: Floats) -> Floats:
     step = max(1, ENTRIES_AT_ONCE // max(1, count * width))
     for first in range(0, n, step):
         rows = slice(first, first + step)
-        response = np.einsum(
-            "nrk,nkm->nrm", block.jacobian[rows], solved[block.columns[rows]], optimize=True
-        )
-        total += np.einsum("nrm,nrm->m", response, response)
+        response = block.times(rows, solved).reshape(-1, count)
+        total += np.einsum("nm,nm->m", response, response)
     return total
 
 

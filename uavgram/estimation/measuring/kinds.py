@@ -51,7 +51,7 @@ def exact(source: str) -> float:  # noqa: ARG001  (the error of every source)
 
 
 def require_picked(
-    request: MeasurementRequest, known: tuple[str, ...], picked: Collection[str] = ()
+    request: MeasurementRequest, known: Collection[str], picked: Collection[str] = ()
 ) -> None:
     """Make sure that every point of a request is among the known labels.
 

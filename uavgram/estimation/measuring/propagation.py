@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csc_array
 
 from uavgram.estimation.measuring.kinds import (
     Measurand,
@@ -18,7 +20,7 @@ from uavgram.estimation.measuring.kinds import (
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground.measurable import UnmeasurableError
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
 
@@ -45,7 +47,8 @@ class MeasuredValues:
     rows
         (M,) values; a request may give several.
     gradient
-        (size, M) by the unknowns of the adjustment; zero where there is no value.
+        (size, M) by the unknowns of the adjustment, sparse, as a value hangs on few of them itself;
+        zero where there is no value.
     solved
         (size, M) S times the gradient, S the covariance of the unknowns.
     covariance
@@ -55,7 +58,7 @@ class MeasuredValues:
     """
 
     rows: tuple[Measurand, ...]
-    gradient: Floats
+    gradient: csc_array
     solved: Floats
     covariance: Floats
     why_not: tuple[tuple[str, str], ...]
@@ -81,6 +84,18 @@ class MeasuredValues:
         return np.asarray(np.sqrt(np.diag(self.covariance)))
 
 
+class _Sparse(NamedTuple):
+    """Derivatives by some unknowns; the others have none."""
+
+    column: Ints
+    by_column: Floats
+
+
+_NO_COLUMN: Ints = np.zeros(0, dtype=np.int64)
+_NO_STEP: Floats = np.zeros(0)
+_NOTHING = _Sparse(_NO_COLUMN, _NO_STEP)
+
+
 def propagate(
     adjustment: Adjustment,
     requests: tuple[MeasurementRequest, ...],
@@ -100,22 +115,22 @@ def propagate(
     picked
         Labels that somebody picked, be they adjusted or not.
     """
-    place = {label: k for k, label in enumerate(adjustment.survey.label)}
+    place = adjustment.survey.row_of_label
     rows: list[Measurand] = []
-    columns: list[Floats] = []
+    parts: list[_Sparse] = []
     why_not: list[tuple[str, str]] = []
     size = adjustment.problem.layout.size
     for request in requests:
         try:
-            require_picked(request, adjustment.survey.label, picked)
+            require_picked(request, place, picked)
             found = _measured(adjustment, request, frames, place)
         except UnmeasurableError as why:
-            found = [(row, np.zeros(size)) for row in unmeasured(request)]
+            found = [(row, _NOTHING) for row in unmeasured(request)]
             why_not.append((request.name, str(why)))
         rows += [row for row, _ in found]
-        columns += [column for _, column in found]
-    gradient = np.stack(columns, axis=1) if columns else np.zeros((size, 0))
-    solved = adjustment.minimum.factor.solve(gradient) if columns else gradient
+        parts += [part for _, part in found]
+    gradient = _by_unknowns(parts, size)
+    solved = adjustment.minimum.factor.solve(gradient)
     covariance = gradient.T @ solved + _of_others(rows)
     without = [row.gradient is None for row in rows]
     covariance[without] = covariance[:, without] = np.nan
@@ -129,8 +144,8 @@ def _measured(
     request: MeasurementRequest,
     frames: Frames,
     place: Mapping[str, int],
-) -> list[tuple[Measurand, Floats]]:
-    """Values of one request, and the gradient of each (size,) by the unknowns."""
+) -> list[tuple[Measurand, _Sparse]]:
+    """Values of one request, and on which unknowns each hangs, and how."""
     survey = adjustment.survey
     label = np.array([place[p] for p in request.points], dtype=np.int64)
     world, jacobian, unknowns = adjustment.points_with_jacobian(label)
@@ -142,18 +157,30 @@ def _measured(
         by_points, by_feet = row.gradient, row.by_feet
         parts = [] if by_points is None else [(unknowns, by_points, jacobian)]
         parts += [] if by_feet is None else [(feet_unknowns, by_feet, feet_jacobian)]
-        column, largest = np.zeros(adjustment.problem.layout.size), 0.0
+        columns, steps, largest = [_NO_COLUMN], [_NO_STEP], 0.0
         for where, gradient, by_unknowns in parts:
             part = np.einsum("ni,nik->nk", gradient, by_unknowns)
-            np.add.at(column, where, part)  # a point may occur twice in one outline
+            columns.append(where.ravel())
+            steps.append(part.ravel())
             largest = max(largest, float(np.abs(part).max()))
-        if not row.others and np.abs(column).max() <= CANCELLED * largest:
+        found_at, which = np.unique(np.concatenate(columns), return_inverse=True)
+        # A point may occur twice in one outline.
+        column = np.bincount(which, np.concatenate(steps), len(found_at)).astype(np.float64)
+        if not row.others and np.abs(column).max(initial=0.0) <= CANCELLED * largest:
             raise UnmeasurableError(
                 "nothing that was observed bears on it: its heights are all stated, or up is "
                 "only known as at right angles to the ground, for want of a flight log"
             )
-        found.append((row, column))
+        found.append((row, _Sparse(found_at, column)))
     return found
+
+
+def _by_unknowns(parts: list[_Sparse], size: int) -> csc_array:
+    """(size, M) gradients of all values."""
+    ends = np.cumsum([0, *(len(part.column) for part in parts)])
+    column = np.concatenate([_NO_COLUMN, *(part.column for part in parts)])
+    step = np.concatenate([_NO_STEP, *(part.by_column for part in parts)])
+    return csc_array((step, column, ends), shape=(size, len(parts)))
 
 
 def _of_others(rows: list[Measurand]) -> Floats:
@@ -188,11 +215,11 @@ def values_at(
         Name of another source of error (friction, a time) to its error, in its sigmas.
     """
     survey = adjustment.survey
-    place = {label: k for k, label in enumerate(survey.label)}
+    place = survey.row_of_label
     values: list[float] = []
     for request in requests:
         try:
-            require_picked(request, survey.label)
+            require_picked(request, place)
             label = np.array([place[p] for p in request.points], dtype=np.int64)
             world, _, _ = adjustment.problem.world_points(state, label)
             feet = None

@@ -13,17 +13,20 @@ shape: near a coincidence of two points, say, that is what makes a distance too 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import helmert
+from scipy.sparse import csc_array, csr_array, hstack
 
 from uavgram.estimation.measuring.kinds import refers_to_ground
 from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.refit import refit_many
 from uavgram.estimation.survey.unknowns import (
+    Layout,
     State,
     advance,
     between,
@@ -43,9 +46,8 @@ AT_REST = 1e-3
 FLAT = 1e-9
 """Variance, as a share of the largest, of directions that do not move the points."""
 
-
-ENTRIES = 2_000_000
-"""Numbers in the derivatives of all states that are adjusted together: 16 MB."""
+TOGETHER = 32
+"""Measured values whose observations are moved together: solved for at once."""
 
 
 class Curvature(NamedTuple):
@@ -88,7 +90,6 @@ def curvature(
     variance sum(slope^2 + c^2 / 2).
     """
     found = Curvature(*(np.full(len(measured.rows), np.nan) for _ in range(3)))
-    at_once = max(1, ENTRIES // sum(b.jacobian.size for b in adjustment.minimum.blocks.values()))
     some: list[tuple[MeasurementRequest, Ints]] = []
     first = 0
     for request in requests:
@@ -97,10 +98,11 @@ def curvature(
         first += len(rows)
         if np.isfinite(measured.value[rows]).all():
             some.append((request, rows))
-        if sum(len(rows) for _, rows in some) >= at_once:
+        if sum(len(rows) for _, rows in some) >= TOGETHER:
             _curved(adjustment, measured, some, frames, found)
             some = []
-    _curved(adjustment, measured, some, frames, found)
+    if some:
+        _curved(adjustment, measured, some, frames, found)
     return found
 
 
@@ -112,9 +114,12 @@ def _curved(
     found: Curvature,
 ) -> None:
     """Second-order terms of some requests, with their rows: their observations move together."""
-    steps = [REACH * _directions(adjustment, measured, *one) for one in some]
+    steps = [REACH * own for own in _directions(adjustment, measured, some)]
     towards = [own[: len(rows)] for own, (_, rows) in zip(steps, some, strict=True)]
-    adjusted = iter(_adjusted_both_ways(adjustment, np.concatenate(towards)) if some else ())
+    every = np.concatenate([rows for _, rows in some])
+    sigma = measured.sigma[every]
+    asked = csr_array(measured.gradient[:, every].T / np.where(sigma > 0, sigma, 1.0)[:, None])
+    adjusted = iter(_adjusted_both_ways(adjustment, np.concatenate(towards), asked))
     for own, (request, rows) in zip(steps, some, strict=True):
         ends = [next(adjusted) for _ in rows]
         pairs = list(_pairs(adjustment, measured, request, frames, rows, ends, own[len(rows) :]))
@@ -134,7 +139,8 @@ def _pairs(
 
     The directions are those with states `adjusted` to them, and the steps `plainly` taken.
     """
-    moved = unstacked(advance(adjustment.problem.layout, adjustment.state, _both_ways(plainly)))
+    layout, columns, state = _ground_alone(adjustment)
+    moved = unstacked(advance(layout, state, _both_ways(plainly[:, columns])))
     for states in (*adjusted, *zip(moved, moved, strict=True)):
         ends = [
             np.full(len(rows), np.nan)
@@ -153,37 +159,61 @@ def _pairs(
         yield ends[0], ends[1]
 
 
+def _ground_alone(adjustment: Adjustment) -> tuple[Layout, Ints, State]:
+    """The unknowns without those of tie points and of all photos but the first; which, and where.
+
+    Values at steps that are plainly taken ask for no photo; the first one may hold the gauge.
+    """
+    whole, state = adjustment.problem.layout, adjustment.state
+    layout = replace(whole, frames=min(1, whole.frames), ties=0)
+    after = whole.first_frame + layout.frames * layout.frame_size
+    columns = np.r_[
+        : whole.first_tie, whole.first_frame : after, whole.first_intrinsic : whole.size
+    ]
+    few = slice(layout.frames)
+    first = replace(
+        state,
+        center=state.center[few],
+        rotation=state.rotation[few],
+        turning=state.turning[few],
+        tie=state.tie[:0],
+    )
+    return layout, columns, first
+
+
 def _both_ways(steps: Floats) -> Floats:
     """(2n, size) each of n steps, and its opposite behind it."""
     return np.stack([steps, -steps], axis=1).reshape(-1, steps.shape[1])
 
 
 def _adjusted_both_ways(
-    adjustment: Adjustment, steps: Floats
+    adjustment: Adjustment, steps: Floats, asked: csr_array
 ) -> list[tuple[State | None, State | None]]:
     """The states that fit observations moved as `steps`, and as their opposites, would move them.
 
     What parts the one from a plain step, in second order parts the other as well: it begins there.
     """
     layout, state = adjustment.problem.layout, adjustment.state
-    ahead = _adjusted(adjustment, steps)
+    ahead = _adjusted(adjustment, steps, asked)
     behind: list[State | None] = [None] * len(steps)
     there = [row for row, end in enumerate(ahead) if end is not None]
     if there:
         ends = stacked([end for end in ahead if end is not None])
         bent = between(layout, advance(layout, state, steps[there]), ends)
         begin = move(layout, advance(layout, state, -steps[there]), bent)
-        for row, end in zip(there, _adjusted(adjustment, -steps[there], begin), strict=True):
+        back = _adjusted(adjustment, -steps[there], asked[there], begin)
+        for row, end in zip(there, back, strict=True):
             behind[row] = end
     alone = [row for row, end in enumerate(behind) if end is None]
     if alone:
-        for row, end in zip(alone, _adjusted(adjustment, -steps[alone]), strict=True):
+        back = _adjusted(adjustment, -steps[alone], asked[alone])
+        for row, end in zip(alone, back, strict=True):
             behind[row] = end
     return list(zip(ahead, behind, strict=True))
 
 
 def _adjusted(
-    adjustment: Adjustment, steps: Floats, begin: State | None = None
+    adjustment: Adjustment, steps: Floats, asked: csr_array, begin: State | None = None
 ) -> list[State | None]:
     """The states that fit observations moved as `steps` would move them; None where there is none.
 
@@ -194,7 +224,7 @@ def _adjusted(
         for name, block in adjustment.minimum.blocks.items()
         if name != "gauge"
     }
-    return refit_many(adjustment, errors, AT_REST, begin)
+    return refit_many(adjustment, errors, AT_REST, begin, asked)
 
 
 def _error_in(one: str, reach: float, source: str) -> float:
@@ -203,44 +233,58 @@ def _error_in(one: str, reach: float, source: str) -> float:
 
 
 def _directions(
-    adjustment: Adjustment, measured: MeasuredValues, request: MeasurementRequest, rows: Ints
-) -> Floats:
-    """(d, size) steps of the unknowns by observations that move by one sigma each.
+    adjustment: Adjustment,
+    measured: MeasuredValues,
+    some: Sequence[tuple[MeasurementRequest, Ints]],
+) -> Iterator[Floats]:
+    """(d, size) steps of the unknowns by observations that move by one sigma each, by request.
 
     The observations move along J s, which moves the unknowns by s, and s^T N s = 1: orthogonal
     directions of the observations' space, the first ones towards the measured values.
     """
-    survey = adjustment.survey
-    label = np.unique([survey.label.index(p) for p in request.points])
+    spreads = [_spread_of(adjustment, request) for request, _ in some]
+    together = adjustment.minimum.factor.solve(hstack(spreads, format="csc"))
+    ends = np.cumsum([spread.shape[1] for spread in spreads])[:-1]
+    for spread, solved, (_, rows) in zip(
+        spreads, np.split(together, ends, axis=1), some, strict=True
+    ):
+        joint = spread.T @ solved
+        sigma = np.sqrt(np.diag(joint))
+        sigma = np.where(sigma > 0, sigma, 1.0)
+        variance, axes = np.linalg.eigh(joint / np.outer(sigma, sigma))
+        kept = variance > FLAT * variance.max()
+        whitened = (axes[:, kept] / np.sqrt(variance[kept])) / sigma[:, None]
+        steps = solved @ whitened
+        towards = steps.T @ measured.gradient[:, rows]
+        turned, _ = np.linalg.qr(np.concatenate([towards, np.eye(len(towards))], axis=1))
+        yield np.asarray((steps @ turned).T)
+
+
+def _spread_of(adjustment: Adjustment, request: MeasurementRequest) -> csc_array:
+    """Of the points of a request, and where it refers to the ground, of their heights over it."""
+    label = np.unique(adjustment.label_rows(request.points))
     size = adjustment.problem.layout.size
     _, jacobian, columns = adjustment.points_with_jacobian(label)
     spread = _spread(size, jacobian, columns)
-    if refers_to_ground(request):
-        _, of_feet, _ = adjustment.ground_with_jacobian(label)
-        spread = np.concatenate([spread, _spread(size, jacobian - of_feet, columns)], axis=1)
-    solved = adjustment.minimum.factor.solve(spread)
-    joint = spread.T @ solved
-    sigma = np.sqrt(np.diag(joint))
-    sigma = np.where(sigma > 0, sigma, 1.0)
-    variance, axes = np.linalg.eigh(joint / np.outer(sigma, sigma))
-    kept = variance > FLAT * variance.max()
-    whitened = (axes[:, kept] / np.sqrt(variance[kept])) / sigma[:, None]
-    steps = solved @ whitened
-    towards = steps.T @ measured.gradient[:, rows]
-    turned, _ = np.linalg.qr(np.concatenate([towards, np.eye(len(towards))], axis=1))
-    return np.asarray((steps @ turned).T)
+    if not refers_to_ground(request):
+        return spread
+    _, of_feet, _ = adjustment.ground_with_jacobian(label)
+    return hstack([spread, _spread(size, jacobian - of_feet, columns)], format="csc")
 
 
-def _spread(size: int, jacobian: Floats, columns: Ints) -> Floats:
+def _spread(size: int, jacobian: Floats, columns: Ints) -> csc_array:
     """(size, 3n) gradients of n places, their mean apart from what parts them.
 
     All may share an error a million times as large.
     """
     n = len(jacobian)
-    spread = np.zeros((size, 3 * n))
     at = 3 * np.arange(n)[:, None, None] + np.arange(3)[:, None]
-    np.add.at(spread, (columns[:, None, :], at), jacobian)
-    return np.asarray(spread @ np.kron(helmert(n, full=True).T, np.eye(3)))
+    where = (
+        np.broadcast_to(columns[:, None, :], jacobian.shape),
+        np.broadcast_to(at, jacobian.shape),
+    )
+    spread = csc_array((jacobian.ravel(), tuple(w.ravel() for w in where)), shape=(size, 3 * n))
+    return csc_array(spread @ csc_array(np.kron(helmert(n, full=True).T, np.eye(3))))
 
 
 def _collect(pairs: Floats, measured: MeasuredValues, rows: Ints, found: Curvature) -> None:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -41,10 +42,12 @@ class Shifts(NamedTuple):
 def shifts(adjustment: Adjustment, measured: MeasuredValues) -> Shifts:
     """What relief and a wrong tape would do to each measured value."""
     none = np.array([row.gradient is None for row in measured.rows], dtype=bool)
-    label = adjustment.survey.label
-    own = np.array([[name in row.request.points for row in measured.rows] for name in label])
-    own = own.reshape(len(label), len(none)).astype(bool)  # nothing may be measured
-    relief = RELIEF_M * np.where(own, np.abs(by_heights(adjustment, measured)), 0.0).sum(axis=0)
+    place = adjustment.survey.row_of_label
+    points = [sorted({place[p] for p in row.request.points if p in place}) for row in measured.rows]
+    touched = np.array(sorted({k for own in points for k in own}), dtype=np.int64)
+    moved = np.abs(by_heights(adjustment, measured, touched))
+    own = [np.searchsorted(touched, np.array(some, dtype=np.int64)) for some in points]
+    relief = RELIEF_M * np.array([moved[rows, m].sum() for m, rows in enumerate(own)])
     tape = np.full(len(none), np.nan)
     if (line := adjustment.problem.line_index).size:
         survey, block = adjustment.survey, adjustment.minimum.blocks["lengths"]
@@ -55,24 +58,27 @@ def shifts(adjustment: Adjustment, measured: MeasuredValues) -> Shifts:
     return Shifts(np.where(none, np.nan, relief), np.where(none, np.nan, tape))
 
 
-def by_heights(adjustment: Adjustment, measured: MeasuredValues) -> Floats:
-    """(K, M) derivative of each value by how high each point lies above its surface.
+def by_heights(adjustment: Adjustment, measured: MeasuredValues, label: Ints) -> Floats:
+    """(n, M) derivative of each value by how high each of some points lies above its surface.
 
     Picks and readings stay as they are; only what is taken for the point's height changes.
     """
-    survey = adjustment.survey
-    label = {name: k for k, name in enumerate(survey.label)}
+    names, size = adjustment.survey.label, adjustment.problem.layout.size
+    row_of = np.full(len(names), -1)
+    row_of[label] = np.arange(len(label))
+    place = {names[k]: row for row, k in enumerate(label.tolist())}
     total = np.zeros((len(label), len(measured.rows)))
     for m, row in enumerate(measured.rows):
         if row.gradient is not None:  # the ground below a point rises with the surface
             up = row.gradient[:, 2] + (0.0 if row.by_feet is None else row.by_feet[:, 2])
-            np.add.at(total[:, m], [label[name] for name in row.request.points], up)
+            for name, by_up in zip(row.request.points, up.tolist(), strict=True):
+                if name in place:
+                    total[place[name], m] += by_up
     for kind, point, by_height in _residuals_by_height(adjustment):
-        block = adjustment.minimum.blocks[kind]
-        response = np.einsum(
-            "nr,nrk,nkm->nm", by_height, block.jacobian, measured.solved[block.columns]
-        )
-        np.subtract.at(total, point, response)
+        block, own = adjustment.minimum.blocks[kind], np.flatnonzero(row_of[point] >= 0)
+        force = np.einsum("nr,nrk->nk", by_height[own], block.jacobian[own])
+        at = (np.repeat(row_of[point[own]], force.shape[1]), block.columns[own].ravel())
+        total -= csr_array((force.ravel(), at), shape=(len(label), size)) @ measured.solved
     return total
 
 

@@ -121,9 +121,8 @@ def _changes(
 
     The latter by one of their sigmas; each is 0 for the axes of the other.
     """
-    block = group.block
-    response = np.einsum("nrk,nkm->nrm", block.jacobian[rows], measured.solved[block.columns[rows]])
-    by_unit = np.einsum("nra,nrm->nam", group.direction[rows], response)
+    response = group.block.times(rows, measured.solved)
+    by_unit = group.direction[rows].swapaxes(1, 2) @ response
     checked = group.redundancy[rows] > UNCHECKED
     whitened = group.bias(significance)[rows] / group.scale[rows]
     by_bias = by_unit * np.where(checked, np.nan_to_num(whitened), 0.0)[..., None]

@@ -11,9 +11,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from weakref import WeakKeyDictionary
+from typing import ClassVar
+from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
+from scipy.sparse import csc_array
 
 from uavgram.estimation.solver.dense import DenseFactor
 from uavgram.estimation.solver.sparse.block_matrix import Assembly, BlockMatrix
@@ -61,6 +63,20 @@ class Block:
     columns: Ints
     jacobian: Floats
 
+    def times(self, rows: slice, several: Floats) -> Floats:
+        """(n, r, m) product of some rows of the Jacobian with (size, m) columns.
+
+        What all these rows hang on is multiplied at once; only the rest is gathered row by row.
+        """
+        columns, jacobian = self.columns[rows], self.jacobian[rows]
+        n, r, _ = jacobian.shape
+        common = (columns == columns[:1]).all(axis=0)
+        found = jacobian[..., ~common] @ several[columns[:, ~common]]
+        if n and common.any():
+            shared = jacobian[..., common].reshape(n * r, -1) @ several[columns[0, common]]
+            found += shared.reshape(n, r, -1)
+        return np.asarray(found)
+
 
 class NormalEquations:
     """J^T J and J^T r of a list of blocks, over `size` unknowns.
@@ -101,7 +117,7 @@ class NormalEquations:
             return np.asarray(jacobian.T @ jacobian)
         columns = [b.columns for b in self._blocks]
         if self.plan is None or not self.plan.assembly.serves(columns):
-            self.plan = Plan(columns, self._structure)
+            self.plan = Plan.of(columns, self._structure)
         return self.plan.assembly.normal([b.jacobian for b in self._blocks])
 
     def factor(self, damping: float = 0.0) -> Factor:
@@ -121,6 +137,20 @@ class NormalEquations:
 
 class Plan:
     """What serves every large system of the same columns."""
+
+    _recent: ClassVar[WeakValueDictionary[object, Plan]] = WeakValueDictionary()
+
+    @classmethod
+    def of(cls, columns: list[Ints], structure: Structure) -> Plan:
+        """That of an earlier system whose factor is still held, where it serves; else a new one.
+
+        Starts of one survey, and the survey again with other sigmas, have the same columns.
+        """
+        shape = structure, *(own.shape for own in columns)
+        plan = cls._recent.get(shape)
+        if plan is None or not plan.assembly.serves(columns):
+            plan = cls._recent[shape] = cls(columns, structure)
+        return plan
 
     def __init__(self, columns: list[Ints], structure: Structure) -> None:
         self.assembly = Assembly(columns, structure)
@@ -174,6 +204,7 @@ class Factor:
     ) -> None:
         self._scale = 1.0 / np.sqrt(diagonal)
         self._damping = damping
+        self._plan = plan  # held for the next system of the same columns
         self.size = len(diagonal)
         self._factor: DenseFactor | SparseFactor
         try:
@@ -197,8 +228,10 @@ class Factor:
         """Natural logarithm of the determinant of the (damped) normal matrix."""
         return self._factor.log_determinant() - 2.0 * float(np.log(self._scale).sum())
 
-    def solve(self, right: Floats) -> Floats:
+    def solve(self, right: Floats | csc_array) -> Floats:
         """Solve for one (n,) or several (n, m) right-hand sides; large systems a few at a time."""
+        if isinstance(right, csc_array):
+            return self._solve_sparse(right) if self.sparse else self.solve(right.toarray())
         scale = self._scale if right.ndim == 1 else self._scale[:, None]
         if not isinstance(self._factor, SparseFactor):
             return np.asarray(self._factor.solve(right * scale) * scale)
@@ -209,6 +242,14 @@ class Factor:
             scaled = columns[:, some] * self._scale[:, None]
             found[:, some] = self._factor.solve(scaled) * self._scale[:, None]
         return found.reshape(right.shape)
+
+    def _solve_sparse(self, right: csc_array) -> Floats:
+        """The same of columns of which most is zero: dense ones of many would fill the memory."""
+        found = np.empty(right.shape)
+        for start in range(0, right.shape[1], AT_ONCE):
+            some = slice(start, start + AT_ONCE)
+            found[:, some] = self.solve(right[:, some].toarray())
+        return found
 
     def predicted_fall(self, step: Floats, gradient: Floats) -> float:
         """Fall of the sum of squares that the linearised model promises of a solved step.

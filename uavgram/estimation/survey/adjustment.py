@@ -72,7 +72,7 @@ class Adjustment:
 
     def label_rows(self, labels: Iterable[str]) -> Ints:
         """(n,) positions of labels; -1 where one is not among the adjusted points."""
-        place = {label: k for k, label in enumerate(self.survey.label)}
+        place = self.survey.row_of_label
         return np.array([place.get(label, -1) for label in labels], dtype=np.int64)
 
     def pixels(self, frame: Ints, label: Ints) -> Floats:

@@ -39,7 +39,8 @@ _SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)
 _CROWDED = 16
 _FAR = 1e6  # heights of a letter: farther than any drawing reaches
 _PAPER_M = (0.420, 0.297)  # A3
-_TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters
+_TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters,
+_CROWD = 0.2  # or, of many points, what leaves three quarters of an evenly filled sheet empty
 
 
 def write_local_dxf(features: Features, path: Path, words: Words = METRIC) -> None:
@@ -126,7 +127,8 @@ def _text_height(features: Features) -> float:
     if len(vertices) < 2:
         return 0.25
     corners = np.concatenate(vertices)[:, :2]
-    return max(float(np.ptp(corners, axis=0).max()) * _TEXT_SHARE, 0.01)
+    share = min(_TEXT_SHARE, _CROWD / np.sqrt(len(corners)))
+    return max(float(np.ptp(corners, axis=0).max()) * share, 0.01)
 
 
 def _draw(sheet: Sheet, layer: Layer) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
@@ -110,6 +111,11 @@ class PhotoExposures(FrozenArrays):
     sigma_attitude_rad: Annotated[Floats, "n", 2]
     by_course: Annotated[Bools, "n"]
     source: str
+
+    def rows_of(self, names: Iterable[str]) -> Ints:
+        """(n,) row of each name."""
+        row = {name: k for k, name in enumerate(self.frame_id)}
+        return np.array([row[name] for name in names], dtype=np.int64)
 
 
 Flight = Track | PhotoExposures

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
@@ -180,6 +181,11 @@ class Survey:
     def scale_sigma_of(self, tape: str) -> float:
         """Prior of the scale of one tape."""
         return dict(self.own_scale_sigma).get(tape, self.tape_scale_sigma)
+
+    @cached_property
+    def row_of_label(self) -> dict[str, int]:
+        """Index of each label."""
+        return {label: k for k, label in enumerate(self.label)}
 
     @property
     def pick_is_target(self) -> Bools:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.geometry.ground.row_projection import project_rows, row_poses
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.pictures import Region, Subject
 from uavgram.model.result.result import Result
 
@@ -30,7 +31,7 @@ class PicturePlan(NamedTuple):
 
 
 class _Seen(NamedTuple):
-    """By label, where points were picked in a photo, and where those and others lie in it."""
+    """By label, where points were picked in a photo, and where these and measured ones lie."""
 
     picked: dict[str, Floats]
     lies: dict[str, Floats]
@@ -62,7 +63,7 @@ def picture_plan(result: Result) -> PicturePlan:
     overview = Region(subject="overview", row=0, frame=frames[0], left_px=0, top_px=0, **size)
     regions = (
         overview,
-        *list(_parts(result, "point", points, frames, seen))[:MOST_POINTS],
+        *islice(_parts(result, "point", points, frames, seen), MOST_POINTS),
         *_first(result, list(_parts(result, "measurement", measured, frames, seen))),
     )
     return PicturePlan(regions, _left_out(result, regions))
@@ -119,22 +120,24 @@ def _seen(result: Result) -> dict[int, _Seen]:
         if picks.status[i] in ("used", "suspect") and result.has_refined[frame]:
             one = seen.setdefault(frame, _Seen({}, {}))
             one.picked[picks.label[i]] = picks.pixel_px[i]
+    named = {label for labels in _ends(result) for label in labels}
+    rows = np.array([k for k, label in enumerate(result.points.label) if label in named], np.int64)
     for frame, one in seen.items():
-        one.lies.update(_adjusted(result, frame) | one.picked)
+        one.lies.update(_adjusted(result, frame, rows) | one.picked)
     return seen
 
 
-def _adjusted(result: Result, frame: int) -> dict[str, Floats]:
-    """Where the adjustment puts the points that lie in a photo."""
+def _adjusted(result: Result, frame: int, rows: Ints) -> dict[str, Floats]:
+    """Where the adjustment puts those of some points that lie in a photo."""
     pixel = project_rows(
         result.camera,
         result.shared.intrinsics.value,
         row_poses(result, frame),
-        result.points.position_world_m,
+        result.points.position_world_m[rows],
     )
     size = np.array([result.camera.width_px, result.camera.height_px])
     inside = ((pixel >= -0.5) & (pixel <= size - 0.5)).all(axis=1)
-    return {result.points.label[k]: pixel[k] for k in np.flatnonzero(inside)}
+    return {result.points.label[rows[k]]: pixel[k] for k in np.flatnonzero(inside)}
 
 
 def _ends(result: Result) -> tuple[tuple[str, ...], ...]:
@@ -148,20 +151,41 @@ def _ends(result: Result) -> tuple[tuple[str, ...], ...]:
 
 def _chosen(seen: dict[int, _Seen], wanted: Sequence[_Group]) -> list[int]:
     """Frames that show most of what those before do not; the one that shows most is the first."""
+    showing = _showing(seen, wanted)
+    gain = dict.fromkeys(sorted(seen), 0)
+    shown: dict[int, set[int]] = {frame: set() for frame in seen}
+    for number, frames in enumerate(showing):
+        for frame in frames:
+            gain[frame] += 1
+            shown[frame].add(number)
     chosen: list[int] = []
-    missing = list(wanted)
     while len(chosen) < MOST_PHOTOS:
-        gain = {
-            frame: sum(group.is_in(one) for group in missing)
-            for frame, one in sorted(seen.items())
-            if frame not in chosen
-        }
         best = max(gain, key=lambda frame: gain[frame], default=None)
         if best is None or not gain[best]:
             break
         chosen.append(best)
-        missing = [group for group in missing if not group.is_in(seen[best])]
+        for number in list(shown[best]):
+            for frame in showing[number]:
+                gain[frame] -= 1
+                shown[frame].discard(number)
     return chosen
+
+
+def _showing(seen: dict[int, _Seen], wanted: Sequence[_Group]) -> list[set[int]]:
+    """The frames that each group is in."""
+    picked: dict[str, set[int]] = {}
+    lies: dict[str, set[int]] = {}
+    for frame, one in seen.items():
+        for where, labels in ((picked, one.picked), (lies, one.lies)):
+            for label in labels:
+                where.setdefault(label, set()).add(frame)
+    nowhere: set[int] = set()
+    return [
+        set.intersection(
+            *((picked if group.picked else lies).get(label, nowhere) for label in group.labels)
+        )
+        for group in wanted
+    ]
 
 
 def _around(result: Result, subject: Subject, row: int, frame: int, pixel_px: Floats) -> Region:

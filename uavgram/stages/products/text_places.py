@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from itertools import product
 
 import numpy as np
 
@@ -14,6 +15,15 @@ ROUNDS = 200
 _AT_ONCE = 6
 """Rounds that are tried together at first."""
 
+_ROOM = 64
+"""Places that are kept room for at first."""
+
+_SQUARE = 8.0
+"""Side of a square in which places are looked up, in half the width of the first text."""
+
+_MOST_SQUARES = 1000
+"""What reaches into more of them is compared with everything."""
+
 
 class TextPlaces:
     """The places that are taken, while texts are placed one after the other.
@@ -23,7 +33,11 @@ class TextPlaces:
     """
 
     def __init__(self) -> None:
-        self._taken = np.zeros((0, 5))
+        self._taken = np.zeros((_ROOM, 5))
+        self._count = 0
+        self._side = 0.0  # of a square; the first text says how large
+        self._in_square: dict[tuple[int, int], list[int]] = {}
+        self._large: list[int] = []
 
     def take(self, candidates: Floats) -> int | None:
         """Take the first place that is free.
@@ -37,7 +51,7 @@ class TextPlaces:
         -------
         Which one; None where all of them are taken.
         """
-        free = np.flatnonzero(~overlaps(candidates, self._taken).any(axis=1))
+        free = np.flatnonzero(~overlaps(candidates, self._near(candidates)).any(axis=1))
         if not len(free):
             return None
         self.reserve(candidates[free[0]])
@@ -65,7 +79,37 @@ class TextPlaces:
 
     def reserve(self, place: Floats) -> None:
         """Keep a place (5,) free of all that is placed from now on."""
-        self._taken = np.concatenate([self._taken, place[None]])
+        if self._count == len(self._taken):
+            self._taken = np.concatenate([self._taken, np.zeros_like(self._taken)])
+        self._taken[self._count] = place
+        squares = self._squares(place[None])
+        if squares is None:
+            self._large.append(self._count)
+        for square in squares or ():
+            self._in_square.setdefault(square, []).append(self._count)
+        self._count += 1
+
+    def _near(self, candidates: Floats) -> Floats:
+        """(n, 5) what is taken and may meet some places, in the order in which it was taken."""
+        if not self._side:
+            self._side = _SQUARE * float(candidates[:, 2:4].max(initial=0.0))
+        squares = self._squares(candidates)
+        if squares is None:
+            return self._taken[: self._count]
+        found = {row for square in squares for row in self._in_square.get(square, ())}
+        return self._taken[sorted(found.union(self._large))]
+
+    def _squares(self, places: Floats) -> Iterable[tuple[int, int]] | None:
+        """The squares that places may reach into; None where there are too many of them."""
+        if not self._side or not len(places):
+            return None
+        reach = np.hypot(places[:, 2], places[:, 3])[:, None]
+        low = np.floor((places[:, :2] - reach).min(axis=0) / self._side)
+        high = np.floor((places[:, :2] + reach).max(axis=0) / self._side)
+        if not np.prod(high - low + 1.0) <= _MOST_SQUARES:
+            return None
+        (x, y), (to_x, to_y) = low.astype(int).tolist(), high.astype(int).tolist()
+        return product(range(x, to_x + 1), range(y, to_y + 1))
 
 
 def around(anchor: Floats, half: Floats, gap: float, ring: int | Ints) -> Floats:

@@ -61,7 +61,7 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
     track = survey.track
     if survey.seeds is None or not isinstance(track, PhotoExposures):
         return survey, ()
-    row = np.array([track.frame_id.index(name) for name in survey.frame_id], dtype=np.int64)
+    row = track.rows_of(survey.frame_id)
     sigma = track.sigma_attitude_rad[row, 1]
     free = track.by_course[row] | (sigma > UNKNOWN_RAD)
     if not free.any():

@@ -126,7 +126,7 @@ def _shared(
 def _sigmas(flight: Flight, names: tuple[str, ...], time_s: Floats) -> tuple[Floats, Floats]:
     """Position (N, 2) and attitude (N, 2) sigmas of the frames."""
     if isinstance(flight, PhotoExposures):
-        index = [flight.frame_id.index(name) for name in names]
+        index = flight.rows_of(names)
         return flight.sigma_position_m[index], flight.sigma_attitude_rad[index]
     position = _at(flight.sigma_time_s, flight.sigma_position_m, time_s)
     return position, _at(flight.sigma_time_s, flight.sigma_attitude_rad, time_s)

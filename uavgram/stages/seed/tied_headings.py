@@ -75,7 +75,7 @@ def with_attitudes(survey: Survey, rotation: Floats, which: Bools) -> Survey:
     marginal = axes @ seeds.covariance @ axes.transpose(0, 2, 1) + unknown
     of_prior = axes[prior.frame_index]
     own = of_prior @ prior.covariance @ of_prior.transpose(0, 2, 1) + unknown[prior.frame_index]
-    row = [track.frame_id.index(name) for name in survey.frame_id]
+    row = track.rows_of(survey.frame_id)
     gimbal = track.world_from_gimbal.copy()
     gimbal[row] = turn @ gimbal[row]
     return replace(

@@ -87,7 +87,8 @@ def pick(
     label = [truth.label[i] for i in point]
     for first, second in habits.swapped:
         _swap(label, frame.tolist(), first, second)
-    at = [truth.label.index(name) for name in label]
+    row = {name: k for k, name in enumerate(truth.label)}
+    at = [row[name] for name in label]
     return Picks(
         image=tuple(truth.frame_id[i] for i in frame),
         label=tuple(label),
