@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.terms.sightings import motion_of
 from uavgram.geometry.ground.top_view import FrameKnowledge, View, place_sigma
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.tone import Tone, automatic_tone, toned
@@ -188,10 +189,10 @@ def _caption(view: View, raster: GroundRaster) -> str:
 def _knowledge(adjustment: Adjustment, view: View, pick_sigma_px: float) -> FrameKnowledge:
     row_of = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
     frames = np.array([row_of[name] for name in view.frame_id])
-    rolling = adjustment.survey.rolling
+    motion = motion_of(adjustment.survey, adjustment.state)
     return FrameKnowledge(
         covariance=adjustment.sight_covariance(frames),
-        motion=None if rolling is None else rolling.motion[frames],
+        motion=motion[frames] if adjustment.problem.layout.readout else None,
         pixel_sigma_px=pick_sigma_px,
         roughness_sigma_m=adjustment.departure_m(0),
     )

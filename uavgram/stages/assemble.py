@@ -334,15 +334,15 @@ def _unpicked_areas(ground: GroundOptions, survey: Survey) -> Iterator[Message]:
 
 def _unused_readout(survey: Survey) -> Iterator[Message]:
     """Say so where rows are known to be read one after the other, and the motion is not."""
-    readout = survey.calibration.readout
-    if readout is not None and readout.value_s and not isinstance(survey.track, Track):
+    readout, logged = survey.calibration.readout, isinstance(survey.track, Track)
+    if readout is not None and readout.value_s and not (logged or survey.ties.points):
         yield Message(
             "info",
             "readout-unused",
             f"This camera reads a photo in {1e3 * abs(readout.value_s):.0f} ms, row after row. How "
             "it moved meanwhile is not known without a flight log, so that is left out: what "
             "follows from it stays in the results. Name the flight's log (`log:`), if there is "
-            "one.",
+            "one; or find tie points (`uavgram picks ties`), which show much of it.",
         )
 
 

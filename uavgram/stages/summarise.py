@@ -40,6 +40,8 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
     if isinstance(adjustment.survey.track, PhotoExposures):
         for name in ("clock", "clock_drift"):  # no clock moves them: its prior came back as it was
             part.pop(name)
+    rolling = adjustment.survey.rolling
+    by_photos = rolling is not None and rolling.by_photos  # then no time: see RollingShutter
     return SharedResult(
         boresight_deg=_changed(part.get("boresight"), DEGREES),
         lever_arm_m=part.get("lever_arm"),
@@ -48,7 +50,7 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
         clock_offset_s=_changed(part.get("clock"), shift=clock_offset_s),
         clock_drift_ppm=_changed(part.get("clock_drift"), 1e6),
         readout_s=Estimate(value=state.readout, sigma=_sigmas(adjustment, layout.first_readout, 1))
-        if layout.readout
+        if layout.readout and not by_photos
         else None,
         intrinsics=Estimate(value=adjustment.problem.intrinsics(state), sigma=intrinsic_sigma),
         tape_scale=_tape_scales(adjustment),

@@ -28,10 +28,6 @@ from uavgram.estimation.survey.unknowns import Layout, State, layout_of, unstack
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 
-TURNING_RAD_S = 0.03
-"""How well a log says how fast a camera turns, 1.7 degrees a second: attitudes good to 0.1 degree,
-ten times a second, and a mount that shakes in between."""
-
 GAUGE_SIGMA = np.array([1e-4, 1e-4, 1e-6])
 """Of the three conditions that fix a free gauge [m, m, rad]: they are met exactly at the minimum,
 so their size moves no estimate; small enough to add nothing to a covariance."""
@@ -312,8 +308,9 @@ class SurveyProblem:
     def _turning(self, state: State) -> Block:
         columns = self.layout.turning_columns(np.arange(self.layout.frames))
         assert self.survey.rolling is not None  # noqa: S101  (else it is no unknown)
-        readout = self.survey.rolling.readout
-        sigma = TURNING_RAD_S * float(np.hypot(readout.value_s, readout.sigma_s))
+        rolling = self.survey.rolling
+        readout = rolling.readout
+        sigma = rolling.rate_sigma_rad_s * float(np.hypot(readout.value_s, readout.sigma_s))
         weight = np.broadcast_to(np.eye(3) / sigma, (len(columns), 3, 3))
         return Block(state.turning / sigma, columns, weight)
 

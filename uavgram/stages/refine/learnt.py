@@ -17,6 +17,13 @@ SURE = 3.0
 LEVEL_DEG = 2.0
 """Slope up to which people call a ground level."""
 
+BY_PHOTOS = (
+    "The camera reads its rows one after the other (a rolling shutter): tie points fit much better "
+    "so. Taken into account as far as they show it; what they cannot show, as no log says how fast "
+    "the drone flew, is in the sigmas. Name the flight's log (`log:`), or state `readout_ms` in "
+    "the camera file."
+)
+
 
 def learnt_remarks(adjustment: Adjustment) -> Iterator[Message]:
     """A rolling shutter, and ground that slopes."""
@@ -35,6 +42,9 @@ def _misfit(adjustment: Adjustment) -> float:
 def _shutter(adjustment: Adjustment, sure: float) -> Iterator[Message]:
     rolling, layout = adjustment.survey.rolling, adjustment.problem.layout
     if rolling is None or not layout.readout or rolling.readout.value_s:
+        return
+    if rolling.by_photos:
+        yield Message("info", "shutter-found", BY_PHOTOS)
         return
     found_s = float(adjustment.state.readout[0])
     sigma_s = float(np.sqrt(adjustment.shared(layout.first_readout, 1)[0, 0]))

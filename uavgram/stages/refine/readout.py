@@ -38,7 +38,7 @@ def with_sound_readout(
     """
     adjustment = refined.adjustment
     own, state = adjustment.survey, adjustment.state
-    if own.rolling is None:
+    if own.rolling is None or own.rolling.by_photos:
         return survey, refined, ()
     known, found_s = own.rolling.readout, float(state.readout[0])
     if abs(found_s - known.value_s) > BEYOND_BELIEF * known.sigma_s:

@@ -13,6 +13,7 @@ from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.at_stated_noise import adjusted_as_stated, participants
+from uavgram.stages.refine.begin.photo_motion import with_motion_by_photos
 from uavgram.stages.refine.begin.tied_frames import with_tied_frames
 from uavgram.stages.refine.blunders.gross_known import with_gross_known
 from uavgram.stages.refine.blunders.gross_lengths import (
@@ -67,6 +68,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         The observations do not determine the survey; the message names what is missing.
     """
     stated, far_off = with_tied_frames(survey)
+    stated = with_motion_by_photos(stated)
     sound = with_sound_ties(stated, learn=options.noise == "estimate")
     sound = replace(sound, ties_left_out=sound.ties_left_out | far_off)
     tied, shown = tuple(remarks_on_ties(survey, sound)), sound.shown.off_ground

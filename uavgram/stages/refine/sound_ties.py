@@ -24,6 +24,7 @@ from uavgram.model.message import Message, Several
 from uavgram.model.result.noise import Noise, PickNoise
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
+from uavgram.stages.refine.begin.photo_motion import ask_for_shutter, is_in_question
 from uavgram.stages.refine.begin.softened import iterate, iterations_for
 from uavgram.stages.refine.begin.starts import in_lens
 from uavgram.stages.refine.continued import lines_used
@@ -94,8 +95,13 @@ def with_sound_ties(survey: Survey, *, learn: bool = True) -> SoundTies:
         keep, _ = in_lens(survey)
         begun = Participants(_softened(survey), keep, every, {})
         adjustment = best_minima(begun).adjustment
+        if is_in_question(survey):
+            still = replace(begun.survey, rolling=None)
+            plain = best_minima(replace(begun, survey=still)).adjustment
+            if not ask_for_shutter(plain, adjustment):
+                survey, adjustment = replace(survey, rolling=None), plain
     except GeometryError:  # what is missing is told of the survey as it is
-        return SoundTies(survey)
+        return SoundTies(replace(survey, rolling=None) if is_in_question(survey) else survey)
     wrong: list[tuple[bool, int]] = []
     for left in reversed(range(ROUNDS)):
         out = _wrong(adjustment)

@@ -102,6 +102,11 @@ def rows_of_sightings(
         from_center = from_center - moved[..., :3]
         unturned = exp_so3(-moved[..., 3:])
         in_middle = np.einsum("...ij,...j->...i", camera_from_world, from_center)
+        turns = in_middle
+        velocity = motion[:, :3]
+        if survey.gauge == "plane":  # velocities turn with the camera
+            turns = in_middle + share * state.readout[..., None] * velocity
+            velocity = np.einsum("...ji,...j->...i", camera_from_world, velocity)
         camera_from_world = unturned @ camera_from_world
     camera = np.einsum("...ij,...j->...i", camera_from_world, from_center)
     pixel, d_camera, d_intrinsics = _projected(problem, state, camera)
@@ -109,7 +114,7 @@ def rows_of_sightings(
         return None
     weight = 1.0 / rows.sigma_px
     d_world = d_camera @ camera_from_world
-    by_turn = hat(camera) if unturned is None else unturned @ hat(in_middle)
+    by_turn = hat(camera) if unturned is None else unturned @ hat(turns)
     parts = [
         d_world @ d_point,
         -d_world,
@@ -122,7 +127,7 @@ def rows_of_sightings(
         # left Jacobian of the rotation exp(-s); by the turning t itself: camera x J
         left = _left_jacobian(-moved[..., 3:])
         by_time = np.cross(camera, np.einsum("...ij,...j->...i", left, motion[:, 3:]))
-        by_time -= np.einsum("...ij,...j->...i", camera_from_world, motion[:, :3])
+        by_time -= np.einsum("...ij,...j->...i", camera_from_world, velocity)
         parts.append(d_camera @ (share * by_time)[..., None])
         if problem.layout.turning:
             parts.append(d_camera @ (hat(camera) @ left * share[..., None]))
@@ -163,10 +168,21 @@ def sweep_of(survey: Survey, state: State) -> Floats:
     """
     if survey.rolling is None:
         return np.zeros((len(survey.frame_id), 6))
-    sweep = state.readout[..., None] * survey.rolling.motion
+    sweep = state.readout[..., None] * motion_of(survey, state)
     if state.turning.size:
         sweep[..., 3:] += state.turning
     return sweep
+
+
+def motion_of(survey: Survey, state: State) -> Floats:
+    """(..., F, 6) velocity in the world, and angular rate in camera axes; 0 without a shutter."""
+    if survey.rolling is None:
+        return np.zeros((len(survey.frame_id), 6))
+    motion = survey.rolling.motion
+    if survey.gauge != "plane":
+        return motion
+    ahead = np.einsum("...ij,...j->...i", state.rotation, motion[:, :3])
+    return np.concatenate([ahead, np.broadcast_to(motion[:, 3:], ahead.shape)], axis=-1)
 
 
 class TiedPoints:
