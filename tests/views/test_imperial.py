@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import ezdxf
+import numpy as np
 import pytest
 import synthetic_survey as survey
 from full_report import full
@@ -49,6 +50,16 @@ def test_the_report_is_in_feet_and_inches(result: Result) -> None:
     assert "[ft]" in text
     assert " in ± " in text
     assert " mph" in text
+
+
+def test_ten_centimetres_of_relief_are_not_taken_for_a_length_of_the_survey(
+    result: Result,
+) -> None:
+    lines = replace(result.lines, mdb_m=np.full(len(result.lines.name), 0.0955))
+    page = render_report(replace(result, lines=lines))
+
+    assert "3.9 in of relief" in page
+    assert "its points is 3.9 in higher" in page
 
 
 def test_the_terminal_is_in_feet_and_inches(result: Result) -> None:

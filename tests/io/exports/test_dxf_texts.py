@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -16,7 +17,7 @@ from ezdxf.entities.text import Text
 from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import readfile
 
-from uavgram.io.exports.dxf import write_local_dxf
+from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.maps.layers import Features, Layer
 
@@ -116,8 +117,9 @@ def box_of(text: DXFEntity) -> Box:
         drawn.set_placement(text.dxf.insert, align=TextEntityAlignment.MIDDLE_CENTER)
     paths = text2path.make_paths_from_entity(drawn)
     corners = np.array([tuple(point)[:2] for path in paths for point in path.flattening(0.01)])
-    box: Box = cv2.minAreaRect(corners.astype(np.float32))  # type: ignore[assignment]
-    return box
+    first = corners[0]  # of a map these are millions of metres, and OpenCV's numbers too short
+    (x, y), size, turn = cv2.minAreaRect((corners - first).astype(np.float32))
+    return (x + float(first[0]), y + float(first[1])), (size[0], size[1]), turn
 
 
 SLIGHT = 1e-9
@@ -180,8 +182,11 @@ def test_no_text_covers_another(seed: int, tmp_path: Path) -> None:
     assert covering(readfile(tmp_path / "random.dxf")) == []
 
 
-def test_no_text_of_a_whole_survey_covers_another(features: Features, tmp_path: Path) -> None:
-    write_local_dxf(features, tmp_path / "survey.dxf")
+@pytest.mark.parametrize("write", [write_local_dxf, write_map_dxf])
+def test_no_text_of_a_whole_survey_covers_another(
+    features: Features, write: Callable[[Features, Path], None], tmp_path: Path
+) -> None:
+    write(features, tmp_path / "survey.dxf")
     document = readfile(tmp_path / "survey.dxf")
 
     assert len(shown_texts(document)) > 20

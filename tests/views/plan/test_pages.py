@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import io
+import json
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,8 +17,10 @@ import synthetic_survey
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.patches import Polygon
+from numbers_told import agree
 from PIL import Image
 
+from uavgram.io.results.results_json import write_results
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.plan import Paper
 from uavgram.model.maps.raster import GroundRaster
@@ -26,7 +31,7 @@ from uavgram.views.plan.legend import draw_legend
 from uavgram.views.plan.pages import GroundPicture, PlanContent, PlanFiles, plan_pages
 from uavgram.views.plan.sheet import INK as BLACK
 from uavgram.views.plan.sheet import MM_OF_POINT, Sheet
-from uavgram.views.plan.surveyed import clipped, draw_grid
+from uavgram.views.plan.surveyed import clipped, draw_grid, draw_surveyed
 from uavgram.views.survey.top_view import INK
 
 TINY_MM = 0.1
@@ -252,6 +257,52 @@ def test_texts_beside_the_frame_are_clear_of_each_other_and_of_north(
         assert box.x1 < (plan.paper_mm[0] - 5) * px, one
     pairs = [(a, b) for k, a in enumerate(boxes) for b in boxes[:k] if a.overlaps(b)]
     assert pairs == []
+
+
+def texts_of(result: Result) -> list[str]:
+    """All that stands on a plan of one sheet."""
+    wanted = content(result)
+    sheet = Sheet(wanted.plan, wanted.plan.sheets[0])
+    draw_surveyed(sheet, result)
+    draw_grid(sheet, result)
+    draw_legend(sheet, result, "one sheet", (), "")
+    return [one.get_text() for one in sheet.axes.texts]
+
+
+def test_dimensions_are_those_of_the_results(result: Result, tmp_path: Path) -> None:
+    write_results(result, tmp_path / "results.json")
+    file = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    told = {
+        name: value for name, colon, value in (t.partition(": ") for t in texts_of(result)) if colon
+    }
+    measured = {one["name"]: one for one in file["measurements"]}
+    pace = {name: 3.6 if one["unit"] == "m/s" else 1.0 for name, one in measured.items()}
+    seen = [name for name in measured if name in told]
+    for name in seen:
+        one = measured[name]
+        agree([told[name]], pace[name] * one["value"], pace[name] * one["sigma"])
+    lines = {one["name"]: one for one in file["lines"]}
+    known = [name for name in lines if name in told]
+    for name in known:
+        agree([told[name]], lines[name]["length_m"])
+
+    assert len(seen) > 3
+    assert known
+
+
+def test_a_plan_in_feet_says_nothing_in_metres(result: Result) -> None:
+    made = result.provenance
+    options = (*made.options, ("units.length", "ft"), ("units.speed", "mph"))
+    texts = texts_of(replace(result, provenance=replace(made, options=options)))
+    metric = re.compile(r"\d (mm|cm|m|m²|km/h)\b")
+
+    assert [text for text in texts if metric.search(text)] == []
+    assert any(metric.search(text) for text in texts_of(result))
+    (bar,) = [text for text in texts if text.endswith("in on paper")]
+    (scale,) = [text for text in texts if "1 in is" in text]
+    (long,) = [text for text in texts if re.fullmatch(r"\d+ ft", text)]
+    per_inch = float(scale.partition("1 in is ")[2].split()[0])
+    assert float(bar.split()[0]) * per_inch == pytest.approx(float(long.split()[0]), rel=5e-3)
 
 
 def test_a_line_is_cut_at_the_frame() -> None:

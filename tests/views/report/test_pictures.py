@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import base64
+import json
 from dataclasses import replace
 from functools import cache
 from html import unescape
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 import synthetic_survey as survey
 from html_page import Page
+from numbers_told import agree
 
+from uavgram.io.results.results_json import write_results
 from uavgram.model.provenance import InputDigest
 from uavgram.model.result.pictures import Picture, Pictures
 from uavgram.model.result.result import Result
@@ -145,6 +149,21 @@ def test_the_value_of_a_measurement_stands_under_its_picture() -> None:
 
         assert one.told.startswith(f"{row.value}, ")
         assert one.lines
+
+
+def test_every_number_of_a_caption_is_that_of_the_results(tmp_path: Path) -> None:
+    write_results(result(), tmp_path / "results.json")
+    file = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    measured = {one["name"]: one for one in file["measurements"]}
+    points = {one["label"]: one for one in file["points"]}
+    for one in shown().measurements:
+        row = measured[one.name]
+        pace = 3.6 if row["unit"] == "m/s" else 1.0
+        agree([one.told], pace * row["value"], pace * row["sigma"])
+    for one in shown().points:
+        near = points[one.name]["neighbour_sigma_m"]
+        scale = 100 if one.told.endswith("cm to its neighbours") else 1
+        agree([one.told], len(points[one.name]["frames"]), near and scale * near)
 
 
 def test_a_picture_of_a_measurement_names_its_own_points_and_wrong_ones_alone() -> None:

@@ -12,6 +12,7 @@ from full_report import full
 from html_page import Page
 
 from uavgram.errors import OutputError
+from uavgram.model.message import Message
 from uavgram.model.result.error_budget import SOURCES
 from uavgram.model.result.reliability import RemovalRecord
 from uavgram.views.report import render_report, write_report
@@ -80,6 +81,16 @@ def test_names_that_people_wrote_are_harmless() -> None:
 
     assert "<script" not in html
     assert "&lt;script&gt;alert(7)" in html
+
+
+def test_checks_that_fit_alone_and_not_together_are_not_praised() -> None:
+    result = survey.build()
+    off = Message("warning", "checks-misfit", "They are further off than they may be.")
+    html = render_report(replace(result, messages=(*result.messages, off)))
+
+    assert html.count("3 of 3 lie inside three sigma, but TOGETHER they are further off") == 2
+    assert '<p class="overall bad">' in html
+    assert '<p class="overall bad">' not in render_report(result)
 
 
 def test_checks_say_inside_or_outside() -> None:

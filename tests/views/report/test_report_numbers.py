@@ -15,6 +15,7 @@ import pytest
 import synthetic_survey as survey
 from full_report import full
 from html_page import Page
+from numbers_told import agree
 
 from uavgram.io.results.results_json import write_results
 from uavgram.model.result.result import Result
@@ -22,8 +23,6 @@ from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.views.report import render_report
 from uavgram.views.survey.verdict import STATUS_WORDS
-
-NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?")
 
 _DRAWING = re.compile(r'<svg class="drawing".*?</svg>', re.DOTALL)
 AMOUNT = re.compile(
@@ -84,15 +83,6 @@ def outputs_of(result: Result, folder: Path) -> Outputs:
         first_page=re.sub(r"<svg.*?</svg>", "", html[: html.index("</header>")], flags=re.DOTALL),
         drawn=[re.findall(r"<text[^>]*>(.*?)</text>", one) for one in _DRAWING.findall(html)],
     )
-
-
-def agree(cells: Iterable[str], *wanted: float | None) -> None:
-    """All numbers of these cells are the wanted ones, and none is left over."""
-    found = NUMBER.findall(" ".join(cells))
-    numbers = [value for value in wanted if value is not None]
-    assert len(found) == len(numbers), (cells, numbers)
-    for shown, value in zip(found, numbers, strict=True):
-        assert abs(float(shown) - value) <= 0.5001 * 10.0 ** -len(shown.partition(".")[2])
 
 
 def pace_of(measured: dict[str, Any]) -> float:

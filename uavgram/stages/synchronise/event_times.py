@@ -197,7 +197,9 @@ def pairing_messages(pairing: Pairing) -> Iterator[Message]:
             f"{pairing.unused_reason.count(place)} {place}"
             for place in dict.fromkeys(pairing.unused_reason)
         ]
-        text = f"{len(pairing.unused_event)} camera events have no photo: {', '.join(where)}."
+        count = len(pairing.unused_event)
+        events = "1 camera event has" if count == 1 else f"{count} camera events have"
+        text = f"{events} no photo: {', '.join(where)}."
         yield Message("info", "event-without-photo", text)
 
 

@@ -22,6 +22,7 @@ SIGNS_MM, NOTES_MM = 66.0, 113.0
 """Where the columns below a frame begin, from its left."""
 
 BELOW_TITLE_MM = 22.0
+INCH_MM = 25.4
 INDEX_MM = 21.0
 FOOT_MM = 6.5
 
@@ -65,7 +66,10 @@ def draw_legend(
 
 def _title(sheet: Sheet, result: Result, title: str, left: float, top: float) -> None:
     _write(sheet, left, top - 2.5, result.name, TITLE_PT, weight="bold")
-    _write(sheet, left, top - 8.0, f"Plan 1:{sheet.plan.scale}, {title}", 7.0)
+    scale = f"1:{sheet.plan.scale}"
+    if units_of(result).length != "m":
+        scale += f" (1 in is {sheet.plan.scale / 12:g} ft)"
+    _write(sheet, left, top - 8.0, f"Plan {scale}, {title}", 7.0)
     _scale_bar(sheet, result, left, top - 14.0)
     _north(sheet, left + NORTH_MM, top - 15.0)
 
@@ -95,9 +99,11 @@ def _scale_bar(sheet: Sheet, result: Result, left: float, y: float) -> None:
                 linewidth=THIN_PT,
             )
         )
+    metric = units_of(result).length == "m"
+    paper = f"{long:.1f} mm on paper" if metric else f"{long / INCH_MM:.2f} in on paper"
     _write(sheet, left, y - 3.2, "0", TEXT_PT)
     _write(sheet, left + long, y - 3.2, words, TEXT_PT, align="center")
-    _write(sheet, left + long / 2, y - 3.2, f"{long:.1f} mm on paper", FOOT_PT, align="center")
+    _write(sheet, left + long / 2, y - 3.2, paper, FOOT_PT, align="center")
 
 
 def _north(sheet: Sheet, x: float, y: float) -> None:

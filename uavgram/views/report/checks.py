@@ -20,7 +20,7 @@ class ChecksSummary(NamedTuple):
     inside, overall
         The two sentences.
     good
-        Whether all lie inside.
+        Whether all lie inside, and fit together too.
     line_row
         Row of each withheld length among the lengths, by its name.
     point_z
@@ -46,9 +46,15 @@ def checks_summary(result: Result) -> ChecksSummary | None:
         return None
     bad = int(np.sum(outside))
     inside = f"{len(outside) - bad} of {len(outside)} lie inside three sigma"
+    # each alone may lie inside, where all have a large sigma in common
+    off = any(message.code == "checks-misfit" for message in result.messages)
+    if bad:
+        inside += f", {bad} OUTSIDE"
+    elif off:
+        inside += ", but TOGETHER they are further off than their uncertainties allow"
     return ChecksSummary(
-        inside=f"{inside}, {bad} OUTSIDE." if bad else f"{inside}.",
-        good=not bad,
+        inside=f"{inside}.",
+        good=not (bad or off),
         overall=overall_words(result),
         line_row={lines.name[i]: i for i, s in enumerate(lines.status) if s == "checked"},
         point_z=np.asarray(z),

@@ -11,7 +11,12 @@ from uavgram.model.result.noise import Noise
 from uavgram.model.result.result import Alternative, Result
 from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
 from uavgram.views.survey.reliability import second_order_rows
+from uavgram.views.unit_words import in_units
+from uavgram.views.units import units_of
 from uavgram.views.wording import UNIT_WORDS, computed_first, number
+
+RELIEF = "10 cm"
+"""Of which the shifts by relief in results.json are."""
 
 MOST_RELIEF = 10
 """Measurements in single photos that have a sentence of their own: those that are least certain."""
@@ -57,13 +62,22 @@ def relief_notes(result: Result) -> ReliefNotes:
         if np.isfinite(rows.shift_relief_10cm[i])
         and all(len(photos.get(label, ())) == 1 for label in rows.points[i])
     ]
+    relief = relief_text(result)
     sentences = tuple(
         f"{rows.name[i]}: each of its points is seen in one photo only, so nothing shows how high "
-        "the ground is there. If the ground at its points is 10 cm higher or lower than taken, "
+        f"the ground is there. If the ground at its points is {relief} higher or lower than taken, "
         f"this value shifts by up to {shift_text(rows.shift_relief_10cm[i], rows.unit[i])}."
         for i in alone[:MOST_RELIEF]
     )
     return ReliefNotes(sentences, len(alone) - len(sentences))
+
+
+def relief_text(result: Result) -> str:
+    """`RELIEF` in the units of a survey.
+
+    It stands for itself: in a sentence it would be taken for a length of the survey, rounded.
+    """
+    return in_units(RELIEF, units_of(result))
 
 
 def shift_text(shift: float, unit: str) -> str:
