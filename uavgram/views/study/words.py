@@ -124,7 +124,7 @@ def _course(name: str, cells: tuple[Cell, ...]) -> str:
             where = (
                 place_text(some[0])
                 if len(some) == 1
-                else f"{place_text(some[0])} to {place_text(some[-1])}"
+                else f"{some[0].at:g} to {place_text(some[-1])}"
             )
             parts.append(f"{source_text(source)} at {where} ({_percents(share)})")
         text += f". The largest part of the predicted variance comes from {'; '.join(parts)}"
