@@ -122,9 +122,9 @@ def truth_as_json(survey: SimulatedSurvey) -> Record:
             key: getattr(site, key) for key in ("latitude_deg", "longitude_deg", "height_msl_m")
         },
         "ground": {
-            "height_m": truth.plane_height_m,
-            "slope": encode(truth.plane_slope),
-            "pivot_m": encode(truth.plane_pivot_m),
+            "height_m": truth.surface.height_m,
+            "slope": encode(truth.surface.slope),
+            "pivot_m": encode(truth.surface.middle_m),
         },
         **{key: encode(getattr(truth, key)) for key in _SHARED},
         "boot_to_utc_s": survey.log.boot_utc_s,

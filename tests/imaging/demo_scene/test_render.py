@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import islice
 
 import cv2
@@ -12,6 +13,7 @@ from uavgram.geometry.camera.projection import project
 from uavgram.imaging.demo_scene.render import ground_map, render_photos, scene_from_world
 from uavgram.imaging.raster import GroundRaster, Image, Painter, box
 from uavgram.model.arrays import Floats
+from uavgram.model.scenario.ground import GroundSpec
 from uavgram.model.scenario.road import Mark
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.scenario.simulated import SimulatedSurvey
@@ -79,9 +81,11 @@ def test_sprayed_crosses_lie_where_they_are_projected(
         assert np.linalg.norm(center - pixel) < 0.15, label
 
 
+@pytest.mark.parametrize("ground", [GroundSpec(), GroundSpec(relief_m=0.1)])
 def test_the_coarse_grid_of_rays_costs_less_than_two_hundredths_of_a_pixel(
-    survey: SimulatedSurvey,
+    ground: GroundSpec,
 ) -> None:
+    survey = simulate(replace(Scenario(), ground=ground))
     truth, axes = survey.truth, scene_from_world(survey)
     width, height = survey.calibration.width_px, survey.calibration.height_px
     map_x, map_y = ground_map(truth, 2, axes, (width, height))
@@ -91,7 +95,7 @@ def test_the_coarse_grid_of_rays_costs_less_than_two_hundredths_of_a_pixel(
     v = np.concatenate([rng.integers(0, height, 2000), [0, height - 1, 0, height - 1]])
     scene = np.stack([map_x[v, u], map_y[v, u]], axis=1).astype(float)
     plane = (scene - axes[:, 2]) @ np.linalg.inv(axes[:, :2]).T
-    up = truth.plane_height_m + (plane - truth.plane_pivot_m) @ truth.plane_slope
+    up = truth.surface.up(plane - truth.surface.middle_m)
     offset = np.column_stack([plane, up]) - truth.center_world_m[2]
     back = project("brown", truth.intrinsics, offset @ truth.world_from_camera[2])
     assert np.abs(back - np.stack([u, v], axis=1)).max() < 0.02

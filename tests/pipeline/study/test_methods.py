@@ -65,3 +65,12 @@ def test_a_setting_without_room_is_refused() -> None:
     long = replace(Setting(name="too long"), length_m=(60.0, 70.0))
     with pytest.raises(ValueError, match="a photo shows 0 of the 4 lines"):
         method_scenes(long, 4, 1, 0)
+
+
+def test_who_gives_no_pose_says_so() -> None:
+    """IPPE takes four points: of three lines there is none, and no silent failure."""
+    rows = {row.method: row for row in compared(Setting(name="three", features=(3, 3)), 4, 1)}
+
+    for name in ("points", "points, IPPE alone"):
+        assert rows[name].failed == 1.0
+        assert rows[name].failed_silently == 0.0

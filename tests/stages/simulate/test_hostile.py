@@ -112,9 +112,9 @@ def test_patterns_look_at_the_scene(pattern: Pattern, count: int) -> None:
     assert len(truth.frame_id) == count
     # Where each optical axis meets the ground: on average the middle of the scene.
     axis = truth.world_from_camera[:, :, 2]
-    fall = (truth.plane_height_m - truth.center_world_m[:, 2]) / axis[:, 2]
+    fall = (truth.surface.height_m - truth.center_world_m[:, 2]) / axis[:, 2]
     hit = truth.center_world_m[:, :2] + fall[:, None] * axis[:, :2]
-    assert np.abs(hit.mean(axis=0) - truth.plane_pivot_m).max() < 1.5
+    assert np.abs(hit.mean(axis=0) - truth.surface.middle_m).max() < 1.5
 
 
 def test_stated_poses_are_flown() -> None:

@@ -140,8 +140,8 @@ def test_picks_are_opencv_projections_with_the_stated_noise(survey: SimulatedSur
 def test_the_scene_lies_on_the_plane_that_truth_states(survey: SimulatedSurvey) -> None:
     truth = survey.truth
     plane = (
-        truth.plane_height_m
-        + (truth.point_world_m[:, :2] - truth.plane_pivot_m) @ truth.plane_slope
+        truth.surface.height_m
+        + (truth.point_world_m[:, :2] - truth.surface.middle_m) @ truth.surface.slope
     )
     np.testing.assert_allclose(truth.point_world_m[:, 2], plane, atol=1e-12)
 

@@ -122,8 +122,8 @@ def test_page_and_figures() -> None:
     methods = (row, replace(row, method="log", rms_m=0.7), few, fine)
     compared = replace(study(name="methods"), methods=methods)
     assert said(compared)[-1] == (
-        'Three lines (10 photos): "points" useless in 30 %, without a word in 10 % and 50 % of the '
-        "errors within what should hold 95 %."
+        'Three lines (10 photos): useless distances by "points" (30 %, 10 % without a word); '
+        'of the errors lie within what should hold 95 %: "points" 50 %.'
     )
     studies = (study(cell(1.0, 0.2), cell(100.0, 0.8)), compared)
     files = figure_files(studies)

@@ -27,6 +27,7 @@ VIGNETTING = 0.2  # of the light is lost in the corners
 SENSOR_NOISE = 2.2  # of 255
 EXPOSURE_SIGMA = 0.02
 PIXEL_SUBDIVISION_MAX = 4
+RELIEF_ROUNDS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +102,17 @@ def ground_map(
 
 
 def _ground_of(truth: SurveyTruth, index: int, pixel: Floats) -> Floats:
-    """East and north (..., 2) where the rays of pixels (..., 2) meet the ground plane."""
+    """East and north (..., 2) where the rays of pixels (..., 2) meet the ground."""
     ray = back_project(LENS, truth.intrinsics, pixel) @ truth.world_from_camera[index].T
-    center = truth.center_world_m[index]
-    below = center[2] - truth.plane_height_m
-    below -= float(truth.plane_slope @ (center[:2] - truth.plane_pivot_m))
-    depth = below / (ray[..., :2] @ truth.plane_slope - ray[..., 2])
+    center, surface = truth.center_world_m[index], truth.surface
+    falling = ray[..., :2] @ surface.slope - ray[..., 2]
+    below = center[2] - surface.height_m - float(surface.slope @ (center[:2] - surface.middle_m))
+    depth = below / falling
+    # What it has beyond its plane slopes by a few per cent: so much of it is left each time.
+    for _ in range(0 if surface.spec.is_plane else RELIEF_ROUNDS):
+        place = center[:2] + depth[..., None] * ray[..., :2] - surface.middle_m
+        up = surface.up(place.reshape(-1, 2)).reshape(depth.shape)
+        depth = depth + (center[2] + depth * ray[..., 2] - up) / falling
     ground: Floats = center[:2] + depth[..., None] * ray[..., :2]
     return ground
 
@@ -117,7 +123,7 @@ def _bounds(
     """Columns and rows [u0, u1), [v0, v1) of a photo that a detail may cover; empty if none."""
     truth, camera = survey.truth, survey.calibration
     plane = (detail.corners_m - scene_from_world_m[:, 2]) @ scene_from_world_m[:, :2]
-    up = truth.plane_height_m + (plane - truth.plane_pivot_m) @ truth.plane_slope
+    up = truth.surface.up(plane - truth.surface.middle_m)
     offset = np.column_stack([plane, up]) - truth.center_world_m[index]
     corner = project(LENS, truth.intrinsics, offset @ truth.world_from_camera[index])
     if np.isnan(corner).any():  # behind the camera, or far outside the lens model

@@ -8,6 +8,7 @@ from typing import Annotated
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.scenario.scenario import Scenario
+from uavgram.model.scenario.surface import Surface
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 
 
@@ -67,8 +68,8 @@ class SurveyTruth(FrozenArrays):
         (3,) rotation vector in the camera frame, true = nominal @ exp(boresight).
     lever_arm_m, position_bias_m, heading_bias_rad, clock_offset_s
         As in `SharedResult`: biases are log minus truth; camera clock minus UTC.
-    plane_height_m, plane_slope, plane_pivot_m
-        z = height + slope . ((e, n) - pivot); (2,) and (2,).
+    surface
+        The ground.
     label, point_world_m
         (K,), (K, 3).
     line_length_m
@@ -87,9 +88,7 @@ class SurveyTruth(FrozenArrays):
     position_bias_m: Annotated[Floats, 3]
     heading_bias_rad: float
     clock_offset_s: float
-    plane_height_m: float
-    plane_slope: Annotated[Floats, 2]
-    plane_pivot_m: Annotated[Floats, 2]
+    surface: Surface
     label: Annotated[tuple[str, ...], "k"]
     point_world_m: Annotated[Floats, "k", 3]
     line_length_m: Annotated[Floats, "l"]

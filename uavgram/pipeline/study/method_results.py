@@ -51,10 +51,11 @@ class Found:
 
     @property
     def told(self) -> Bools:
-        """(B,) whether the method says so itself: by another pose, or by its sigmas."""
+        """(B,) whether the method says so itself: by no pose, by another one, or by its sigmas."""
+        said = self.ambiguous | ~np.isfinite(self.error_m).all(axis=1)
         if np.isnan(self.sigma_m).all():  # it has none
-            return self.ambiguous
-        return self.ambiguous | self._are_useless(self.sigma_m)
+            return said
+        return said | self._are_useless(self.sigma_m)
 
     def _are_useless(self, off_m: Floats) -> Bools:
         share = np.sqrt(np.mean((off_m / self.true_m) ** 2, axis=1))

@@ -29,8 +29,8 @@ def senseless(survey: SimulatedSurvey) -> Iterator[SenselessKey]:
         As `simulate` gives it with `exact`.
     """
     scenario, truth = survey.scenario, survey.truth
-    offset = truth.center_world_m[:, :2] - truth.plane_pivot_m
-    ground_m = truth.plane_height_m + offset @ truth.plane_slope
+    offset = truth.center_world_m[:, :2] - truth.surface.middle_m
+    ground_m = truth.surface.height_m + offset @ truth.surface.slope
     for i in np.flatnonzero(truth.center_world_m[:, 2] <= ground_m + 1.0)[:1].tolist():
         above = float(truth.center_world_m[i, 2] - ground_m[i])
         text = (

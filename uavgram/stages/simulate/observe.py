@@ -8,10 +8,10 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.scenario.simulated import SurveyTruth
+from uavgram.model.scenario.surface import Surface
 from uavgram.model.survey.observations import KnownLines, KnownPoints, Picks
 from uavgram.stages.simulate.motion import Motion
 from uavgram.stages.simulate.recording import FlightBiases
-from uavgram.stages.simulate.surface import Surface
 from uavgram.stages.simulate.truth import rolled_pixels
 
 PICK_MARGIN_PX = 12.0  # nobody picks a mark that is cut off by the image's edge

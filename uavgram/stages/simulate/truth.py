@@ -15,11 +15,11 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.scenario.simulated import SurveyTruth
+from uavgram.model.scenario.surface import Surface
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.stages.simulate.motion import Motion, at
 from uavgram.stages.simulate.quantities import measured_values
 from uavgram.stages.simulate.recording import FlightBiases, start_utc_s
-from uavgram.stages.simulate.surface import Surface
 
 
 def survey_truth(
@@ -64,9 +64,7 @@ def survey_truth(
         position_bias_m=biases.position_m,
         heading_bias_rad=biases.heading_rad,
         clock_offset_s=scenario.errors.camera_clock_offset_s,
-        plane_height_m=surface.height_m,
-        plane_slope=surface.slope,
-        plane_pivot_m=surface.middle_m,
+        surface=surface,
         label=tuple(row),
         point_world_m=points,
         line_length_m=np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1),

@@ -51,7 +51,8 @@ def _cells(study: Study) -> Figure:
     first = next(iter(study.curves.values()))
     sources = all(cell.shares and cell.is_model for cell in first)  # else nothing of them changes
     parts = 3 if sources else 2
-    figure = Figure(figsize=(4.7 * parts, 4.6), dpi=110, layout="constrained")
+    width = 12.0 if sources else 9.4
+    figure = Figure(figsize=(width, 4.6), dpi=110, layout="constrained")
     axes = figure.subplots(1, parts)
     _errors(axes[0], study)
     _ratios(axes[1], study)

@@ -124,7 +124,7 @@ def _course(name: str, cells: tuple[Cell, ...]) -> str:
             where = (
                 place_text(some[0])
                 if len(some) == 1
-                else f"{place_text(some[0])} to {place_text(some[-1])}"
+                else f"{some[0].at:g} to {place_text(some[-1])}"
             )
             parts.append(f"{source_text(source)} at {where} ({_percents(share)})")
         text += f". The largest part of the predicted variance comes from {'; '.join(parts)}"
@@ -236,26 +236,34 @@ def _of_methods(study: Study) -> Iterator[str]:
             )
     for ending in limits:
         # A log alone is no better in any of them.
-        ends = [_ends(row) for row in ending if row.method != "log"]
-        told = "; ".join(text for text in ends if text)
+        told = "; ".join(_endings([row for row in ending if row.method != "log"]))
         yield (
             f"{capital(ending[0].setting)} ({ending[0].scenes} photos): "
             f"{told or 'every method holds'}."
         )
 
 
-def _ends(row: MethodRow) -> str:
-    """How a method fails in a setting; empty: it does not."""
-    parts = []
-    if not np.isfinite(row.rms_m):
-        return f'"{row.method}" has no result'
-    if row.failed > MANY:
-        parts.append(
-            f"useless in {_percent(row.failed)}, without a word in {_percent(row.failed_silently)}"
+def _endings(rows: list[MethodRow]) -> Iterator[str]:
+    """How methods fail in a setting."""
+    none = [row for row in rows if not np.isfinite(row.rms_m)]
+    useless = [row for row in rows if row.failed > MANY and row not in none]
+    bold = [row for row in rows if row.coverage < TOO_FEW and row not in none]
+    if none:
+        yield f"no result by {', '.join(_quoted(row) for row in none)}"
+    if useless:
+        parts = (
+            f"{_quoted(row)} ({_percent(row.failed)}, {_percent(row.failed_silently)} without a "
+            "word)"
+            for row in useless
         )
-    if np.isfinite(row.coverage) and row.coverage < TOO_FEW:
-        parts.append(f"{_percent(row.coverage)} of the errors within what should hold 95 %")
-    return f'"{row.method}" {" and ".join(parts)}' if parts else ""
+        yield f"useless distances by {', '.join(parts)}"
+    if bold:
+        parts = (f"{_quoted(row)} {_percent(row.coverage)}" for row in bold)
+        yield f"of the errors lie within what should hold 95 %: {', '.join(parts)}"
+
+
+def _quoted(row: MethodRow) -> str:
+    return f'"{row.method}"'
 
 
 def _share(cell: Cell, source: str) -> float:
