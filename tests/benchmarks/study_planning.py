@@ -27,7 +27,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 
 from plan_draws import World, errors
-from plan_scenes import STEADY, plan_case
+from plan_scenes import STEADY, PlanCase, plan_case
 
 from uavgram.estimation.planning.layouts import best_layout, criterion_of
 from uavgram.geometry.camera.projection import project
@@ -48,11 +48,16 @@ WRONG_M = 1.0
 BARS: dict[FlightPattern, tuple[float, float]] = {"single": (0.8, 0.95), "strip": (0.9, 0.95)}
 
 
-def compared(pattern: FlightPattern, seed: int, roughness_m: float) -> Floats:
+def lengths(case: PlanCase, laid: str) -> tuple[float, float] | None:
+    """Between which lengths lines lie; None of plates."""
+    return (3.0, case.longest_m) if laid == "lines" else None
+
+
+def compared(pattern: FlightPattern, seed: int, roughness_m: float, laid: str) -> Floats:
     """Planned mean sigma over the median, and over the best tenth, of random layouts; seconds."""
     case = plan_case(pattern, seed, roughness_m=roughness_m)
     start = time.perf_counter()
-    options = possible(case.scene, case.cameras, case.wanted, (3.0, case.longest_m))
+    options = possible(case.scene, case.cameras, case.wanted, lengths(case, laid))
     layout = best_layout(options.aim, options.candidates, case.lines)
     took = time.perf_counter() - start
     others = [
@@ -70,7 +75,7 @@ def random_layouts(options: Possible, lines: int, seed: int) -> list[list[int]]:
     found: list[list[int]] = []
     while len(found) < RANDOM:
         drawn = rng.choice(len(ends), lines, replace=False)
-        if len(np.unique(ends[drawn])) == 2 * lines:
+        if len(np.unique(ends[drawn])) == ends.shape[1] * lines:
             found.append(drawn.tolist())
     return found
 
@@ -112,12 +117,12 @@ WORLDS = {
 }
 
 
-def laid_beside(pattern: FlightPattern, seed: int) -> Floats:
+def laid_beside(pattern: FlightPattern, seed: int, laid: str) -> Floats:
     """(BESIDE, LAYINGS) mean sigma of a plan carried out roughly, over that of the plan."""
     deviation = Deviation()
     case = plan_case(pattern, seed, roughness_m=0.05, deviation=deviation)
     scene, cameras, wanted = case.scene, case.cameras, case.wanted
-    options = possible(scene, cameras, wanted, (3.0, case.longest_m))
+    options = possible(scene, cameras, wanted, lengths(case, laid))
     ends = ends_of(options, best_layout(options.aim, options.candidates, case.lines).lines)
     scene = replace(scene, deviation=STEADY)  # photos are where they are, and show what they show
     as_planned = predicted(scene, cameras, wanted, ends).sigma.mean()
@@ -126,7 +131,8 @@ def laid_beside(pattern: FlightPattern, seed: int) -> Floats:
     for row, (shift_m, end_m, drone_m) in enumerate(BESIDE.values()):
         for turn in range(LAYINGS):
             moved = ends + directions(rng, (len(ends), 1), 2) * shift_m
-            moved += directions(rng, (len(ends), 2), 2) * end_m
+            if laid == "lines":  # a plate stays a square
+                moved += directions(rng, ends.shape[:2], 2) * end_m
             center = cameras.center_m + directions(rng, (len(cameras.center_m),), 3) * drone_m
             there = cameras._replace(center_m=center)
             sigma = predicted(scene, there, wanted, moved).sigma.mean()
@@ -164,11 +170,11 @@ def directions(rng: np.random.Generator, shape: tuple[int, ...], size: int) -> F
 
 
 BESIDE = {  # metres: whole lines moved, each end moved, each photo moved
-    "lines half a metre beside": (0.5, 0.0, 0.0),
+    "laid half a metre beside": (0.5, 0.0, 0.0),
     "each end half a metre off": (0.0, 0.5, 0.0),
     "drone 1 m off": (0.0, 0.0, 1.0),
     "all three": (0.5, 0.5, 1.0),
-    "lines 2 m beside": (2.0, 0.0, 0.0),
+    "laid 2 m beside": (2.0, 0.0, 0.0),
 }
 LAYINGS = 10
 
@@ -181,13 +187,14 @@ def main() -> None:
     parser.add_argument("--simulate", type=int, default=0)
     parser.add_argument("--draws", type=int, default=200)
     parser.add_argument("--beside", type=int, default=0, metavar="SCENES")
+    parser.add_argument("--lay", choices=("lines", "plates"), default="lines")
     parser.add_argument("--margins", type=int, default=0, metavar="SCENES")
     parser.add_argument("--world", default="", help="part of the name of a world")
     asked = parser.parse_args()
     if asked.scenes:
         predict(asked)
     for pattern in BARS if asked.beside else ():
-        ratio = np.array([laid_beside(pattern, seed) for seed in range(asked.beside)])
+        ratio = np.array([laid_beside(pattern, seed, asked.lay) for seed in range(asked.beside)])
         for row, what in enumerate(BESIDE):
             share = ratio[:, row]
             print(
@@ -220,7 +227,7 @@ def predict(asked: argparse.Namespace) -> None:
     """Print how planned layouts compare by their predicted sigmas."""
     for pattern, bars in BARS.items():
         seeds = range(asked.first, asked.first + asked.scenes)
-        found = np.array([compared(pattern, seed, asked.roughness) for seed in seeds])
+        found = np.array([compared(pattern, seed, asked.roughness, asked.lay) for seed in seeds])
         print(f"{pattern}, {len(found)} scenes, {found[:, 2].mean():.2f} s each")
         for column, (name, bar) in enumerate(zip(("median", "best tenth"), bars, strict=True)):
             share = found[:, column]

@@ -16,6 +16,7 @@ from uavgram.io.results.plan_json import read_plan, write_plan
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.scenario.plates import PlateSpec
 from uavgram.model.scenario.scenario import Scenario
+from uavgram.model.units import Units
 from uavgram.pipeline.plan.accuracy import ends_of
 from uavgram.pipeline.plan.possible import possible
 from uavgram.pipeline.plan.predicted import predicted
@@ -101,6 +102,8 @@ def test_a_plan_of_plates_is_written_and_told(
     np.testing.assert_array_equal(again.plates.corner_world_m, planned.plates.corner_world_m)
     (tmp_path / "flown.yaml").write_text(scenario_text(as_flown, "as planned"))
     assert load_scenario(tmp_path / "flown.yaml") == as_flown
+    in_feet = field_sheet(planned, Units(length="ft", speed="mph"))
+    assert "Lay 3 plates of 2.30 ft" in in_feet
     for told in (field_sheet(planned), "\n".join(plan_lines(planned))):
-        assert "Lay 3 plates of 0.7 m, then take 3 photos" in told
+        assert "Lay 3 plates of 70 cm, then take 3 photos" in told
         assert "T2" in told
