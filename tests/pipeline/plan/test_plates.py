@@ -56,12 +56,12 @@ def yard(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightPlanned, Scena
 
 
 @pytest.mark.parametrize("pattern", ["single", "strip"])
-@pytest.mark.parametrize("roughness_m", [0.0, 0.05])
+@pytest.mark.parametrize(("roughness_m", "corner_px"), [(0.0, 0.1), (0.05, 0.1), (0.0, 0.005)])
 def test_the_criterion_is_the_mean_sigma_of_the_real_likelihood(
-    pattern: str, roughness_m: float
+    pattern: str, roughness_m: float, corner_px: float
 ) -> None:
     case = plan_case(pattern, 7, roughness_m=roughness_m, lines=3)  # type: ignore[arg-type]
-    scene = replace(case.scene, plates=PlateSpec(side_m=0.6))
+    scene = replace(case.scene, plates=PlateSpec(side_m=0.6, corner_px=corner_px))
     found = possible(scene, case.cameras, case.wanted, None, most_spots=40)
     layout = best_layout(found.aim, found.candidates, 3)
     real = predicted(scene, case.cameras, case.wanted, ends_of(found, layout.lines))
