@@ -62,6 +62,9 @@ def test_a_plan_keeps_to_what_was_asked(asked: tuple[Path, Asked, FlightPlanned]
     assert planned.measurements.unit == ("m", "m2", "m")
     assert np.isfinite(planned.grid.sigma_m).mean() > 0.8
     assert [gain.what for gain in planned.gains][:2] == ["one more line", "one line less"]
+    sturdy = next(gain for gain in planned.gains if gain.what.startswith("5 lines laid"))
+    assert sturdy.worst_without is not None
+    assert sturdy.mean_sigma <= sturdy.worst_without < np.nanmax(planned.lines.mean_sigma_without)
     assert planned.gains[0].mean_sigma <= planned.mean_sigma <= planned.gains[1].mean_sigma
 
 

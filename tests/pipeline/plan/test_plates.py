@@ -16,6 +16,7 @@ from uavgram.io.results.plan_json import read_plan, write_plan
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.scenario.plates import PlateSpec
 from uavgram.model.scenario.scenario import Scenario
+from uavgram.model.units import Units
 from uavgram.pipeline.plan.accuracy import ends_of
 from uavgram.pipeline.plan.possible import possible
 from uavgram.pipeline.plan.predicted import predicted
@@ -55,12 +56,12 @@ def yard(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightPlanned, Scena
 
 
 @pytest.mark.parametrize("pattern", ["single", "strip"])
-@pytest.mark.parametrize("roughness_m", [0.0, 0.05])
+@pytest.mark.parametrize(("roughness_m", "corner_px"), [(0.0, 0.1), (0.05, 0.1), (0.0, 0.005)])
 def test_the_criterion_is_the_mean_sigma_of_the_real_likelihood(
-    pattern: str, roughness_m: float
+    pattern: str, roughness_m: float, corner_px: float
 ) -> None:
     case = plan_case(pattern, 7, roughness_m=roughness_m, lines=3)  # type: ignore[arg-type]
-    scene = replace(case.scene, plates=PlateSpec(side_m=0.6))
+    scene = replace(case.scene, plates=PlateSpec(side_m=0.6, corner_px=corner_px))
     found = possible(scene, case.cameras, case.wanted, None, most_spots=40)
     layout = best_layout(found.aim, found.candidates, 3)
     real = predicted(scene, case.cameras, case.wanted, ends_of(found, layout.lines))
@@ -101,6 +102,8 @@ def test_a_plan_of_plates_is_written_and_told(
     np.testing.assert_array_equal(again.plates.corner_world_m, planned.plates.corner_world_m)
     (tmp_path / "flown.yaml").write_text(scenario_text(as_flown, "as planned"))
     assert load_scenario(tmp_path / "flown.yaml") == as_flown
+    in_feet = field_sheet(planned, Units(length="ft", speed="mph"))
+    assert "Lay 3 plates of 2.30 ft" in in_feet
     for told in (field_sheet(planned), "\n".join(plan_lines(planned))):
-        assert "Lay 3 plates of 0.7 m, then take 3 photos" in told
+        assert "Lay 3 plates of 70 cm, then take 3 photos" in told
         assert "T2" in told

@@ -10,12 +10,13 @@ import numpy as np
 from uavgram.errors import GeometryError
 from uavgram.estimation.planning.layouts import (
     Aim,
+    Chosen,
     best_layout,
     covariance_of,
     criterion_of,
     with_one_more,
 )
-from uavgram.estimation.planning.losses import without_each
+from uavgram.estimation.planning.losses import surviving, without_each
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.parts import (
@@ -207,15 +208,15 @@ def gains(
     """
     options = choice.possible
     aim, candidates = plain_mean(options), options.candidates
-    one_each, several = ("line", "lines") if choice.laid == "lines" else ("plate", "plates")
+    one_each = choice.laid.removesuffix("s")
     information = options.aim.information + candidates.information(lines)
     among = np.flatnonzero(candidates.apart_from(lines))
+    larger = None
     if len(among):
         found = with_one_more(options.aim, candidates, covariance_of(information), among)
         best = int(among[np.argmin(found)])
-        yield Gain(
-            what=f"one more {one_each}", mean_sigma=criterion_of(aim, candidates, [*lines, best])
-        )
+        larger = Chosen((*lines, best), criterion_of(aim, candidates, [*lines, best]))
+        yield Gain(what=f"one more {one_each}", mean_sigma=larger.criterion)
     if len(lines) > 1:
         fewer = best_layout(options.aim, candidates, len(lines) - 1)
         yield Gain(
@@ -223,16 +224,15 @@ def gains(
         )
     if request.lay == "either":
         yield from _instead(scene, request, wanted, choice, len(lines))
-    other = choice.layout if request.robust else choice.sturdy
-    if set(other.lines) != set(lines):
-        aimed = "for the best result if none is lost" if request.robust else "to bear a loss best"
-        whole = criterion_of(aim, candidates, other.lines)
-        worst = float(without_each(aim, candidates, other.lines).max())
-        yield Gain(
-            what=f"{len(other.lines)} {several} laid {aimed}",
-            mean_sigma=whole,
-            worst_without=worst if worst < NOTHING_HOLDS * whole else None,
-        )
+    differs = set(choice.sturdy.lines) != set(choice.layout.lines)
+    if request.robust and differs:
+        yield _borne(aim, choice, choice.layout, "for the best result if none is lost")
+    elif not request.robust:
+        if differs:
+            yield _borne(aim, choice, choice.sturdy, "to bear a loss best")
+        if larger is not None and len(lines) > 1:
+            sturdy = surviving(options.aim, candidates, larger)
+            yield _borne(aim, choice, sturdy, "to bear a loss best")
     more = one_photo_more(scene, request, choice.flight)
     if more is not None:
         try:
@@ -240,6 +240,18 @@ def gains(
         except (GeometryError, SingularError):
             return
         yield Gain(what="one more photo", mean_sigma=mean_sigma(after))
+
+
+def _borne(aim: Aim, choice: Choice, layout: Chosen, aimed: str) -> Gain:
+    """Another layout, and what is left of it if the line is lost that matters most."""
+    candidates = choice.possible.candidates
+    whole = criterion_of(aim, candidates, layout.lines)
+    worst = float(without_each(aim, candidates, layout.lines).max())
+    return Gain(
+        what=f"{len(layout.lines)} {choice.laid} laid {aimed}",
+        mean_sigma=whole,
+        worst_without=worst if worst < NOTHING_HOLDS * whole else None,
+    )
 
 
 def _instead(

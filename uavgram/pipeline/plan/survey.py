@@ -22,6 +22,7 @@ from uavgram.stages.plan.scene import Logged, PlanScene
 from uavgram.stages.plate_sides import OWN_SHARE, SQUARE, TAPE, own_scale
 from uavgram.stages.seed.poses import seed
 
+SHARP_PX = 0.1
 HARDLY_KNOWN = (300.0, 3.0)
 """Sigmas of a pose [m, rad] of which nothing is known: layouts begin with no line at all."""
 
@@ -102,9 +103,13 @@ class PlannedSurvey:
 
 
 def hardly_known(problem: SurveyProblem) -> Block:
-    """Rows by which poses are known as badly as `HARDLY_KNOWN`."""
+    """Rows by which poses are known as badly as `HARDLY_KNOWN`; better where picks are sharper.
+
+    Beside very sharp picks so little would be lost in the rounding of the sums.
+    """
     count = problem.layout.frames
-    weight = np.diag(1.0 / np.repeat(HARDLY_KNOWN, 3))
+    sharp = min(float(problem.survey.pick_sigma_px.min()) / SHARP_PX, 1.0)
+    weight = np.diag(1.0 / np.repeat(HARDLY_KNOWN, 3)) / sharp
     columns = problem.layout.frame_columns(np.arange(count))
     return Block(np.zeros((count, 6)), columns, np.broadcast_to(weight, (count, 6, 6)))
 

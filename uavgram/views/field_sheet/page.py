@@ -20,6 +20,7 @@ from uavgram.views.planned.words import (
     headline,
     if_a_line_is_lost,
     outcome,
+    plate_side,
     take_off_words,
     unchecked,
 )
@@ -59,6 +60,7 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
             lost=if_a_line_is_lost(planned),
             take_off=take_off_words(planned),
             assumed=assumed(planned),
+            plate_side=plate_side(planned),
             longest=metres(math.ceil(lengths.max())) if len(lengths) else "",
             length_of_map=metres(planned.grid.length_m),
             has_log=planned.assumptions.telemetry != "none",

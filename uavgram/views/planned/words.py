@@ -33,10 +33,15 @@ def headline(planned: FlightPlanned) -> str:
     lines, photos = len(planned.lines.name), len(planned.frames.name)
     lay = f"Lay and tape {_count(lines, 'line')}, then take" if lines else "Take"
     if planned.plates.name:
-        side = metres(planned.plates.side_m)
-        lay = f"Lay {_count(len(planned.plates.name), 'plate')} of {side}, then take"
+        plates = _count(len(planned.plates.name), "plate")
+        lay = f"Lay {plates} of {plate_side(planned)}, then take"
     height = metres(planned.flight.height_m)
     return f"{lay} {_count(photos, 'photo')} from {height} above the ground."
+
+
+def plate_side(planned: FlightPlanned) -> str:
+    """Side of the plates, as exactly as it is stated."""
+    return f"{100 * planned.plates.side_m:g} cm"
 
 
 def outcome(planned: FlightPlanned) -> tuple[str, ...]:
