@@ -104,8 +104,8 @@ class Mosaic:
             self._grid = _lay_grid(result, self._cameras, preview_scale, max_size_px)
             self._choice = choose(self._grid, self._cameras)
             lines, columns, cell = *self._grid.shape, self._grid.cell_px
-            # weighted red, green and blue, and the weight
-            self._sums = np.zeros((lines, cell, columns, cell, 4), dtype=np.float32)
+            # of each cell's pixels the weighted red, green and blue, and the weight
+            self._sums = np.zeros((lines, columns, cell, cell, 4), dtype=np.float32)
             self._nodes = _nodes(self._grid)
             self._light: dict[int, Light] = {}
 
@@ -120,10 +120,11 @@ class Mosaic:
         i, j, weight = weights_within(corner, within / cell)
         pixel = grid.pixels_in_cells(self._cameras, frame, i, j)
         picture = _sample(pixels, self._reduction(frame, pixels.shape[1]), pixel, self._size_px)
-        weight = np.where(np.isnan(pixel[..., 0]), 0.0, weight.reshape(pixel.shape[:-1]))
         self._light[frame] = self._light_of(frame, pixels)
-        shares = np.concatenate([weight[..., None] * picture, weight[..., None]], axis=-1)
-        self._sums[i, :, j] += shares.reshape(-1, cell, cell, 4)
+        shares = np.empty((*pixel.shape[:-1], 4), dtype=np.float32)
+        shares[..., 3] = np.where(np.isnan(pixel[..., 0]), 0.0, weight.reshape(pixel.shape[:-1]))
+        np.multiply(picture, shares[..., 3:], out=shares[..., :3])
+        self._sums[i, j] += shares.reshape(-1, cell, cell, 4)
 
     def _light_of(self, frame: int, pixels: Pixels) -> Light:
         """How bright a preview is at the nodes that it shows."""
@@ -142,7 +143,8 @@ class Mosaic:
         if not self._index:
             return None
         grid = self._grid
-        total = self._sums.reshape(grid.shape[0] * grid.cell_px, grid.shape[1] * grid.cell_px, 4)
+        height, width = (count * grid.cell_px for count in grid.shape)
+        total = self._sums.swapaxes(1, 2).reshape(height, width, 4)
         covered = total[..., 3] > 0
         if not covered.any():
             return None
@@ -209,12 +211,9 @@ def _sample(pixels: Pixels, reduction: int, at_px: Floats, size_px: Floats) -> P
         pixels = np.asarray(
             cv2.resize(blocks, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.uint8
         )
-    at = (np.nan_to_num(at_px) + 0.5) / step - 0.5
-    shown = cv2.remap(
-        pixels,
-        at[..., 0].astype(np.float32),
-        at[..., 1].astype(np.float32),
-        cv2.INTER_LINEAR,
-        borderMode=cv2.BORDER_REPLICATE,
+    at = ((at_px + 0.5) / step - 0.5).astype(np.float32)
+    at[np.isnan(at)] = 0.0
+    shown = cv2.remap(  # type: ignore[call-overload]  # its types do not know that one map may do
+        pixels, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
     )
     return np.asarray(shown[..., ::-1], dtype=np.uint8)

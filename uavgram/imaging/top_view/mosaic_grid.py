@@ -67,22 +67,29 @@ class Grid:
         world_m
             (..., 3) points.
         """
-        camera = self.result.camera
-        rays = world_m - cameras.center_m[frame]
+        pixel = self._projected(cameras, frame, world_m)
+        shows = self._shows(pixel, world_m - cameras.center_m[frame])
+        return np.where(shows[..., None], pixel, np.nan)
+
+    def _projected(self, cameras: Cameras, frame: int, world_m: Floats) -> Floats:
+        """(..., 2) where a frame would have points, were it large enough."""
         poses = RowPoses(
             cameras.center_m[frame], cameras.world_from_camera[frame], cameras.sweep[frame]
         )
         lens = self.result.shared.intrinsics.value
-        pixel = project_rows(camera, lens, poses, world_m, steps=1)
-        size = np.array([camera.width_px, camera.height_px]) - 1
-        inside = ((pixel >= 0) & (pixel <= size)).all(axis=-1) & (_sine(rays) > LEAST_SINE)
-        return np.where(inside[..., None], pixel, np.nan)
+        return project_rows(self.result.camera, lens, poses, world_m, steps=1)
+
+    def _shows(self, pixel: Floats, rays: Floats) -> Bools:
+        """(...) whether pixels lie in the photo, and the rays (..., 3) to them are not too flat."""
+        size = np.array([self.result.camera.width_px, self.result.camera.height_px]) - 1
+        inside = (pixel >= 0) & (pixel <= size)
+        return np.asarray(inside[..., 0] & inside[..., 1] & (_sine(rays) > LEAST_SINE))
 
     def pixels_in_cells(self, cameras: Cameras, frame: int, i: Ints, j: Ints) -> Floats:
         """(n, cell * cell, 2) original pixels of a frame, at the middles of all pixels of cells.
 
         Within a cell a frame's pixels are almost those of an affine map: a few places along each
-        side say them all. Cells at the photo's edge are counted out pixel by pixel.
+        side say them all. Where these have none, a cell is counted out pixel by pixel.
 
         Parameters
         ----------
@@ -95,22 +102,30 @@ class Grid:
         middles: Floats = np.arange(cell, dtype=np.float64) + 0.5
         count = min(2 + cell // 16, MOST_NODES)
         nodes = np.linspace(0.5, cell - 0.5, count)
-        found = self._in_cells(cameras, frame, i, j, nodes)
-        at_edge = np.isnan(found).any(axis=(1, 2, 3))
+        ground = self._in_cells(i, j, nodes)
+        found = self._projected(cameras, frame, ground)
+        unknown = ~np.isfinite(found).all(axis=(1, 2, 3))
+        shown = self._shows(found, ground - cameras.center_m[frame])
         between = _lagrange(nodes, middles)
-        along = np.einsum("xk,nykc->nyxc", between, found[~at_edge], optimize=True)
+        along = np.einsum("xk,nykc->nyxc", between, found[~unknown], optimize=True)
         pixel = np.empty((len(i), cell, cell, 2))
-        pixel[~at_edge] = np.einsum("yk,nkxc->nyxc", between, along, optimize=True)
-        pixel[at_edge] = self._in_cells(cameras, frame, i[at_edge], j[at_edge], middles)
+        pixel[~unknown] = np.einsum("yk,nkxc->nyxc", between, along, optimize=True)
+        at_edge = np.flatnonzero(~shown.all(axis=(1, 2)) & ~unknown)
+        rays = self._in_cells(i[at_edge], j[at_edge], middles) - cameras.center_m[frame]
+        pixel[at_edge] = np.where(
+            self._shows(pixel[at_edge], rays)[..., None], pixel[at_edge], np.nan
+        )
+        each = self._in_cells(i[unknown], j[unknown], middles)
+        pixel[unknown] = self.pixels_in(cameras, frame, each)
         return pixel.reshape(len(i), cell * cell, 2)
 
-    def _in_cells(self, cameras: Cameras, frame: int, i: Ints, j: Ints, places: Floats) -> Floats:
-        """(n, p, p, 2) pixels at p places [px] down and across each cell."""
+    def _in_cells(self, i: Ints, j: Ints, places: Floats) -> Floats:
+        """(n, p, p, 3) the ground at p places [px] down and across each cell."""
         row = np.broadcast_to(
             (i[:, None] * self.cell_px + places)[:, :, None], (len(i), len(places), len(places))
         )
         column = np.broadcast_to((j[:, None] * self.cell_px + places)[:, None], row.shape)
-        return self.pixels_in(cameras, frame, self.world(column, row))
+        return self.world(column, row)
 
     def finest_pixel(self, cameras: Cameras, frame: int, preview_scale: float) -> float:
         """What a pixel of a frame's preview measures on the ground below it [m].

@@ -1,7 +1,7 @@
 """Entities of a CAD drawing, written as they stand in the file.
 
 ezdxf makes the document (header, tables, styles, layouts), and checks it in the tests. Its entities
-know all that a drawing can be: to make one and to write it takes forty times as long as its text,
+know all that a drawing can be: to make and to write them took most of the time of a drawing,
 and a survey has thousands.
 """
 
@@ -67,7 +67,15 @@ class Drawn(DXFEntity):
         return handle
 
     def line(self, layer: str, start: Place, end: Place) -> None:
-        """Draw a straight line."""
+        """Draw a straight line.
+
+        Parameters
+        ----------
+        layer
+            Its layer.
+        start, end
+            Where it ends.
+        """
         self.add("LINE", layer, [(100, "AcDbLine"), *at(10, start), *at(11, end)])
 
     def point(self, layer: str, place: Place) -> None:
@@ -75,7 +83,17 @@ class Drawn(DXFEntity):
         self.add("POINT", layer, [(100, "AcDbPoint"), *at(10, place)])
 
     def polyline(self, layer: str, places: Floats, *, closed: bool) -> None:
-        """Draw a line through (n, 3) places."""
+        """Draw a line through places.
+
+        Parameters
+        ----------
+        layer
+            Its layer.
+        places
+            (n, 3).
+        closed
+            Whether it goes back to the first.
+        """
         flags = 9 if closed else 8
         head = [(100, "AcDb3dPolyline"), (66, 1), *at(10, (0.0, 0.0, 0.0)), (70, flags)]
         own = self.add("POLYLINE", layer, head)
@@ -85,26 +103,58 @@ class Drawn(DXFEntity):
         self.add("SEQEND", layer, [], own)
 
     def outline(self, layer: str, places: Floats, height: float) -> None:
-        """Draw a closed level line through (n, 2) places."""
+        """Draw a closed level line.
+
+        Parameters
+        ----------
+        layer
+            Its layer.
+        places
+            (n, 2).
+        height
+            Of all of them.
+        """
         head: list[Tag] = [(100, "AcDbPolyline"), (90, len(places)), (70, 1), (38, height)]
         corners = [tag for place in places.tolist() for tag in at(10, place)]
         self.add("LWPOLYLINE", layer, head + corners)
 
     def ellipse(self, layer: str, middle: Place, axis: Place, ratio: float) -> None:
-        """Draw an ellipse by its middle, half its longer axis, and what the shorter is of that."""
+        """Draw an ellipse.
+
+        Parameters
+        ----------
+        layer
+            Its layer.
+        middle, axis
+            Its middle, and from there half its longer axis.
+        ratio
+            Of the shorter axis to the longer.
+        """
         places = [*at(10, middle), *at(11, axis)]
         shape: list[Tag] = [(40, ratio), (41, 0.0), (42, _WHOLE_TURN)]
         self.add("ELLIPSE", layer, [(100, "AcDbEllipse"), *places, *shape])
 
     def text(self, layer: str, middle: Place, height: float, text: str) -> None:
-        """Write one line about its middle."""
+        """Write one line.
+
+        Parameters
+        ----------
+        layer
+            Its layer.
+        middle
+            Of the text.
+        height
+            Of its letters.
+        text
+            What is written.
+        """
         head = [(100, "AcDbText"), *at(10, middle), (40, height), (1, fix_one_line_text(text))]
         self.add("TEXT", layer, [*head, (72, 1), *at(11, middle), (100, "AcDbText"), (73, 2)])
 
     def paragraph(
         self, layer: str, middle: Place, height: float, along: Place, text: str, style: str
     ) -> None:
-        """Write a text of any length about its middle.
+        """Write a text of any length.
 
         Parameters
         ----------
