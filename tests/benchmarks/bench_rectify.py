@@ -139,8 +139,9 @@ def places_apart(view: View, raster: GroundRaster, job: dict[str, object]) -> st
     matrix = np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
     own = view.look(0, ground)[0].reshape(-1, 2)
     told = []
-    for name, height in (("flat", job["ground_m"]), ("true height", placed[:, 2])):
-        places = np.column_stack([placed[:, :2], np.broadcast_to(height, len(placed))])
+    flat = np.full(len(placed), job["ground_m"])
+    for name, height in (("flat", flat), ("true height", placed[:, 2])):
+        places = np.column_stack([placed[:, :2], height])
         seen = (places - job["center"]) @ np.array(job["rotation"])
         # as orthority's camera does it, to 1e-12 px
         theirs, _ = cv2.projectPoints(seen, np.zeros(3), np.zeros(3), matrix, np.array(lens))
