@@ -26,7 +26,7 @@ class Headline(NamedTuple):
 
 
 def headline(batch: Batch) -> Headline:
-    """Whether all surveys are measured, whether sigmas are honest, which cameras are not right."""
+    """Whether all surveys are measured, whether their ± are right, which cameras are not."""
     reasons = [f"{kind_words(one)}: {pooled_words(one)}" for one in batch.pooled if _is_bad(one)]
     reasons += [
         f"camera {one.camera}: {drift_words(one)}"
@@ -63,14 +63,14 @@ def kind_words(one: Pooled) -> str:
 
 
 def pooled_words(one: Pooled) -> str:
-    """``sigmas are too small: errors are 1.4 times what they say``."""
+    """``the stated ± are too small: errors are 1.4 times as large``."""
     if one.is_small:
-        return f"sigmas are too small: errors are {one.ratio:.2g} times what they say"
+        return f"the stated ± are too small: errors are {one.ratio:.2g} times as large"
     if one.is_large:
-        return f"sigmas are too large: errors are only {one.ratio:.2g} of what they say"
+        return f"the stated ± are too large: errors are only {one.ratio:.2g} of them"
     if one.surveys < FEW_SURVEYS:
-        return "nothing speaks against the sigmas, but few surveys tell"
-    return "sigmas are honest"
+        return "nothing speaks against the stated ±, but few surveys tell"
+    return "the stated ± are right"
 
 
 def drift_words(one: Drift) -> str:

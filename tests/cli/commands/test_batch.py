@@ -171,6 +171,23 @@ def test_a_full_disk_is_named_and_leaves_earlier_results(
     assert not list((folder / "out").glob(".uavgram*"))
 
 
+def test_what_a_worker_made_that_could_not_tell_is_not_measured_again(
+    measured: tuple[Path, SurveyRecord],
+) -> None:
+    folder, record = measured
+    left = folder / "out" / survey.LEFT
+    task = with_results(Task(project=record.row.project, asked=Asked(), before=None))
+    append_record(left, record)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(survey, "run", refuse)
+        found = measure_survey(task)
+        again = measure_survey(task)
+
+    assert (found.row.status, found.record) == ("done", record)
+    assert not left.exists()
+    assert again.row.message == "would run"
+
+
 def test_a_worker_that_begins_late_measures_nothing_that_another_has_measured(
     measured: tuple[Path, SurveyRecord],
 ) -> None:

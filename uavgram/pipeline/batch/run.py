@@ -23,6 +23,7 @@ from uavgram.pipeline.batch.survey import (
     failed,
     measure_survey,
     name_of,
+    was_told,
     with_results,
 )
 from uavgram.pipeline.cores import cores
@@ -125,6 +126,8 @@ def _outcomes(
         outcome = one.value
         if outcome is None:
             outcome = failed(tasks[one.number], one.why)
+        elif means.cluster is not None and outcome.record is not None:
+            was_told(outcome)
         yield replace(outcome.row, tries=one.tries), outcome.record
 
 

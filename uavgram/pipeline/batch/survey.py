@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +14,13 @@ from uavgram.errors import UavgramError
 from uavgram.io.claims import SupersededError, claimed
 from uavgram.io.outputs import LAST
 from uavgram.io.photos.catalogue import find_photos
-from uavgram.io.results.batch_state import is_as_it_was, stat_of, state_of
+from uavgram.io.results.batch_state import (
+    append_record,
+    is_as_it_was,
+    read_records,
+    stat_of,
+    state_of,
+)
 from uavgram.model.batch import FileState, SurveyRecord, SurveyRow
 from uavgram.model.maps.plan import Paper
 from uavgram.model.options import Project
@@ -23,6 +29,9 @@ from uavgram.pipeline.batch.rows import row_of
 from uavgram.pipeline.measure.inputs import named_files
 from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.versions import stamp
+
+LEFT = ".uavgram-measured.jsonl"
+"""In the output folder, until the batch has heard of it: the record of what a worker made."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,6 +131,9 @@ def _measured(task: Task) -> Outcome:
     project = load_project(path)
     if task.before is not None and _is_unchanged(task, task.before, project):
         return Outcome(row=replace(task.before.row, status="unchanged"), record=task.before)
+    left = _left_behind(task, project)
+    if left is not None:
+        return Outcome(row=left.row, record=left)
     if task.results is not None and task.results != stat_of(Path(project.output) / LAST):
         raise SupersededError(project.output)
     begun, before = time.process_time(), _stats(_inputs(path, project))
@@ -138,7 +150,25 @@ def _measured(task: Task) -> Outcome:
         inputs=states,
         results=state_of(Path(project.output) / LAST),
     )
+    if task.results is not None:
+        with suppress(OSError):  # then it is measured again if nobody hears of it
+            append_record(Path(project.output) / LEFT, record)
     return Outcome(row=row, record=record)
+
+
+def _left_behind(task: Task, project: Project) -> SurveyRecord | None:
+    """What a worker made that was cut off before it could tell, if that still holds."""
+    path = Path(project.output) / LEFT
+    found = read_records(path).get(task.project)
+    with suppress(OSError):
+        path.unlink(missing_ok=True)
+    return found if found is not None and _is_unchanged(task, found, project) else None
+
+
+def was_told(outcome: Outcome) -> None:
+    """A worker of a cluster has told what it made: it need not be found any more."""
+    with suppress(OSError):
+        (Path(outcome.row.output) / LEFT).unlink(missing_ok=True)
 
 
 def _claimed(project: Project) -> AbstractContextManager[Callable[[], None] | None]:

@@ -238,8 +238,8 @@ class _Dispatch(Generic[Item]):
 def _lost_words(fault: BaseException | None = None) -> str:
     return (
         f"each worker that measured it died or was heard of no more, {MOST_TRIES} in all"
-        f"{'' if fault is None else f' ({fault})'}: they may lack memory for it; run it alone "
-        "(uavgram run), or give workers more memory"
+        f"{'' if fault is None else f' ({fault})'}: they may lack memory for it, or it crashes the "
+        "program; run it alone (uavgram run), which tells, or give workers more memory"
     )
 
 
