@@ -5,21 +5,34 @@ from __future__ import annotations
 import errno
 import importlib
 import os
+import shutil
 from pathlib import Path
 from typing import Never
 
 import pytest
 from small_projects import Command, Fails, Project
 
+from uavgram.pipeline.measure.compute import Computed, compute
+from uavgram.pipeline.measure.inputs import read_inputs
+
 run_module = importlib.import_module("uavgram.pipeline.measure.run")
 exports_module = importlib.import_module("uavgram.pipeline.measure.exports")
 
 
-@pytest.fixture
-def changed(project: Project) -> Project:
-    """A project whose new results would differ from the earlier ones in every file."""
+@pytest.fixture(scope="module")
+def computed(small_survey: Path, tmp_path_factory: pytest.TempPathFactory) -> Computed:
+    """What would differ from the earlier results in every file: another measurement's name."""
+    folder = tmp_path_factory.mktemp("computed") / "survey"
+    shutil.copytree(small_survey, folder)
+    project = Project(folder)
     project.cell("measure.csv", 1, "name", "other name")
-    return project
+    return compute(read_inputs(project.path))
+
+
+@pytest.fixture(autouse=True)
+def _computed_once(monkeypatch: pytest.MonkeyPatch, computed: Computed) -> None:
+    """Nothing is broken off while it is computed, but once; so it need not be done each time."""
+    monkeypatch.setattr(run_module, "compute", lambda *_args, **_named: computed)
 
 
 def raise_at(name: str, fault: BaseException, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -38,41 +51,41 @@ WRITERS = [
 
 @pytest.mark.parametrize("step", WRITERS)
 def test_a_full_disk_is_told_and_changes_nothing(
-    changed: Project, fails: Fails, monkeypatch: pytest.MonkeyPatch, step: str
+    project: Project, fails: Fails, monkeypatch: pytest.MonkeyPatch, step: str
 ) -> None:
     full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
     raise_at(step, full, monkeypatch)
-    fails(changed.out, "disk is full", "--output")
+    fails(project.out, "disk is full", "--output")
 
 
 @pytest.mark.parametrize("step", ["compute", *WRITERS])
 def test_ctrl_c_changes_nothing(
-    changed: Project, command: Command, monkeypatch: pytest.MonkeyPatch, step: str
+    project: Project, command: Command, monkeypatch: pytest.MonkeyPatch, step: str
 ) -> None:
-    before = changed.outputs()
+    before = project.outputs()
     raise_at(step, KeyboardInterrupt(), monkeypatch)
-    done = command("run", changed.path)
+    done = command("run", project.path)
     assert done.status == 130
     assert done.stdout == ""
     assert done.stderr == "uavgram: interrupted; earlier results are as they were\n"
-    assert changed.outputs() == before
+    assert project.outputs() == before
 
 
 @pytest.mark.parametrize("fault", [OSError(errno.ENOSPC, "full"), KeyboardInterrupt()])
 @pytest.mark.parametrize("after", [0, 3, 5])
 def test_a_failure_amid_moving_the_files_undoes_the_moved_ones(
-    changed: Project,
+    project: Project,
     command: Command,
     monkeypatch: pytest.MonkeyPatch,
     fault: BaseException,
     after: int,
 ) -> None:
-    before = changed.outputs()
+    before = project.outputs()
     moved: list[str | Path] = []
     replace = Path.replace
 
     def fail(self: Path, target: str | Path) -> Path:
-        if Path(target).parent == changed.out and self.parent.name == "files":
+        if Path(target).parent == project.out and self.parent.name == "files":
             if len(moved) == after:
                 moved.append("failed")
                 raise fault
@@ -80,21 +93,21 @@ def test_a_failure_amid_moving_the_files_undoes_the_moved_ones(
         return replace(self, target)
 
     monkeypatch.setattr(Path, "replace", fail)
-    done = command("run", changed.path)
+    done = command("run", project.path)
     assert "failed" in moved
     assert done.status == (1 if isinstance(fault, OSError) else 130)
     assert done.stderr.count("uavgram: ") == 1
-    assert changed.outputs() == before
+    assert project.outputs() == before
 
 
 def test_a_bug_keeps_its_traceback_and_changes_nothing(
-    changed: Project, command: Command, monkeypatch: pytest.MonkeyPatch
+    project: Project, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before = changed.outputs()
+    before = project.outputs()
     raise_at("write_results", ZeroDivisionError("a bug"), monkeypatch)
     with pytest.raises(ZeroDivisionError):
-        command("run", changed.path)
-    assert changed.outputs() == before
+        command("run", project.path)
+    assert project.outputs() == before
 
 
 def test_no_permission_is_told_with_the_folder(
@@ -128,12 +141,12 @@ def test_an_output_that_is_a_file_is_told(project: Project, command: Command) ->
 
 
 def test_a_first_run_that_fails_leaves_no_folder(
-    changed: Project, command: Command, monkeypatch: pytest.MonkeyPatch
+    project: Project, command: Command, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     raise_at("write_results", OSError(errno.ENOSPC, "full"), monkeypatch)
-    done = command("run", changed.path, "--output", changed / "new")
+    done = command("run", project.path, "--output", project / "new")
     assert done.status == 1
-    assert not (changed / "new").exists()
+    assert not (project / "new").exists()
 
 
 def test_files_of_others_in_the_folder_stay(project: Project, command: Command) -> None:
