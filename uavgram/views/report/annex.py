@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.orientation import POSE_NAMES
 from uavgram.model.result.result import Result
-from uavgram.views.report.long_tables import told
+from uavgram.views.report.long_tables import most_doubtful
 from uavgram.views.survey.drawing import flight_order
 from uavgram.views.wording import number
 
@@ -95,7 +95,7 @@ def annex(result: Result) -> Annex:
     rows = _rows_by_photo(result)
     size = np.linalg.norm(result.picks.residual_px, axis=1)
     largest = np.array([size[rows[frame]].max(initial=-1.0) for frame in order])
-    shown = [order[k] for k in told(largest)]
+    shown = [order[k] for k in most_doubtful(largest)]
     short = ("E", "N", "U", "x", "y", "z")
     upper = zip(*np.triu_indices(6, 1), strict=True)
     return Annex(

@@ -11,7 +11,7 @@ MOST_TOLD = 1_000
 """Rows of one table."""
 
 
-def told(doubt: Floats) -> tuple[int, ...]:
+def most_doubtful(doubt: Floats) -> tuple[int, ...]:
     """Rows that are told, in their order: those of which there is most doubt.
 
     Parameters
@@ -28,7 +28,7 @@ def rows_told(result: Result) -> dict[str, tuple[int, ...]]:
     frames = result.frames
     is_lost = np.array([status in ("rejected", "unmatched") for status in frames.status])
     return {
-        "photos_told": told(is_lost.astype(np.float64)),
-        "points_told": told(result.points.relative.ellipse_95_m[:, 0]),
-        "files_told": told(np.zeros(len(result.provenance.inputs))),
+        "photos_told": most_doubtful(is_lost.astype(np.float64)),
+        "points_told": most_doubtful(result.points.relative.ellipse_95_m[:, 0]),
+        "files_told": most_doubtful(np.zeros(len(result.provenance.inputs))),
     }
