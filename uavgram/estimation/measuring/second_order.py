@@ -281,7 +281,7 @@ def _spread_of(adjustment: Adjustment, request: MeasurementRequest) -> csc_array
     if not refers_to_ground(request):
         return spread
     _, of_feet, _ = adjustment.ground_with_jacobian(label)
-    return hstack([spread, _spread(size, jacobian - of_feet, columns)], format="csc")
+    return csc_array(hstack([spread, _spread(size, jacobian - of_feet, columns)]))
 
 
 def _spread(size: int, jacobian: Floats, columns: Ints) -> csc_array:
