@@ -52,7 +52,7 @@ def write(folder: Path, frames: int, points: int, measurements: int) -> Path:
     extent = center[:, :2].max(0)
     place[:, :2] = rng.uniform(0, extent, (points, 2))
     _write_picks(folder / "picks.csv", rng, center, rotation, place)
-    neighbour = cKDTree(place[:, :2]).query(place[:, :2], k=2)[1][:, 1]
+    neighbour = np.asarray(cKDTree(place[:, :2]).query(place[:, :2], k=2)[1])[:, 1]
     chosen = rng.choice(points, min(points, measurements + points // 50), replace=False)
     taped, asked = chosen[: points // 50], chosen[points // 50 :]
     length = np.linalg.norm(place[taped] - place[neighbour[taped]], axis=1)
@@ -146,7 +146,7 @@ def _write_photos(folder: Path, time_s: Floats) -> None:
 def _write_picks(
     path: Path, rng: np.random.Generator, center: Floats, rotation: Floats, place: Floats
 ) -> None:
-    nearest = cKDTree(center[:, :2]).query(place[:, :2], k=5)[1]
+    nearest = np.asarray(cKDTree(center[:, :2]).query(place[:, :2], k=5)[1])
     frame, label = nearest.ravel(), np.repeat(np.arange(len(place)), 5)
     seen = np.einsum("nji,nj->ni", rotation[frame], place[label] - center[frame])
     pixel = project("brown", CAMERA, seen) + rng.normal(0, SIGMA_PX, (len(frame), 2))
@@ -180,7 +180,7 @@ def _peak_mb() -> float:
     return int(status.split("VmHWM:")[1].split()[0]) / 1024
 
 
-def main(frames: int = 500, points: int = 0, measurements: int = 1000, folder: str = "") -> int:
+def main(frames: int, points: int, measurements: int, folder: str) -> int:
     """Write the project where it is not yet, run it, and say what each step took."""
     with tempfile.TemporaryDirectory() as scratch:
         root = Path(folder or scratch)
@@ -201,4 +201,5 @@ def main(frames: int = 500, points: int = 0, measurements: int = 1000, folder: s
 
 
 if __name__ == "__main__":
-    sys.exit(main(*(int(a) for a in sys.argv[1:4]), *sys.argv[4:]))
+    asked = [*map(int, sys.argv[1:4]), *(500, 0, 1000)[len(sys.argv[1:4]) :]]
+    sys.exit(main(asked[0], asked[1], asked[2], "".join(sys.argv[4:5])))

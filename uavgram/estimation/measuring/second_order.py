@@ -23,8 +23,9 @@ from scipy.sparse import csc_array, csr_array, hstack
 
 from uavgram.estimation.measuring.kinds import refers_to_ground
 from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
+from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.refit import refit_many
+from uavgram.estimation.survey.refit import ENTRIES, refit_many
 from uavgram.estimation.survey.unknowns import (
     Layout,
     State,
@@ -220,11 +221,22 @@ def _adjusted(
     The gauge is no observation, and stays.
     """
     errors = {
-        name: (block.jacobian @ steps[:, block.columns][..., None])[..., 0]
+        name: _moved(block, steps)
         for name, block in adjustment.minimum.blocks.items()
         if name != "gauge"
     }
     return refit_many(adjustment, errors, AT_REST, begin, asked)
+
+
+def _moved(block: Block, steps: Floats) -> Floats:
+    """(m, n, r) by which whitened observations would move with m steps; some rows at a time."""
+    n, r, k = block.jacobian.shape
+    moved = np.empty((len(steps), n, r))
+    at_once = max(1, ENTRIES // (k * len(steps)))
+    for first in range(0, n, at_once):
+        rows = slice(first, first + at_once)
+        moved[:, rows] = np.moveaxis(block.times(rows, steps.T), 2, 0)
+    return moved
 
 
 def _error_in(one: str, reach: float, source: str) -> float:
@@ -269,7 +281,7 @@ def _spread_of(adjustment: Adjustment, request: MeasurementRequest) -> csc_array
     if not refers_to_ground(request):
         return spread
     _, of_feet, _ = adjustment.ground_with_jacobian(label)
-    return hstack([spread, _spread(size, jacobian - of_feet, columns)], format="csc")
+    return csc_array(hstack([spread, _spread(size, jacobian - of_feet, columns)]))
 
 
 def _spread(size: int, jacobian: Floats, columns: Ints) -> csc_array:

@@ -62,6 +62,13 @@ def by_heights(adjustment: Adjustment, measured: MeasuredValues, label: Ints) ->
     """(n, M) derivative of each value by how high each of some points lies above its surface.
 
     Picks and readings stay as they are; only what is taken for the point's height changes.
+
+    Parameters
+    ----------
+    adjustment, measured
+        The adjusted survey, and M values measured in it.
+    label
+        (n,) the points.
     """
     names, size = adjustment.survey.label, adjustment.problem.layout.size
     row_of = np.full(len(names), -1)

@@ -43,6 +43,10 @@ KEPT = 0.5
 UNDAMPED = 1e-8
 """Damping up to which a factor serves more than one step: they are as good as Newton's."""
 
+REFUSED_EACH = 1e-8
+"""Predicted fall by unknown up to which a step that does not come true is the last: kinks of the
+interpolated flight refuse it, and in large systems each try costs a factorisation."""
+
 MAX_ITERATIONS = 60
 MAX_DAMPING = 1e12
 
@@ -152,8 +156,11 @@ def minimise(
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
             growth = 2.0
         elif fresh:
-            damping *= growth
-            growth *= 2.0
+            if predicted < min(0.5 * AT_REST, REFUSED_EACH * size):
+                break
+            damping, growth = damping * growth, 2.0 * growth
+            while damping < UNDAMPED:  # the step that was refused, once more
+                damping, growth = damping * growth, 2.0 * growth
         if predicted > CLOSE * size or gain < KEPT or damping > UNDAMPED:
             factor = None
     factor = normal.factor(slack)

@@ -141,15 +141,14 @@ def _gradients(
 
     Without states where the adjustment stands. Derivatives of a few states at a time are held.
     """
-    size, there = adjustment.problem.layout.size, adjustment.minimum.blocks
-    if states is None:
-        return gradient_of(with_errors(there, errors).values(), size)
-    count = len(states.plane)
+    size = adjustment.problem.layout.size
+    there = adjustment.minimum.blocks
+    count = len(next(iter(errors.values())))
     at_once = max(1, ENTRIES // sum(block.jacobian.size for block in there.values()))
     gradient = np.empty((count, size))
     for first in range(0, count, at_once):
         rows = np.arange(first, min(first + at_once, count))
-        blocks = adjustment.problem.evaluate(some(states, rows))
+        blocks = there if states is None else adjustment.problem.evaluate(some(states, rows))
         if blocks is None:
             return None
         own = {name: error[rows] for name, error in errors.items()}

@@ -127,7 +127,7 @@ def _text_height(features: Features) -> float:
     if len(vertices) < 2:
         return 0.25
     corners = np.concatenate(vertices)[:, :2]
-    share = min(_TEXT_SHARE, _CROWD / np.sqrt(len(corners)))
+    share = min(_TEXT_SHARE, _CROWD / float(np.sqrt(len(corners))))
     return max(float(np.ptp(corners, axis=0).max()) * share, 0.01)
 
 

@@ -22,6 +22,7 @@ from uavgram.pipeline.measure.exports import exports
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.journal import Journal
 from uavgram.pipeline.measure.pictures import ground_picture, report_pictures
+from uavgram.pipeline.measure.thinned import carried, with_thinning_told
 from uavgram.pipeline.measure.tie_points import are_missing, pose_before_ties, with_ties_found
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
@@ -98,6 +99,8 @@ def run(
     with journal.step("adjust and measure"):
         result, refined = compute(inputs, sampling, posed=posed)
         ties = tie_cloud(refined.adjustment, result.frames.frame_id)
+    if folder is not None:
+        result = with_thinning_told(result)
     journal.result(result)
     if folder is not None:
         with staged_output(Path(folder), inputs.files, inputs.photos.path, hold) as staging:
@@ -166,7 +169,8 @@ def write_review(
 ) -> GroundTexture | None:
     """Write the recording of a result, with its photos and the ground that they show.
 
-    Photos pass through one by one: what is in memory does not grow with their number.
+    Of very many photos it carries some, while all show the ground (see `thinned`). They pass
+    through one by one: what is in memory does not grow with their number.
 
     Parameters
     ----------
@@ -192,6 +196,7 @@ def write_review(
         The file cannot be written.
     """
     names = result.frames.frame_id
+    shown_photos = {names[row] for row in carried(len(names))}
     mosaic = Mosaic(result, names, jpeg_preview_scale(result.camera.width_px))
 
     def photos() -> Iterator[tuple[str, Preview]]:
@@ -199,7 +204,8 @@ def write_review(
         shown = progress(zip(names, reduced, strict=True), "photos", len(names))
         for name, (_, (preview, pixels)) in shown:
             mosaic.add(name, pixels)
-            yield name, preview
+            if name in shown_photos:
+                yield name, preview
 
     shown: list[GroundTexture | None] = []
 

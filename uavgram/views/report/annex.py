@@ -9,6 +9,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.orientation import POSE_NAMES
 from uavgram.model.result.result import Result
+from uavgram.views.report.long_tables import most_doubtful
 from uavgram.views.survey.drawing import flight_order
 from uavgram.views.wording import number
 
@@ -73,8 +74,8 @@ class Annex(NamedTuple):
         Names of the columns of correlations within a pose.
     shared, matrices, matrices_more
         Correlations of what all photos share; of each pose with it; how many are not shown.
-    residuals
-        By photo.
+    residuals, residuals_more
+        By photo, the largest where there are many; how many are not shown.
     """
 
     poses: tuple[Pose, ...]
@@ -84,12 +85,17 @@ class Annex(NamedTuple):
     matrices: tuple[Matrix, ...]
     matrices_more: int
     residuals: tuple[Residuals, ...]
+    residuals_more: int
 
 
 def annex(result: Result) -> Annex:
     """Lay out the annex, photos in the order of flight."""
     order = [int(f) for f in flight_order(result) if result.has_refined[f]]
-    shared, matrices = _matrices(result, order)
+    shared, matrices, more = _matrices(result, order)
+    rows = _rows_by_photo(result)
+    size = np.linalg.norm(result.picks.residual_px, axis=1)
+    largest = np.array([size[rows[frame]].max(initial=-1.0) for frame in order])
+    shown = [order[k] for k in most_doubtful(largest)]
     short = ("E", "N", "U", "x", "y", "z")
     upper = zip(*np.triu_indices(6, 1), strict=True)
     return Annex(
@@ -97,9 +103,10 @@ def annex(result: Result) -> Annex:
         poses_more=len(order[MOST_POSES:]),
         pairs=tuple(f"{short[i]}{short[j]}" for i, j in upper),
         shared=shared,
-        matrices=matrices[:MOST_MATRICES],
-        matrices_more=len(matrices[MOST_MATRICES:]),
-        residuals=tuple(_residuals(result, frame) for frame in order),
+        matrices=matrices,
+        matrices_more=more,
+        residuals=tuple(_residuals(result, frame, rows[frame]) for frame in shown),
+        residuals_more=len(order) - len(shown),
     )
 
 
@@ -140,10 +147,11 @@ def _numbers(values: Floats) -> tuple[str, ...]:
     return tuple(number(float(value), 2) for value in values)
 
 
-def _matrices(result: Result, order: list[int]) -> tuple[Matrix | None, tuple[Matrix, ...]]:
+def _matrices(result: Result, order: list[int]) -> tuple[Matrix | None, tuple[Matrix, ...], int]:
+    """What all photos share, each photo's with it, and how many of these are left out."""
     known = result.orientation
     if known is None:
-        return None, ()
+        return None, (), 0
     names = known.parameters
     shared = Matrix(
         "",
@@ -151,7 +159,8 @@ def _matrices(result: Result, order: list[int]) -> tuple[Matrix | None, tuple[Ma
         tuple((name, _numbers(row)) for name, row in zip(names, known.shared, strict=True)),
     )
     at = {name: k for k, name in enumerate(known.frame_id)}
-    titles = [result.frames.frame_id[frame] for frame in order]
+    every = [name for frame in order if (name := result.frames.frame_id[frame]) in at]
+    titles = every[:MOST_MATRICES]
     matrices = tuple(
         Matrix(
             title,
@@ -162,18 +171,22 @@ def _matrices(result: Result, order: list[int]) -> tuple[Matrix | None, tuple[Ma
             ),
         )
         for title in titles
-        if title in at
     )
-    return shared, matrices
+    return shared, matrices, len(every) - len(titles)
 
 
-def _residuals(result: Result, frame: int) -> Residuals:
+def _rows_by_photo(result: Result) -> list[list[int]]:
+    """Of each photo the picks that take part."""
+    at = {name: k for k, name in enumerate(result.frames.frame_id)}
+    rows: list[list[int]] = [[] for _ in at]
+    for i, (image, status) in enumerate(zip(result.picks.image, result.picks.status, strict=True)):
+        if status in ("used", "suspect"):
+            rows[at[image]].append(i)
+    return rows
+
+
+def _residuals(result: Result, frame: int, rows: list[int]) -> Residuals:
     picks, name = result.picks, result.frames.frame_id[frame]
-    rows = [
-        i
-        for i, (image, status) in enumerate(zip(picks.image, picks.status, strict=True))
-        if image == name and status in ("used", "suspect")
-    ]
     if not rows:
         return Residuals(name, 0, ("–", "–"), "–", "–")
     residual = picks.residual_px[rows]

@@ -22,6 +22,7 @@ from uavgram.views.report.contents import with_contents
 from uavgram.views.report.gauge import gauge
 from uavgram.views.report.ground import backdrop
 from uavgram.views.report.known import known_table
+from uavgram.views.report.long_tables import rows_told
 from uavgram.views.report.measured import (
     alternative_tables,
     learnt_words,
@@ -174,6 +175,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             azimuth_deg=np.degrees(result.points.relative.ellipse_azimuth_rad),
             method=method_facts(result),
             **_made_by(result),
+            **rows_told(result),
             **units_shown(result),
         )
     )
