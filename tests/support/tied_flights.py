@@ -38,6 +38,20 @@ class TiedFlight:
     sightings: TiedRays
     wrong: Bools
     height_m: float
+    swell_m: float = 0.0
+
+    def ground_m(self, place: Floats) -> Floats:
+        """(...) height of the ground at places (..., 2 or 3): waves towards the east."""
+        return swell(place, self.swell_m)
+
+
+SWELL_M = 25.0
+"""From wave to wave."""
+
+
+def swell(place: Floats, height_m: float) -> Floats:
+    """(...) height of waves towards the east at places (..., 2 or 3)."""
+    return np.asarray(height_m * np.sin(2 * np.pi * place[..., 0] / SWELL_M))
 
 
 @dataclass(frozen=True)
@@ -53,6 +67,8 @@ class Conditions:
     wrong: float = 0.005
     readout_s: float = 0.0
     density: float = 300.0  # points in a square of the height
+    rough_m: float = 0.05
+    swell_m: float = 0.0
     seed: int = 0
 
 
@@ -101,7 +117,7 @@ def tied_flight(c: Conditions) -> TiedFlight:
     reach = np.abs(center[:, :2]).max(axis=0) + c.height_m * (0.9 + np.tan(np.radians(c.tilt_deg)))
     count = int(c.density * 4.0 * np.prod(reach) / c.height_m**2)
     level = rng.uniform(-1, 1, (count, 2)) * reach
-    point = np.column_stack([level, rng.normal(0, 0.05, count)])
+    point = np.column_stack([level, rng.normal(0, c.rough_m, count) + swell(level, c.swell_m)])
     if c.houses:
         corner = rng.uniform(-1, 1, (12, 2)) * reach
         inside = np.abs(point[:, None, :2] - corner).max(axis=2) < 5.0
@@ -135,7 +151,7 @@ def tied_flight(c: Conditions) -> TiedFlight:
         frames=len(center),
         points=len(used),
     )
-    return TiedFlight(center, rotation, point[used], sightings, wrong, c.height_m)
+    return TiedFlight(center, rotation, point[used], sightings, wrong, c.height_m, c.swell_m)
 
 
 def _seen(center: Floats, rotation: Floats, point: Floats) -> tuple[Floats, Bools]:

@@ -52,6 +52,7 @@ def tied_survey(flight: TiedFlight, labels: int = 8, lengths: int = 3, seed: int
     while len(world) < labels:
         place = flight.center[rng.integers(len(flight.center))] * [1, 1, 0]
         place = place + np.append(rng.uniform(-0.5, 0.5, 2) * flight.height_m, rng.normal(0, 0.02))
+        place[2] += flight.ground_m(place)
         seen = np.einsum("fj,fji->fi", place - flight.center, flight.rotation)
         at = FOCAL_PX * seen[:, :2] / seen[:, 2:]
         inside = np.flatnonzero((seen[:, 2] > 0) & (np.abs(at) < HALF_PX - 20).all(axis=1))

@@ -81,6 +81,7 @@ GROUP_WORDS = {
     "ties": "tie points",
     "linked": "heights of what lies under picks, as of the picks",
     "tie heights": "heights of tie points",
+    "beside": "heights of labels, by the tie points around them",
     "lengths": "known lengths",
     "known": "known things",
     "calibration": "lens calibration",

@@ -57,7 +57,7 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
         | {"pick_frame": new_frame[survey.pick_frame[picks]], "pick_label": pick_label},
         target_pick=new_pick[survey.target_pick][new_pick[survey.target_pick] >= 0],
         matches=_some_sightings(survey.matches, new_frame, new_pick),
-        ties=_some_sightings(survey.ties, new_frame, new_pick),
+        ties=_some_sightings(_near(survey.ties, new_label), new_frame, new_pick),
         **_some_lines(survey, lines) | {"line_start": start[lines], "line_end": end[lines]},
         known=tuple(one for old in survey.known if (one := old.relabelled(new_label)) is not None),
         **rows_of(survey, control, "c")
@@ -70,6 +70,11 @@ def _tied_only(survey: Survey) -> Ints:
     """Frames that sightings of tie points show, and nobody picked anything in."""
     tied = np.union1d(survey.matches.frame, survey.ties.frame)
     return np.setdiff1d(tied, survey.pick_frame)
+
+
+def _near(ties: Sightings, new_label: Ints) -> Sightings:
+    """The ties beside the labels by their new indices (-1: left out)."""
+    return replace(ties, near=np.where(ties.near < 0, -1, np.append(new_label, -1)[ties.near]))
 
 
 def _some_sightings(sightings: Sightings, new_frame: Ints, new_pick: Ints) -> Sightings:

@@ -13,6 +13,7 @@ SOURCES: dict[str, str] = {
     "linked": "matches",
     "ties": "tie points",
     "tie heights": "tie points",
+    "beside": "tie points",
     "calibration": "lens",
     "lengths": "known lengths",
     "known": "known things",

@@ -55,6 +55,9 @@ class Sightings(FrozenArrays):
     pick
         (T,) the pick that a point lies under: the first of a chain of matches. Of other tie points
         nothing is known but that they are seen: -1.
+    near, near_rise_m, near_sigma_m
+        (T,) the label that each tie point lies beside, on the same ground; by how much the ground
+        there rises from it to the label, over the area's plane, and to what sigma. -1: of none.
     """
 
     frame: Annotated[Ints, "n"] = field(default_factory=_no_index)
@@ -63,6 +66,16 @@ class Sightings(FrozenArrays):
     sigma_px: Annotated[Floats, "n"] = field(default_factory=lambda: np.zeros(0))
     row: Annotated[Ints, "n"] = field(default_factory=_no_index)
     pick: Annotated[Ints, "t"] = field(default_factory=_no_index)
+    near: Annotated[Ints, "t"] = field(default_factory=_no_index)
+    near_rise_m: Annotated[Floats, "t"] = field(default_factory=lambda: np.zeros(0))
+    near_sigma_m: Annotated[Floats, "t"] = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        if not len(self.near):
+            object.__setattr__(self, "near", np.full(len(self.pick), -1))
+            object.__setattr__(self, "near_rise_m", np.zeros(len(self.pick)))
+            object.__setattr__(self, "near_sigma_m", np.ones(len(self.pick)))
+        super().__post_init__()
 
     @property
     def points(self) -> int:

@@ -29,6 +29,7 @@ from uavgram.stages.refine.begin.softened import iterate, iterations_for
 from uavgram.stages.refine.begin.starts import in_lens
 from uavgram.stages.refine.continued import lines_used
 from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.near_ties import with_near_ties
 from uavgram.stages.refine.off_ground.shown import Shown, shown_by_sightings, with_shown
 
 SOFTER = 10.0
@@ -117,10 +118,11 @@ def with_sound_ties(survey: Survey, *, learn: bool = True) -> SoundTies:
     ties_ = frozenset(row for is_match, row in wrong if not is_match)
     shown, noise = shown_by_sightings(adjustment), tuple(_noise(adjustment))
     factor = {one.source: one.factor for one in noise if learn}
+    sound = with_near_ties(with_shown(survey, shown), adjustment)
     sound = replace(
-        with_shown(survey, shown),
+        sound,
         matches=_sound(survey.matches, matches, factor.get("match", 1.0)),
-        ties=_sound(survey.ties, ties_, factor.get("tie", 1.0)),
+        ties=_sound(sound.ties, ties_, factor.get("tie", 1.0)),
     )
     return SoundTies(sound, shown, noise, matches, ties_)
 

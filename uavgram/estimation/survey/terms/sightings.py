@@ -251,4 +251,30 @@ class TiedPoints:
             off = (state.tie[..., tie, 2] - ground_m)[..., None]
             weight = np.full((len(tie), 1, 1), 1.0 / ANYWHERE_M)
             blocks["tie heights"] = Block(off / ANYWHERE_M, layout.tie_columns(tie)[:, 2:], weight)
+        near = survey.ties.near
+        beside = np.flatnonzero((near >= 0) & ~np.append(survey.off_ground, True)[near])
+        if len(beside):
+            blocks["beside"] = self._beside(state, beside)
         return blocks
+
+    def _beside(self, state: State, which: Ints) -> Block:
+        """Heights of ties over the plane, less those of the labels beside them."""
+        problem, ties = self._problem, self._problem.survey.ties
+        label, tie = ties.near[which], problem.survey.matches.points + which
+        place = state.tie[..., tie, :]
+        ground = problem.ground.at(state.plane, state.relief, label, place[..., :2])
+        departs = problem.third.departs[label]
+        weight = 1.0 / ties.near_sigma_m[which]
+        above = place[..., 2] - ground.height_m + ties.near_rise_m[which]
+        above = above - np.where(departs, state.point[..., label, 2], 0.0)
+        ones = np.ones((*above.shape, 1))
+        jacobian = np.concatenate(
+            [-ground.slope, ones, -ones * departs[:, None], -ground.by_unknowns], axis=-1
+        )
+        columns = [
+            problem.layout.tie_columns(tie),
+            problem.layout.point_columns(label)[:, 2:],
+            problem.plane_columns(label),
+        ]
+        rows = (jacobian * weight[:, None])[..., None, :]
+        return Block((above * weight)[..., None], np.concatenate(columns, axis=1), rows)
