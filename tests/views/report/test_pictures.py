@@ -23,7 +23,7 @@ from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.report import render_report
-from uavgram.views.report.pictures import Gallery, gallery
+from uavgram.views.report.pictures import Gallery, _placed, gallery
 from uavgram.views.wording import measurement_text
 
 STRETCH = (12.0, 96.0, 1.5)
@@ -112,6 +112,20 @@ def test_a_scale_bar_is_as_long_as_that_length_looks() -> None:
     )[0][:, 0]
 
     assert one.bar.length == pytest.approx(np.linalg.norm(pixel[1] - pixel[0]), rel=1e-6)
+
+
+def test_a_scale_bar_stands_where_it_hides_less() -> None:
+    one = shown().points[0]
+    part, mark = one.region, one.marks[0]
+    y = part.top_px + part.height_px - 20 * one.unit
+    ends = {}
+    for side, x in (("left", part.left_px + 30 * one.unit), ("none", part.left_px - 99.0)):
+        bar = _placed(one.bar, part, (mark._replace(x=x, y=y),), one.unit)
+        assert bar is not None
+        ends[side] = bar.left, bar.left + bar.width
+
+    assert ends["none"][0] == pytest.approx(part.left_px + 4 * one.unit)
+    assert ends["left"][1] == pytest.approx(part.left_px + part.width_px - 4 * one.unit)
 
 
 def test_each_picture_says_of_which_file_and_part_it_is_and_that_it_was_brightened() -> None:

@@ -62,10 +62,12 @@ class Tag(NamedTuple):
 
 
 class Bar(NamedTuple):
-    """A scale bar in pixels of the photo, and its length in words."""
+    """A scale bar in pixels of the photo, its length in words, and where its box begins."""
 
     length: float
     text: str
+    left: float = 0.0
+    width: float = 0.0
 
 
 class Shown(NamedTuple):
@@ -174,7 +176,7 @@ def _shown(result: Result, picture: Picture, unit: float) -> Shown:
         lines=tuple(_lines(result, region, unit)),
         marks=marks,
         tags=tags,
-        bar=_bar(result, region),
+        bar=_placed(_bar(result, region), region, marks, unit),
         name=name,
         told=told,
         origin=_origin(result, picture),
@@ -286,6 +288,19 @@ def _lines(result: Result, region: Region, unit: float) -> Iterator[tuple[str, s
         for run in visible_runs(project_from(result, poses, sampled(strip))):
             kept = thinned(run, DRAWN_OFF * unit)
             yield " ".join(f"{x:.1f},{y:.1f}" for x, y in kept), hex_colour(colour)
+
+
+def _placed(bar: Bar | None, region: Region, marks: tuple[Mark, ...], unit: float) -> Bar | None:
+    """The bar at the left end of the lower edge, or at the right one where it would hide less."""
+    if bar is None:
+        return None
+    width = max(bar.length + 12 * unit, 48 * unit)
+    low = region.top_px + region.height_px - 36 * unit
+    sides = (region.left_px + 4 * unit, region.left_px + region.width_px - width - 4 * unit)
+    hidden = [
+        sum(m.y > low and x - 8 * unit < m.x < x + width + 8 * unit for m in marks) for x in sides
+    ]
+    return bar._replace(left=sides[hidden[1] < hidden[0]], width=width)
 
 
 def _bar(result: Result, region: Region) -> Bar | None:
