@@ -34,7 +34,7 @@ def survey() -> tuple[Inputs, int]:
     stated = replace(Scenario().stated, noise="stated")
     drawn = simulate(replace(Scenario(), points=points, stated=stated))
     truth, inputs = drawn.truth, inputs_of(drawn)
-    lens = truth.intrinsics
+    lens, size = truth.intrinsics, (drawn.calibration.width_px, drawn.calibration.height_px)
 
     def seen(frame: int, place: Floats) -> Floats:
         in_camera = (place - truth.center_world_m[frame]) @ truth.world_from_camera[frame]
@@ -45,7 +45,7 @@ def survey() -> tuple[Inputs, int]:
     rows = []
     for frame in range(len(truth.frame_id)):
         pixel = seen(frame, spread)
-        inside = np.all((pixel > 50) & (pixel < [3900, 2900]), axis=1)
+        inside = np.all((pixel > 50) & (pixel < np.array(size) - 50), axis=1)
         rows += [(frame, k, *pixel[k]) for k in np.flatnonzero(inside)]
     ties = TiePicks(
         image=tuple(truth.frame_id[int(row[0])] for row in rows),
