@@ -64,7 +64,8 @@ def survey() -> tuple[Inputs, int]:
     count = len(others)
     height = np.where(np.array(picks.label) == RAISED, 0.4, picks.height_m)
     sigma = np.where(np.array(picks.label) == RAISED, HEIGHT_M, picks.height_sigma_m)
-    source: list[Source] = ["hand" for _ in picks.image] + ["match" for _ in others]
+    hand: list[Source] = ["hand"] * len(picks.image)
+    match: list[Source] = ["match"] * count
     picks = Picks(
         image=(*picks.image, *(truth.frame_id[k] for k in others)),
         label=(*picks.label, *(picks.label[origin],) * count),
@@ -74,7 +75,7 @@ def survey() -> tuple[Inputs, int]:
         sigma_px=np.concatenate([picks.sigma_px, np.full(count, MATCH_PX)]),
         height_m=np.concatenate([height, np.full(count, np.nan)]),
         height_sigma_m=np.concatenate([sigma, np.full(count, np.nan)]),
-        source=tuple(source),
+        source=(*hand, *match),
         from_image=(*("",) * len(picks.image), *(picks.image[origin],) * count),
         from_px=np.concatenate(
             [np.full((len(picks.image), 2), np.nan), np.tile(picks.pixel_px[origin], (count, 1))]
