@@ -13,7 +13,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.scenario.repeated import RepeatedSurvey
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.survey.known import KnownThings
-from uavgram.model.survey.observations import Picks
+from uavgram.model.survey.observations import Picks, Source
 from uavgram.model.survey.ties import TiePicks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs
@@ -34,7 +34,7 @@ def survey() -> tuple[Inputs, int]:
     stated = replace(Scenario().stated, noise="stated")
     drawn = simulate(replace(Scenario(), points=points, stated=stated))
     truth, inputs = drawn.truth, inputs_of(drawn)
-    lens = truth.intrinsics
+    lens, size = truth.intrinsics, (drawn.calibration.width_px, drawn.calibration.height_px)
 
     def seen(frame: int, place: Floats) -> Floats:
         in_camera = (place - truth.center_world_m[frame]) @ truth.world_from_camera[frame]
@@ -45,7 +45,7 @@ def survey() -> tuple[Inputs, int]:
     rows = []
     for frame in range(len(truth.frame_id)):
         pixel = seen(frame, spread)
-        inside = np.all((pixel > 50) & (pixel < [3900, 2900]), axis=1)
+        inside = np.all((pixel > 50) & (pixel < np.array(size) - 50), axis=1)
         rows += [(frame, k, *pixel[k]) for k in np.flatnonzero(inside)]
     ties = TiePicks(
         image=tuple(truth.frame_id[int(row[0])] for row in rows),
@@ -64,6 +64,8 @@ def survey() -> tuple[Inputs, int]:
     count = len(others)
     height = np.where(np.array(picks.label) == RAISED, 0.4, picks.height_m)
     sigma = np.where(np.array(picks.label) == RAISED, HEIGHT_M, picks.height_sigma_m)
+    hand: list[Source] = ["hand"] * len(picks.image)
+    match: list[Source] = ["match"] * count
     picks = Picks(
         image=(*picks.image, *(truth.frame_id[k] for k in others)),
         label=(*picks.label, *(picks.label[origin],) * count),
@@ -73,7 +75,7 @@ def survey() -> tuple[Inputs, int]:
         sigma_px=np.concatenate([picks.sigma_px, np.full(count, MATCH_PX)]),
         height_m=np.concatenate([height, np.full(count, np.nan)]),
         height_sigma_m=np.concatenate([sigma, np.full(count, np.nan)]),
-        source=(*("hand",) * len(picks.image), *("match",) * count),
+        source=(*hand, *match),
         from_image=(*("",) * len(picks.image), *(picks.image[origin],) * count),
         from_px=np.concatenate(
             [np.full((len(picks.image), 2), np.nan), np.tile(picks.pixel_px[origin], (count, 1))]
