@@ -66,6 +66,8 @@ def test_the_page_names_every_survey_and_what_is_wrong(batch: Batch) -> None:
     assert "<b>=1+1</b>" not in page
     assert 'href="../a/out%20put/report.html"' in page
     assert "the disk is full" in page
+    assert ">c<" in page
+    assert "&lt;b&gt;=1+1&lt;/b&gt; (a)" in page  # whose folder has another name
     assert "Not shown: 1 survey that failed" in page
     assert "the stated ± are too small: errors are 3 times as large" in page
     assert re.findall(r'(?:src|href)="(?!\.\./)', page) == []  # nothing from elsewhere

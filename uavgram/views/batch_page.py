@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 from uavgram.model.batch import Batch, Drift, Pooled, SurveyRow
 from uavgram.views.batch_map import batch_map
-from uavgram.views.batch_words import KINDS, drift_words, headline, pooled_words
+from uavgram.views.batch_words import KINDS, drift_words, headline, pooled_words, told_name
 from uavgram.views.pages import page_environment
 from uavgram.views.wording import number
 
@@ -23,6 +23,7 @@ class Line(NamedTuple):
     """A survey's row on the page; `why` is its problem, or the first reason of its verdict."""
 
     row: SurveyRow
+    name: str
     link: str
     sigma: str
     w: str
@@ -76,6 +77,7 @@ def render_batch_page(batch: Batch, folder: Path) -> str:
 def _line(row: SurveyRow, links: dict[str, str]) -> Line:
     return Line(
         row=row,
+        name=told_name(row),
         link=links.get(row.project, ""),
         sigma=number(row.mean_sigma_m),
         w=number(row.worst_w, 1, signed=True),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import NamedTuple
 
 from uavgram.model.batch import Batch, Drift, Pooled, SurveyRow
@@ -35,7 +36,7 @@ def headline(batch: Batch) -> Headline:
     ]
     failed, waiting = batch.count("failed"), batch.count("waiting")
     if failed:
-        names = ", ".join(row.name for row in batch.rows if row.status == "failed")
+        names = ", ".join(told_name(row) for row in batch.rows if row.status == "failed")
         reasons.insert(0, f"not measured: {names}; the table says why")
     level: VerdictLevel = "red" if failed else "amber" if reasons or waiting else "green"
     return Headline(level, counts(batch), reasons)
@@ -87,12 +88,19 @@ def drift_words(one: Drift) -> str:
     return " and ".join(said) + ": calibrate the camera again" if said else "as its file says"
 
 
+def told_name(row: SurveyRow) -> str:
+    """A survey's name, and its folder where that is another: names are often all alike."""
+    path = Path(row.project)
+    folder = path.parent.name if path.stem == "project" else path.stem
+    return row.name if folder in {"", row.name} else f"{row.name} ({folder})"
+
+
 def survey_line(row: SurveyRow) -> str:
     """One line when a survey ends: its name, and its verdict or its problem."""
     if row.status == "failed":
-        return f"{row.name}: failed. {row.message}"
+        return f"{told_name(row)}: failed. {row.message}"
     again = " (unchanged, not measured again)" if row.status == "unchanged" else ""
-    return f"{row.name}: {row.level}{again}"
+    return f"{told_name(row)}: {row.level}{again}"
 
 
 def time_left(seconds: float) -> str:
