@@ -17,7 +17,7 @@ from log_mutants import records, text_log
 
 AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
 # Planted faults of the checks of rows showed in 4 to 12 of 200 mutants with damaged values, rows
-# and formats; with damage of bytes alone, all that ULog files get, in 0 to 24. One that shows in
+# and formats; with damage of bytes alone, all that ULog files get, in 0 to 29. One that shows in
 # 4 of 200 is missed by 500 once in 24,000 runs, one in 200 by 1,500 once in 1,800.
 COUNT = {".BIN": 500, ".log": 500, ".tlog": 500, ".ulg": 1500}
 ARENAS = 64 << 20  # the interpreter's and numpy's own; the logs are a few hundred kB at most
