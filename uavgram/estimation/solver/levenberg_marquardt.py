@@ -43,8 +43,8 @@ KEPT = 0.5
 UNDAMPED = 1e-8
 """Damping up to which a factor serves more than one step: they are as good as Newton's."""
 
-REFUSED_EACH = 1e-8
-"""Predicted fall by unknown up to which a step that does not come true is the last: kinks of the
+REFUSED_EACH = 5e-9
+"""Predicted fall by unknown up to which a step that hardly comes true is the last: kinks of the
 interpolated flight refuse it, and in large systems each try costs a factorisation."""
 
 MAX_ITERATIONS = 60
@@ -156,14 +156,15 @@ def minimise(
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
             growth = 2.0
         elif fresh:
-            if predicted < min(0.5 * AT_REST, REFUSED_EACH * size):
-                break
             damping, growth = damping * growth, 2.0 * growth
             while damping < UNDAMPED:  # the step that was refused, once more
                 damping, growth = damping * growth, 2.0 * growth
+        if fresh and gain < KEPT and predicted < REFUSED_EACH * size:
+            break
         if predicted > CLOSE * size or gain < KEPT or damping > UNDAMPED:
             factor = None
     factor = normal.factor(slack)
     # Newton's decrement without damping: how far below the minimum of the model still lies.
     decrement = float(normal.gradient @ factor.solve(normal.gradient))
-    return Minimum(state, blocks, factor, normal.cost, iteration, decrement < AT_REST)
+    is_at_rest = decrement < max(AT_REST, 2.0 * REFUSED_EACH * size)
+    return Minimum(state, blocks, factor, normal.cost, iteration, is_at_rest)
