@@ -40,6 +40,7 @@ class Points:
         self.covariance = 1e-4 * np.eye(size) if covariance is None else covariance
         self.survey = SimpleNamespace(
             label=LABELS,
+            row_of_label={label: k for k, label in enumerate(LABELS)},
             frame_id=("f0", "f1"),
             pick_frame=np.array(pick_frame),
             pick_label=np.arange(len(pick_frame)),
