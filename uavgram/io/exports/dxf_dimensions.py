@@ -20,14 +20,7 @@ GAP = 0.3
 _ARROW, _OVER, _AWAY = 0.8, 0.3, 0.3
 """In heights of a letter: an arrow, how far lines go beyond it, and begin from what is measured."""
 _STYLE, _LETTERS = "UAVGRAM", "OpenSansCondensed-Light"  # of dimensions, and of their texts
-_TEXT_ALONE: list[Tag] = [
-    (1001, "ACAD"),
-    (1000, "DSTYLE"),
-    (1002, "{"),
-    (1070, 279),
-    (1070, 2),
-    (1002, "}"),
-]
+_TEXT_ALONE = [(1001, "ACAD"), (1000, "DSTYLE"), (1002, "{"), (1070, 279), (1070, 2), (1002, "}")]
 """Of this dimension: the text stands where it was put, the line does not go with it."""
 
 
