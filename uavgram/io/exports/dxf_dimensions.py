@@ -97,7 +97,7 @@ def _draw_lines(parts: Drawn, layer: str, ends: Floats, line: Floats, text_m: fl
     name = ARROWS.block_name(ARROWS.closed_filled)
     for end, way in zip(line, (-along, along), strict=True):
         points_back = outside == (way is along)
-        parts.block(layer, name, end.tolist(), arrow, turn - 180.0 if points_back else turn)
+        parts.block(layer, name, end.tolist(), arrow, turn + 180.0 if points_back else turn)
     if outside:
         for end, way in zip(line, (-along, along), strict=True):
             parts.line(layer, (end + arrow * way).tolist(), (end + 2 * arrow * way).tolist())
