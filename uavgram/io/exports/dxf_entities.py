@@ -67,15 +67,7 @@ class Drawn(DXFEntity):
         return handle
 
     def line(self, layer: str, start: Place, end: Place) -> None:
-        """Draw a straight line.
-
-        Parameters
-        ----------
-        layer
-            Its layer.
-        start, end
-            Where it ends.
-        """
+        """Draw a straight line."""
         self.add("LINE", layer, [(100, "AcDbLine"), *at(10, start), *at(11, end)])
 
     def point(self, layer: str, place: Place) -> None:
@@ -83,17 +75,7 @@ class Drawn(DXFEntity):
         self.add("POINT", layer, [(100, "AcDbPoint"), *at(10, place)])
 
     def polyline(self, layer: str, places: Floats, *, closed: bool) -> None:
-        """Draw a line through places.
-
-        Parameters
-        ----------
-        layer
-            Its layer.
-        places
-            (n, 3).
-        closed
-            Whether it goes back to the first.
-        """
+        """Draw a line through (n, 3) places."""
         flags = 9 if closed else 8
         head = [(100, "AcDb3dPolyline"), (66, 1), *at(10, (0.0, 0.0, 0.0)), (70, flags)]
         own = self.add("POLYLINE", layer, head)
@@ -103,58 +85,26 @@ class Drawn(DXFEntity):
         self.add("SEQEND", layer, [], own)
 
     def outline(self, layer: str, places: Floats, height: float) -> None:
-        """Draw a closed level line.
-
-        Parameters
-        ----------
-        layer
-            Its layer.
-        places
-            (n, 2).
-        height
-            Of all of them.
-        """
+        """Draw a closed level line through (n, 2) places."""
         head: list[Tag] = [(100, "AcDbPolyline"), (90, len(places)), (70, 1), (38, height)]
         corners = [tag for place in places.tolist() for tag in at(10, place)]
         self.add("LWPOLYLINE", layer, head + corners)
 
     def ellipse(self, layer: str, middle: Place, axis: Place, ratio: float) -> None:
-        """Draw an ellipse.
-
-        Parameters
-        ----------
-        layer
-            Its layer.
-        middle, axis
-            Its middle, and from there half its longer axis.
-        ratio
-            Of the shorter axis to the longer.
-        """
+        """Draw an ellipse by its middle, half its longer axis, and what the shorter is of that."""
         places = [*at(10, middle), *at(11, axis)]
         shape: list[Tag] = [(40, ratio), (41, 0.0), (42, _WHOLE_TURN)]
         self.add("ELLIPSE", layer, [(100, "AcDbEllipse"), *places, *shape])
 
     def text(self, layer: str, middle: Place, height: float, text: str) -> None:
-        """Write one line.
-
-        Parameters
-        ----------
-        layer
-            Its layer.
-        middle
-            Of the text.
-        height
-            Of its letters.
-        text
-            What is written.
-        """
+        """Write one line about its middle."""
         head = [(100, "AcDbText"), *at(10, middle), (40, height), (1, fix_one_line_text(text))]
         self.add("TEXT", layer, [*head, (72, 1), *at(11, middle), (100, "AcDbText"), (73, 2)])
 
     def paragraph(
         self, layer: str, middle: Place, height: float, along: Place, text: str, style: str
     ) -> None:
-        """Write a text of any length.
+        """Write a text of any length about its middle.
 
         Parameters
         ----------
