@@ -9,15 +9,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from ezdxf import units
+from ezdxf import const, units
+from ezdxf.document import Drawing
+from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
 
 from uavgram.geometry.earth.map_projection import map_scale, projected_from_enu
-from uavgram.io.exports.dxf_dimensions import GAP, dimension_style, draw_dimension
-from uavgram.io.exports.dxf_entities import LABELS, Drawn
 from uavgram.io.exports.dxf_points import add_point_block, draw_points
 from uavgram.io.exports.dxf_profiles import draw_profiles
-from uavgram.io.exports.dxf_sheet import LAYERS, Place, Sheet, Words, half_size
+from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Place, Sheet, Words, half_size
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.maps.layers import HIDDEN, Features, Layer
 from uavgram.stages.products.text_places import around
@@ -37,6 +37,7 @@ _DOUBT = " ?"
 _SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)
 """Of a dimension line, where its text may stand."""
 _CROWDED = 16
+_GAP = 0.3  # around the text of a dimension, in heights of a letter
 _FAR = 1e6  # heights of a letter: farther than any drawing reaches
 _PAPER_M = (0.420, 0.297)  # A3
 _TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters,
@@ -93,10 +94,9 @@ def _write(features: Features, path: Path, place: Place, note: str, words: Words
     for hidden in HIDDEN:
         document.layers.get(LAYERS[hidden][0]).freeze()  # some programs do not know "off"
     text_m = _text_height(features)
-    drawn = Drawn(document, document.modelspace())
-    sheet = Sheet(document, drawn, place, text_m, words)
+    sheet = Sheet(document, document.modelspace(), place, text_m, words)
     add_point_block(document, text_m)
-    dimension_style(document, text_m)
+    _dimension_style(document, text_m)
     _keep_free_below(sheet, _below(sheet, features))
     # Labels first: they stand at their points, while dimensions can go farther out.
     for layer in sorted(features.layers, key=lambda one: one.name != "points"):
@@ -117,8 +117,7 @@ def _look_at_points(sheet: Sheet, features: Features) -> None:
     height = max(1.3 * float((high - low).max()), 20 * sheet.text_m)
     sheet.document.set_modelspace_vport(height, tuple(((low + high) / 2).tolist()))
     # ezdxf writes the header from these; LibreCAD takes the limits for its paper, in our metres
-    space = sheet.document.modelspace()
-    space.dxf.extmin, space.dxf.extmax = (*low.tolist(), 0.0), (*high.tolist(), 0.0)
+    sheet.space.dxf.extmin, sheet.space.dxf.extmax = (*low.tolist(), 0.0), (*high.tolist(), 0.0)
     sheet.document.layout("Layout1").dxf.limmax = _PAPER_M
 
 
@@ -131,6 +130,17 @@ def _text_height(features: Features) -> float:
     return max(float(np.ptp(corners, axis=0).max()) * share, 0.01)
 
 
+def _dimension_style(document: Drawing, text_m: float) -> None:
+    style = document.dimstyles.duplicate_entry("Standard", "UAVGRAM")
+    sizes = {"dimtxt": 1.0, "dimasz": 0.8, "dimexe": 0.3, "dimexo": 0.3, "dimgap": _GAP}
+    for name, share in sizes.items():
+        style.set_dxf_attrib(name, share * text_m)
+        # for programs that draw all dimensions alike, as the header says (LibreCAD 2.2)
+        document.header[f"${name.upper()}"] = share * text_m
+    document.header["$DIMSCALE"] = 1.0
+    style.dxf.dimclrd = style.dxf.dimclre = style.dxf.dimclrt = const.BYLAYER
+
+
 def _draw(sheet: Sheet, layer: Layer) -> None:
     name = LAYERS[layer.name][0]
     if layer.name.startswith("ellipses"):
@@ -141,11 +151,15 @@ def _draw(sheet: Sheet, layer: Layer) -> None:
         _footprints(sheet, layer, name)
     elif layer.kind == "point":
         for vertices in layer.vertices_m:
-            sheet.drawn.point(name, sheet.place(vertices)[0].tolist())
+            sheet.space.add_point(sheet.place(vertices)[0], dxfattribs={"layer": name})
     else:
         for vertices in layer.vertices_m:
             if len(vertices):
-                sheet.drawn.polyline(name, sheet.place(vertices), closed=layer.kind == "polygon")
+                sheet.space.add_polyline3d(
+                    sheet.place(vertices),
+                    close=layer.kind == "polygon",
+                    dxfattribs={"layer": name},
+                )
         _values(sheet, layer)
 
 
@@ -153,7 +167,11 @@ def _footprints(sheet: Sheet, layer: Layer, name: str) -> None:
     """Level outlines at their middle height: background, which may be large."""
     for ring in layer.vertices_m:
         placed = sheet.place(ring)
-        sheet.drawn.outline(name, placed[:, :2], float(placed[:, 2].mean()))
+        sheet.space.add_lwpolyline(
+            placed[:, :2].tolist(),
+            close=True,
+            dxfattribs={"layer": name, "elevation": float(placed[:, 2].mean())},
+        )
 
 
 def _ellipses(sheet: Sheet, layer: Layer, name: str) -> None:
@@ -169,8 +187,12 @@ def _ellipses(sheet: Sheet, layer: Layer, name: str) -> None:
     middle, axis = drawn[: len(layer)], drawn[len(layer) :] - drawn[: len(layer)]
     axis[:, 2] = 0.0
     for row in np.flatnonzero((major > 0) & np.isfinite(minor)):
-        ratio = min(max(float(minor[row] / major[row]), 1e-6), 1.0)
-        sheet.drawn.ellipse(name, middle[row].tolist(), axis[row].tolist(), ratio)
+        sheet.space.add_ellipse(
+            tuple(middle[row].tolist()),
+            major_axis=tuple(axis[row].tolist()),
+            ratio=min(max(float(minor[row] / major[row]), 1e-6), 1.0),
+            dxfattribs={"layer": name},
+        )
 
 
 def _values(sheet: Sheet, layer: Layer) -> None:
@@ -208,8 +230,20 @@ def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:
     )
     place[:2] -= shift
     distance = _across(start, end) @ (place[:2] - start) - half[1]
-    level = np.column_stack([[start, end], np.full(2, placed[:, 2].mean())])
-    draw_dimension(sheet, layer, level, float(distance), place[:2], text)
+    drawn = sheet.space.add_aligned_dim(
+        p1=tuple(start),
+        p2=tuple(end),
+        distance=float(distance),
+        text=text,
+        dimstyle="UAVGRAM",
+        dxfattribs={"layer": layer},
+    )
+    drawn.set_location(tuple(place[:2]))
+    dimension = drawn.render().dimension
+    dimension.translate(0.0, 0.0, float(placed[:, 2].mean()))
+    for part in dimension.get_geometry_block() or ():
+        if part.dxf.layer == "0":  # not every program colours that as the dimension
+            part.dxf.layer = layer
 
 
 def _moved_aside(half: Floats, length: float, text_m: float) -> float:
@@ -217,7 +251,7 @@ def _moved_aside(half: Floats, length: float, text_m: float) -> float:
 
     `RS_Dimension::updateCreateDimensionLine` of LibreCAD 2.2: by half of both and the gap.
     """
-    return float(half[0] + length / 2 + GAP * text_m) if 2 * half[0] > length else 0.0
+    return float(half[0] + length / 2 + _GAP * text_m) if 2 * half[0] > length else 0.0
 
 
 def _across(start: Floats, end: Floats) -> Floats:
@@ -252,7 +286,9 @@ def _text(sheet: Sheet, at: Floats, text: str, layer: str) -> None:
         return np.concatenate([own, outside]) if rounds[0] == 0 else outside
 
     place = sheet.places.take_near(places)
-    sheet.drawn.text(layer, (*place[:2].tolist(), float(at[2])), sheet.text_m, text)
+    sheet.space.add_text(text, height=sheet.text_m, dxfattribs={"layer": layer}).set_placement(
+        (*place[:2].tolist(), float(at[2])), align=TextEntityAlignment.MIDDLE_CENTER
+    )
 
 
 def _keep_free_below(sheet: Sheet, corner: tuple[float, float]) -> None:
@@ -278,6 +314,6 @@ def _note(sheet: Sheet, features: Features, note: str) -> None:
     layers = (features.layer(name) for name in ("measured_areas", "measured_lines"))
     if any(any(layer.attributes["alternatives"]) for layer in layers):
         note += f";{_DOUBT} = other solutions fit as well and give other values, see the report"
-    sheet.document.modelspace().add_text(
+    sheet.space.add_text(
         f"{features.name}: {note}", height=sheet.text_m, dxfattribs={"layer": _NOTES}
     ).set_placement(_below(sheet, features))

@@ -9,8 +9,8 @@ from functools import lru_cache
 import numpy as np
 from ezdxf.document import Drawing
 from ezdxf.fonts.fonts import AbstractFont, make_font
+from ezdxf.layouts.layout import Modelspace
 
-from uavgram.io.exports.dxf_entities import Drawn
 from uavgram.model.arrays import Floats
 from uavgram.stages.products.text_places import TextPlaces, around
 
@@ -43,6 +43,7 @@ class Words:
     name: str = "metres"
 
 
+LABELS = "LABELS"
 # Name in the drawing, and colour of AutoCAD's index: to be seen on black and on white.
 LAYERS = {
     "footprints": ("PHOTO_FOOTPRINTS", 252),
@@ -61,10 +62,10 @@ LAYERS = {
 
 @dataclass(frozen=True)
 class Sheet:
-    """A drawing under way: its plan, where metres go, height of letters [m], words, places."""
+    """A drawing under way: where local metres go, height of letters [m], words, places taken."""
 
     document: Drawing
-    drawn: Drawn
+    space: Modelspace
     place: Place
     text_m: float
     words: Words = Words()
