@@ -47,7 +47,7 @@ def shrunk(pixels: Pixels, longest_px: int, *, across_only: bool = False) -> Pix
 
 def _reduction(pixels: Pixels, size: tuple[int, int]) -> float:
     """How many pixels become one, along the side where they are fewer."""
-    return min(pixels.shape[1] / size[0], pixels.shape[0] / size[1])
+    return float(min(pixels.shape[1] / size[0], pixels.shape[0] / size[1]))
 
 
 def half(pixels: Pixels) -> Pixels:

@@ -104,7 +104,7 @@ def possible(
     values = propagate(planned.adjusted(blocks, weakly=True), wanted.requests, planned.frames)
     if values.why_not:
         raise GeometryError(": ".join(values.why_not[0]))
-    asked = of_all_points(points, layout, values.gradient)
+    asked = of_all_points(points, layout, values.gradient.toarray())
     others = np.array([sum(part**2 for part in row.others.values()) for row in values.rows])
     asked = Functions(asked.gradient, asked.variance + others)
     row_of = np.full(len(world), -1)
