@@ -65,8 +65,8 @@ def _contribution(block: Block, solved: Floats) -> Floats:
     step = max(1, ENTRIES_AT_ONCE // max(1, count * width))
     for first in range(0, n, step):
         rows = slice(first, first + step)
-        response = block.times(rows, solved).reshape(-1, count)
-        total += np.einsum("nm,nm->m", response, response)
+        response = block.times(rows, solved)
+        total += np.einsum("nrm,nrm->m", response, response)
     return total
 
 

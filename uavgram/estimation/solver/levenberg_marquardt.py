@@ -33,6 +33,9 @@ AT_REST = 1e-4
 """Undamped predicted fall (a hundredth of a sigma, squared) up to which a result counts as
 converged; kinks of the interpolated flight keep it from being exactly zero."""
 
+MANY = 10_000
+"""Unknowns from which on that counts for each."""
+
 CLOSE = 0.1
 """Predicted fall by unknown (a third of a sigma, squared) after which the normal matrix hardly
 changes: its factor serves the steps that follow too, as long as they keep their promise."""
@@ -166,5 +169,5 @@ def minimise(
     factor = normal.factor(slack)
     # Newton's decrement without damping: how far below the minimum of the model still lies.
     decrement = float(normal.gradient @ factor.solve(normal.gradient))
-    is_at_rest = decrement < max(AT_REST, 2.0 * REFUSED_EACH * size)
+    is_at_rest = decrement < AT_REST * max(1.0, size / MANY)
     return Minimum(state, blocks, factor, normal.cost, iteration, is_at_rest)

@@ -73,8 +73,11 @@ class Block:
         common = (columns == columns[:1]).all(axis=0)
         found = jacobian[..., ~common] @ several[columns[:, ~common]]
         if n and common.any():
-            shared = jacobian[..., common].reshape(n * r, -1) @ several[columns[0, common]]
-            found += shared.reshape(n, r, -1)
+            shared = (
+                jacobian[..., common].reshape(n * r, int(common.sum()))
+                @ several[columns[0, common]]
+            )
+            found += shared.reshape(found.shape)
         return np.asarray(found)
 
 
