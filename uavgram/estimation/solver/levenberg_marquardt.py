@@ -34,7 +34,7 @@ AT_REST = 1e-4
 converged; kinks of the interpolated flight keep it from being exactly zero."""
 
 MANY = 10_000
-"""Unknowns from which on that counts for each."""
+"""Unknowns of a large system: from so many on, that is by unknown."""
 
 CLOSE = 0.1
 """Predicted fall by unknown (a third of a sigma, squared) after which the normal matrix hardly
@@ -160,7 +160,8 @@ def minimise(
             growth = 2.0
         elif fresh:
             damping, growth = damping * growth, 2.0 * growth
-            while damping < UNDAMPED:  # the step that was refused, once more
+            # The step that was refused would come once more, and cost a large system a factorisation.
+            while size > MANY and damping < UNDAMPED:
                 damping, growth = damping * growth, 2.0 * growth
         if fresh and gain < KEPT and predicted < REFUSED_EACH * size:
             break

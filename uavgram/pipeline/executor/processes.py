@@ -212,7 +212,7 @@ class _Pool(Generic[Item]):
         worker.item = None
         if leaves:
             self._replace(worker)
-        why = "" if fault is None else told(fault)
+        why = "" if fault is None else in_words(fault)
         yield Ended(number, value, tries, why, fault)
 
     def _replace(self, worker: _Worker) -> None:
@@ -231,7 +231,7 @@ def _end_all(workers: Sequence[_Worker]) -> None:
             worker.process.join()
 
 
-def told(fault: BaseException) -> str:
+def in_words(fault: BaseException) -> str:
     """What was raised, in words; bugs with their kind."""
     return str(fault) if isinstance(fault, UavgramError) else f"{type(fault).__name__}: {fault}"
 
