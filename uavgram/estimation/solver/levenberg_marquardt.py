@@ -160,7 +160,7 @@ def minimise(
             growth = 2.0
         elif fresh:
             damping, growth = damping * growth, 2.0 * growth
-            # The step that was refused would come once more, and cost a large system a factorisation.
+            # The step that was refused would come again, and cost a large system a factorisation.
             while size > MANY and damping < UNDAMPED:
                 damping, growth = damping * growth, 2.0 * growth
         if fresh and gain < KEPT and predicted < REFUSED_EACH * size:
