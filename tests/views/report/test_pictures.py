@@ -154,7 +154,7 @@ def test_who_picked_a_point_is_told_and_what_is_not_shown_is_named() -> None:
     assert told is not None
     assert told.points[0].told.startswith("found by the program (target)")
     assert all(one.told.startswith("picked by a person") for one in told.points[1:])
-    assert "Not shown here: P77." in html()
+    assert "Not shown here, as no photo shows them whole, or there are too many: P77." in html()
 
 
 def test_the_value_of_a_measurement_stands_under_its_picture() -> None:

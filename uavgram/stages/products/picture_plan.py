@@ -14,7 +14,7 @@ from uavgram.model.result.pictures import Region, Subject
 from uavgram.model.result.result import Result
 
 MOST_PHOTOS = 8
-MOST_POINTS, MOST_MEASUREMENTS = 120, 40
+MOST_POINTS, MOST_MEASUREMENTS = 120, 100
 POINT_SHARE, LEAST_POINT_PX, MOST_POINT_PX = 0.1, 150, 360
 """Side of the part around a point: a share of the photo's width, within these bounds."""
 ROOM = 0.25
