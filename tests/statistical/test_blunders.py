@@ -76,9 +76,9 @@ EVERY_PICK, NO_LINE = np.ones(len(POINTS), dtype=bool), np.zeros(6, dtype=bool)
 ALPHA = 0.001
 AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
 REPETITIONS = max(400, AT_LEAST)
-NAMED = max(200, AT_LEAST)
-TAKEN_OUT = max(40, AT_LEAST)
-SEVERAL, SWAPPED = max(40, AT_LEAST), max(20, AT_LEAST)
+NAMED = max(400, AT_LEAST)
+TAKEN_OUT = max(200, AT_LEAST)
+SEVERAL, SWAPPED = max(200, AT_LEAST), max(40, AT_LEAST)
 TAIL = 1e-4 / 2
 """Probability with which a bound of a binomial distribution is crossed by chance."""
 

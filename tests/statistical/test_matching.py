@@ -18,7 +18,7 @@ from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise import synchronise
 from uavgram.stages.synchronise.boots import usable_boots
 
-FLIGHTS = 500
+FLIGHTS = 1000
 
 
 @pytest.mark.statistical
@@ -40,9 +40,9 @@ def test_no_wrong_pair_is_certain_and_uneven_spacing_gives_the_right_ones() -> N
             right = (result.event_index == case.truth) & has_event
             found[case.resolution_s] += right.sum() if result.unique else 0
     assert wrong == 0
-    assert certain > 20_000
+    assert certain > 40_000
     for resolution, count in there.items():
-        assert count > 2_500
+        assert count > 5_000
         assert found[resolution] >= 0.99 * count
     assert np.sqrt(np.mean(np.square(z))) < 1.2
 
@@ -75,7 +75,7 @@ def test_photos_dropped_from_a_real_log_are_paired_rightly_or_refused(
     log = read_flight_log(data_dir / flight / f"flight.{kind}")
     event = usable_boots(log)[0].event_utc_s()
     accepted = 0
-    for seed in range(30):
+    for seed in range(60):
         rng = np.random.default_rng(seed)
         has_photo = rng.random(len(event)) >= rng.uniform(0, 0.4)
         has_event = rng.random(len(event)) >= rng.uniform(0, 0.15)
@@ -87,7 +87,7 @@ def test_photos_dropped_from_a_real_log_are_paired_rightly_or_refused(
         if result.unique:
             assert not (result.certain & (result.event_index != truth)).any()
     if flight == "wind_oblique":  # legs with and against the wind: spacing 1.5 and 4 s
-        assert accepted >= 28
+        assert accepted >= 57
 
 
 @pytest.mark.statistical
@@ -103,7 +103,7 @@ def test_the_twins_own_photos_thinned_out_and_hours_off_are_right_or_refused(
     frames = json.loads((data_dir / "truth" / f"{flight}.json").read_text())["frames"]
     truth = np.array([frames[name]["time_utc_s"] for name in photos.frame_id])
     refused = 0
-    for seed in range(15):
+    for seed in range(30):
         rng = np.random.default_rng(seed)
         kept = np.sort(rng.permutation(len(truth))[: rng.integers(6, len(truth) + 1)])
         reading = photos.file_time_s[kept] + rng.uniform(-14, 14) * 3600
@@ -126,4 +126,4 @@ def test_the_twins_own_photos_thinned_out_and_hours_off_are_right_or_refused(
         apart = np.abs(result.time_utc_s - truth[kept])
         assert (apart <= 4 * np.hypot(result.sigma_time_s, 0.002)).all()
     if flight == "wind_oblique" and resolution < 0.1:
-        assert refused <= 1
+        assert refused <= 3

@@ -29,13 +29,20 @@ def remarks(
         Share of the mean sigma that they take away; 1 where nothing holds without them.
     """
     lines, plates = laid
-    if len(lines.name) and gained < LEAST_GAIN:
+    if gained < LEAST_GAIN and (lines.name or plates.name):
+        what, instead = (
+            (f"Plates of {plates.side_m:g} m", "larger ones, tape long lines (lay: lines)")
+            if plates.name
+            else (
+                f"The reference lines, the longest {lines.length_m.max():.1f} m,",
+                "a longer tape (longest_tape_m), a better log",
+            )
+        )
         yield Message(
             "warning",
             "plan-lines-useless",
-            f"The reference lines, the longest {lines.length_m.max():.1f} m, make what is measured "
-            f"only {100 * gained:.0f} % more certain than none. Use a longer tape "
-            "(longest_tape_m), a better log, or save the work of taping.",
+            f"{what} make what is measured only {100 * gained:.0f} % more certain than none. Use "
+            f"{instead}, or save the work.",
             lengths=lines.name,
         )
     short = np.flatnonzero(measured.sigma > 1.0001 * measured.wanted_sigma)
@@ -50,13 +57,6 @@ def remarks(
             "more sharply, or accept it.",
             measurements=(measured.name[i],),
         )
-    if len(plates.name) and gained < LEAST_GAIN:
-        yield Message(
-            "warning",
-            "plan-lines-useless",
-            f"Plates of {plates.side_m:g} m make what is measured only {100 * gained:.0f} % more "
-            "certain than none. Use larger ones, tape long lines (lay: lines), or save the work.",
-        )
     passes = np.isnan(lines.mdb_m) | (lines.mdb_m > LARGE_M)
     if passes.any():
         names = tuple(lines.name[i] for i in np.flatnonzero(passes))
@@ -68,22 +68,16 @@ def remarks(
             "more line, or take more photos.",
             lengths=names,
         )
-    lost = np.isnan(lines.mean_sigma_without)
-    if lost.any():
-        names = tuple(lines.name[i] for i in np.flatnonzero(lost))
-        yield Message(
-            "warning",
-            "plan-needs-line",
-            f"Without {', '.join(names)} the photos hang on too little, and nothing could be "
-            "measured to any use. Tape one more line, or write `robust: true` in the plan.",
-            lengths=names,
-        )
-    needed = np.isnan(plates.mean_sigma_without)
-    if needed.any():
-        names = tuple(plates.name[i] for i in np.flatnonzero(needed))
-        yield Message(
-            "warning",
-            "plan-needs-line",
-            f"Without the plate {', '.join(names)} the photos hang on too little, and nothing "
-            "could be measured to any use. Lay one more, or write `robust: true` in the plan.",
-        )
+    for own, kind, more in (
+        (lines, "the line", "Tape one more line"),
+        (plates, "the plate", "Lay one more plate"),
+    ):
+        names = tuple(own.name[i] for i in np.flatnonzero(np.isnan(own.mean_sigma_without)))
+        if names:
+            yield Message(
+                "warning",
+                "plan-needs-line",
+                f"Without {kind} {', '.join(names)} the photos hang on too little, and nothing "
+                f"could be measured to any use. {more}, or write `robust: true` in the plan.",
+                lengths=names if own is lines else (),
+            )

@@ -71,9 +71,9 @@ def with_near_ties(survey: Survey, adjustment: Adjustment) -> Survey:
     adjustment
         With its ties anywhere in space: see `sound_ties`.
     """
-    shown, state = adjustment.survey, adjustment.state
+    shown, state, row = adjustment.survey, adjustment.state, survey.row_of_label
     lone = np.flatnonzero(shown.ties.pick < 0)
-    names = [k for k, name in enumerate(shown.label) if not survey.off_ground[_row(survey, name)]]
+    names = [k for k, name in enumerate(shown.label) if not survey.off_ground[row[name]]]
     if len(survey.grounds) > 1 or len(lone) < FEWEST * NEIGHBOURS or not names:
         return survey
     world = state.tie[lone]
@@ -98,13 +98,9 @@ def with_near_ties(survey: Survey, adjustment: Adjustment) -> Survey:
     factor = float(np.sqrt(np.mean(np.minimum(off, OFF) ** 2)))
     labels = state.point[names, :2]
     told = _guessed(tree.query(labels, NEIGHBOURS)[1], labels, (place, height))
-    rows = [_row(survey, shown.label[k]) for k in names]
+    rows = [row[shown.label[k]] for k in names]
     point = _points(survey.ties, shown.ties, lone[level])
     return replace(survey, ties=_joined(survey.ties, rows, told, (point, factor)))
-
-
-def _row(survey: Survey, name: str) -> int:
-    return survey.label.index(name)
 
 
 def _guessed(around_them: ArrayLike, place_m: Floats, ties: tuple[Floats, Floats]) -> _Guessed:
