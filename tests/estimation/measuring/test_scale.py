@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from rolling_scenes import read_in_rows
 from scenes import Scene
 from taped_scenes import read_on_tapes
 
@@ -24,12 +25,15 @@ def adjusted(scene: Scene) -> Adjustment:
     return refine(scene.survey, SolveOptions())[0].adjustment
 
 
-@pytest.mark.parametrize("tapes", [("",), ("a", "b")])
+@pytest.mark.parametrize("in_rows", [False, True])
+@pytest.mark.parametrize("tapes", [(), ("",), ("a", "b")])
 def test_the_rest_knows_the_scale_as_well_as_a_tape_that_nobody_knows(
-    scene_factory: Make, tapes: tuple[str, ...]
+    scene_factory: Make, tapes: tuple[str, ...], in_rows: bool
 ) -> None:
+    """The readout time is an unknown behind those of the tapes, of whatever number."""
     scene = scene_factory(4, frames=6, lines=8, spread=20.0)
-    of_known = read_on_tapes(scene, dict.fromkeys(tapes, 0.0), sigma=0.002)
+    scene = read_in_rows(scene, 0.03) if in_rows else scene
+    of_known = read_on_tapes(scene, dict.fromkeys(tapes, 0.0), sigma=0.002) if tapes else scene
     of_unknown = read_on_tapes(scene, {"": 0.0}, sigma=1000.0)
     unknown = adjusted(of_unknown)
     at = unknown.problem.layout.first_tape
@@ -39,7 +43,7 @@ def test_the_rest_knows_the_scale_as_well_as_a_tape_that_nobody_knows(
     found = scale_sigmas(adjusted(of_known))
     assert found.others == pytest.approx(sigma, rel=0.02)
     total = np.sum((scene.survey.length_m / scene.survey.length_sigma_m) ** 2)
-    own = np.sqrt(1.0 / total + 0.002**2 / len(tapes))
+    own = np.sqrt(1.0 / total + (0.002**2 / len(tapes) if tapes else 0.0))
     assert found.lengths == pytest.approx(own, rel=1e-3)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.terms.tapes import taped_lines
+from uavgram.estimation.survey.unknowns import Layout
 from uavgram.model.arrays import Ints
 from uavgram.model.survey.survey import Survey
 
@@ -67,17 +68,26 @@ def _of_others(adjustment: Adjustment) -> float:
     # Of what should be read: what is read would take its residual for something that is known.
     by_factor = survey.length_m[line] / survey.length_sigma_m[line] + readings.residual[:, 0]
     blocks.pop("tape", None)
+    bare = replace(layout, tape=0)
+    last = bare.size
     blocks["lengths"] = Block(
         readings.residual,
-        np.column_stack([readings.columns[:, :width], np.full(len(line), layout.first_tape)]),
+        np.column_stack([readings.columns[:, :width], np.full(len(line), last + layout.tape)]),
         np.concatenate([readings.jacobian[:, :, :width], by_factor[:, None, None]], axis=2),
     )
-    one = replace(layout, tape=1)
+    # What stands behind the tapes' scales moves up.
+    moved = [replace(b, columns=_without_tapes(b.columns, layout)) for b in blocks.values()]
+    structure = replace(bare.structure, size=last + 1)
     try:
-        factor = NormalEquations(list(blocks.values()), one.size, one.structure).factor()
+        factor = NormalEquations(moved, last + 1, structure).factor()
     except SingularError:
         return float("inf")
-    return float(np.sqrt(factor.joint(np.array([one.first_tape]))[0, 0]))
+    return float(np.sqrt(factor.joint(np.array([last]))[0, 0]))
+
+
+def _without_tapes(columns: Ints, layout: Layout) -> Ints:
+    """Columns of a layout in which no tape has a scale."""
+    return np.where(columns >= layout.first_readout, columns - layout.tape, columns)
 
 
 def _of_extent(adjustment: Adjustment) -> float:
