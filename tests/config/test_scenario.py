@@ -44,6 +44,8 @@ def test_a_class_of_telemetry_fills_what_is_not_written(tmp_path: Path) -> None:
         ("ground:\n  shape: hill\n", "shape"),
         ("errors:\n  readout_ms: fast\n", "readout_ms"),
         ("camera:\n  file: a.yaml\n  drone: DJI Mini\n", "give one of the two"),
+        ("points: [{label: A, x_m: 0, y_m: 0}]\n", "lines and measurements are the demo's"),
+        ("errors: {lost_exposure: 14}\n", "must lie between 0 and 13, or be null"),
     ],
 )
 def test_what_a_scenario_cannot_be_is_refused_in_words(
@@ -53,6 +55,18 @@ def test_what_a_scenario_cannot_be_is_refused_in_words(
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=named):
         load_scenario(path)
+
+
+def test_shorter_flights_than_the_demos_lose_no_photo_that_they_do_not_have(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text("flight: {photos_per_strip: 3}\nerrors: {pick_px: 0.5}\n", encoding="utf-8")
+    short = load_scenario(path)
+    assert short.lost_exposure is None
+    assert short.errors.pick_px == 0.5
+    path.write_text("flight: {photos_per_strip: 6}\n", encoding="utf-8")
+    assert load_scenario(path).lost_exposure == Scenario().lost_exposure == 9
 
 
 def test_a_wrong_value_is_named_with_its_line(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import validate
-from uavgram.model.scenario.errors import USUAL
+from uavgram.model.scenario.errors import USUAL, USUALLY_LOST
 from uavgram.model.scenario.repeated import RepeatedSurvey
 from uavgram.model.scenario.scenario import Scenario
 
@@ -26,7 +26,7 @@ def load_scenario(path: str | Path) -> Scenario:
 def scenario_document(path: str | Path) -> tuple[Scenario, Document]:
     """Read a scenario as `load_scenario` does, and where in its file everything stands."""
     path = Path(path).absolute()
-    document = _with_usual(read_yaml(path))
+    document = _nothing_lost(_with_usual(read_yaml(path)))
     scenario = validate(Scenario, document)
     camera = scenario.camera
     if camera.file is not None:
@@ -44,6 +44,19 @@ def load_repeated(path: str | Path) -> RepeatedSurvey:
         Names file, line and key of every mistake.
     """
     return validate(RepeatedSurvey, read_yaml(Path(path).absolute()))
+
+
+def _nothing_lost(document: Document) -> Document:
+    """The document; of a flight shorter than the demo's no exposure is lost unless it says so."""
+    data = document.data
+    flight = data.get("flight") if isinstance(data, dict) else None
+    if not isinstance(data, dict) or not isinstance(flight, dict):
+        return document
+    errors, photos = data.get("errors", {}), flight.get("photos_per_strip")
+    short = isinstance(photos, int) and 2 * photos <= USUALLY_LOST
+    if not short or not isinstance(errors, dict) or "lost_exposure" in errors:
+        return document
+    return replace(document, data={**data, "errors": {**errors, "lost_exposure": None}})
 
 
 def _with_usual(document: Document) -> Document:

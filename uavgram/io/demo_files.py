@@ -187,6 +187,9 @@ def _write_observations(folder: Path, survey: SimulatedSurvey) -> None:
     ]
     if any(heights):
         header, columns = PICKS_HEADER, [*columns, heights]
+    if "target" in picks.source:  # corners of plates are the program's
+        found = ["target" if source == "target" else "" for source in picks.source]
+        header, columns = (*header, "source"), [*columns, found]
     _write_csv(folder / "picks.csv", header, zip(*columns, strict=True))
     _write_csv(
         folder / "lines.csv",

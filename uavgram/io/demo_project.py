@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from uavgram.model.scenario.errors import StatedSpec
+from uavgram.model.scenario.plates import FAMILY
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.scenario.simulated import SimulatedSurvey
 from uavgram.model.typed_numbers import number_text
@@ -58,6 +59,9 @@ def _as_the_scenario(text: str, scenario: Scenario) -> str:
         at = next(i for i, line in enumerate(lines) if line.startswith("  offset_s: "))
         lines[at] = f"  offset_s: {told}            # camera clock minus UTC"
         text = "\n".join([*lines, ""])
+    if scenario.plates.at:
+        side, sigma = map(number_text, (scenario.plates.side_m, scenario.plates.sigma_m))
+        text += f"targets: {{family: {FAMILY}, side_m: {side}, sigma_m: {sigma}}}\n"
     if scenario.control:
         text = text.replace("check: check.csv", "control: control.csv\ncheck: check.csv")
     inner: dict[str, dict[str, tuple[_Value, _Value]]] = {

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from uavgram.errors import UavgramError
 from uavgram.imaging.demo_scene.render import render_photos
 from uavgram.io.demo_files import write_demo
 from uavgram.model.camera.calibration import Calibration
@@ -45,10 +44,6 @@ def demo(
     project
         The project file.
     """
-    if scenario.plates.at:
-        raise UavgramError(
-            "the demo paints no plates: leave `at` of `plates` empty, or use `uavgram simulate`"
-        )
     survey = simulate(scenario, calibration)
     photos = progress(render_photos(survey), "rendering photos", len(survey.frame_id))
     project = write_demo(folder, survey, photos)

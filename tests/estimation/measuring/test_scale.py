@@ -28,7 +28,7 @@ def adjusted(scene: Scene) -> Adjustment:
 @pytest.mark.parametrize("in_rows", [False, True])
 @pytest.mark.parametrize("tapes", [(), ("",), ("a", "b")])
 def test_the_rest_knows_the_scale_as_well_as_a_tape_that_nobody_knows(
-    scene_factory: Make, tapes: tuple[str, ...], in_rows: bool
+    scene_factory: Make, tapes: tuple[str, ...], *, in_rows: bool
 ) -> None:
     """The readout time is an unknown behind those of the tapes, of whatever number."""
     scene = scene_factory(4, frames=6, lines=8, spread=20.0)

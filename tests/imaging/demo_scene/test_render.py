@@ -10,14 +10,26 @@ import numpy as np
 import pytest
 
 from uavgram.geometry.camera.projection import project
-from uavgram.imaging.demo_scene.render import ground_map, render_photos, scene_from_world
+from uavgram.imaging.demo_scene.ground_map import (
+    ground_map,
+    ground_sheet,
+    scene_from_world,
+    whole_photo,
+)
+from uavgram.imaging.demo_scene.render import render_photos
+from uavgram.imaging.plates.sight import sight_plates
 from uavgram.imaging.raster import GroundRaster, Image, Painter, box
 from uavgram.model.arrays import Floats
 from uavgram.model.scenario.ground import GroundSpec
-from uavgram.model.scenario.road import Mark
+from uavgram.model.scenario.plates import FAMILY, PlateSpec
+from uavgram.model.scenario.road import DEMO_POINTS, Mark
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.scenario.simulated import SimulatedSurvey
+from uavgram.model.target_families import corner_label
+from uavgram.stages.simulate.motion import fly
+from uavgram.stages.simulate.recording import draw_biases
 from uavgram.stages.simulate.survey import simulate
+from uavgram.stages.simulate.truth import true_poses
 
 FRAMES = (0, 4)
 
@@ -88,7 +100,7 @@ def test_the_coarse_grid_of_rays_costs_less_than_two_hundredths_of_a_pixel(
     survey = simulate(replace(Scenario(), ground=ground))
     truth, axes = survey.truth, scene_from_world(survey)
     width, height = survey.calibration.width_px, survey.calibration.height_px
-    map_x, map_y = ground_map(truth, 2, axes, (width, height))
+    map_x, map_y = ground_map(survey, 2, whole_photo(survey), ground_sheet(survey))
     assert map_x.shape == (height, width)
     rng = np.random.default_rng(0)
     u = np.concatenate([rng.integers(0, width, 2000), [0, 0, width - 1, width - 1]])
@@ -99,6 +111,60 @@ def test_the_coarse_grid_of_rays_costs_less_than_two_hundredths_of_a_pixel(
     offset = np.column_stack([plane, up]) - truth.center_world_m[2]
     back = project("brown", truth.intrinsics, offset @ truth.world_from_camera[2])
     assert np.abs(back - np.stack([u, v], axis=1)).max() < 0.02
+
+
+def test_photos_read_row_after_row_show_marks_and_plates_where_each_row_saw_them() -> None:
+    """The oracle is the true flight at the instants of rows, interpolated anew for each mark."""
+    readout_s = 0.04
+    raised = tuple(
+        replace(point, height_m=0.5) if point.label == "R2" else point for point in DEMO_POINTS
+    )
+    usual = Scenario()
+    scenario = replace(
+        usual,
+        errors=replace(usual.errors, readout_ms=1e3 * readout_s),
+        ground=GroundSpec(shape="crown"),
+        points=raised,
+        plates=PlateSpec(side_m=0.6, at=((-10.0, -8.5, 20.0), (-13.0, 7.5, 75.0))),
+    )
+    survey = simulate(scenario)
+    photo = next(render_photos(survey))
+    gray = cv2.cvtColor(photo, cv2.COLOR_BGR2GRAY)
+    seen = {plate.plate: plate.corner_px for plate in sight_plates(gray, FAMILY)}
+    assert set(seen) == {0, 1}
+    rows = {label: row for row, label in enumerate(survey.truth.label)}
+    off, swept = [], []
+    for plate, corners in seen.items():
+        for corner, pixel in enumerate(corners):
+            own, middle = seen_by_its_row(survey, rows[corner_label(plate, corner)], readout_s)
+            off.append(np.linalg.norm(pixel - own))
+            swept.append(np.linalg.norm(pixel - middle))
+    assert max(off) < 0.05
+    assert max(swept) > 2.0
+    for label in ("R1", "R2", "R5"):
+        own, middle = seen_by_its_row(survey, rows[label], readout_s)
+        start = np.round(own).astype(np.float32)[None, None].copy()
+        criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 50, 1e-4)
+        found = cv2.cornerSubPix(gray, start, (6, 6), (-1, -1), criteria)[0, 0]
+        assert np.linalg.norm(found - own) < 0.15, label
+
+
+def seen_by_its_row(survey: SimulatedSurvey, row: int, readout_s: float) -> tuple[Floats, Floats]:
+    """Where a point is in the first photo, by the instant of its row and by that of the middle."""
+    scenario, calibration = survey.scenario, survey.calibration
+    draw = np.random.SeedSequence(scenario.seed).spawn(2)
+    motion = fly(scenario.flight, scenario.site, np.random.default_rng(draw[0]))
+    biases = draw_biases(scenario, np.random.default_rng(draw[1]))
+    exposed, height = motion.exposure_time_s[0], calibration.height_px
+    pixels = []
+    pixel = np.array([0.0, (height - 1) / 2])
+    for _ in range(8):
+        late = readout_s * (pixel[1] - (height - 1) / 2) / height
+        center, rotation = true_poses(motion, biases, np.array([exposed + late]))
+        away = survey.truth.point_world_m[row] - center[0]
+        pixel = project("brown", survey.truth.intrinsics, away @ rotation[0])
+        pixels.append(pixel)
+    return pixels[-1], pixels[0]
 
 
 def test_photos_have_the_cameras_size_and_are_neither_dark_nor_burnt_out(

@@ -11,14 +11,12 @@ from plan_scenes import plan_case
 
 from uavgram.config.scenario import load_scenario
 from uavgram.config.scenario_text import scenario_text
-from uavgram.errors import UavgramError
 from uavgram.estimation.planning.layouts import best_layout
 from uavgram.io.results.plan_json import read_plan, write_plan
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.scenario.plates import PlateSpec
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.units import Units
-from uavgram.pipeline.demo import demo
 from uavgram.pipeline.plan.accuracy import ends_of
 from uavgram.pipeline.plan.possible import possible
 from uavgram.pipeline.plan.predicted import predicted
@@ -109,9 +107,3 @@ def test_a_plan_of_plates_is_written_and_told(
     for told in (field_sheet(planned), "\n".join(plan_lines(planned))):
         assert "Lay 3 plates of 70 cm, then take 3 photos" in told
         assert "T2" in told
-
-
-def test_the_demo_paints_no_plates(tmp_path: Path) -> None:
-    with pytest.raises(UavgramError, match="paints no plates"):
-        demo(tmp_path, scenario=Scenario(plates=PlateSpec(at=((0.0, 0.0, 0.0),))))
-    assert not list(tmp_path.iterdir())

@@ -15,6 +15,7 @@ from scipy.stats import chi2
 from uavgram.errors import InputError
 from uavgram.io.demo_files import write_demo
 from uavgram.model.scenario.as_stated import as_stated, unlike_stated
+from uavgram.model.scenario.plates import PlateSpec
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.simulation.repetitions import Repetitions
 from uavgram.pipeline.measure.compute import compute
@@ -124,6 +125,19 @@ def test_files_of_another_scenario_say_what_it_states(tmp_path: Path, repository
         assert (inputs.log is None) == (memory.log is None)
         assert inputs.control.label == memory.control.label
         assert np.allclose(inputs.picks.height_m, memory.picks.height_m, equal_nan=True)
+
+
+def test_files_of_a_scenario_with_plates_have_them_as_found(tmp_path: Path) -> None:
+    """Where corners are, and what the project says of the plates."""
+    plates = PlateSpec(side_m=0.5, at=((-10.0, -8.5, 20.0),))
+    flight = replace(Scenario().flight, pattern="single")
+    survey = simulate(replace(Scenario(), plates=plates, flight=flight))
+    blank = [np.zeros((1500, 2000, 3), np.uint8)]
+    inputs = read_inputs(write_demo(tmp_path, survey, blank))
+    memory = inputs_of(survey)
+    assert inputs.project.targets == memory.project.targets is not None
+    assert inputs.picks.source == memory.picks.source
+    assert set(inputs.picks.source) == {"hand", "target"}
 
 
 def test_a_real_survey_is_repeated_and_one_more_length_helps(project: Path, tmp_path: Path) -> None:

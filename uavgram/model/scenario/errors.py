@@ -10,6 +10,9 @@ from uavgram.model.scenario.checks import require, require_sizes
 
 TelemetryClass = Literal["consumer", "rtk", "ppk", "none"]
 
+USUALLY_LOST = 9
+"""The exposure of the demo's flight of which no photo was stored."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorSpec:
@@ -40,7 +43,8 @@ class ErrorSpec:
     exif_jitter_s, event_jitter_s
         Of each photo's file time and of each logged exposure.
     lost_exposure
-        Index of the exposure of which no photo was stored; of the demo's two strips only.
+        Index of the exposure of which no photo was stored, None if there is none; of two strips
+        only.
     readout_ms
         In which a photo is read, row after row (exact); the project does not know it.
     pick_px, tape_m, check_m, control_m
@@ -67,7 +71,7 @@ class ErrorSpec:
     camera_zone_h: float = -6.0
     exif_jitter_s: float = 0.01
     event_jitter_s: float = 0.005
-    lost_exposure: int = 9
+    lost_exposure: int | None = USUALLY_LOST
     readout_ms: float = 0.0
     pick_px: float = 0.7
     tape_m: float = 0.01

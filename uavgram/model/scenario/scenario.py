@@ -180,18 +180,30 @@ class Scenario:
         unknown = sorted(used - set(labels))
         require(
             not unknown,
-            f"lines, measurements, control and habits name unknown points: {', '.join(unknown)}",
+            f"lines, measurements, control and habits name unknown points: {', '.join(unknown)}"
+            f"{self._of_the_demo()}",
         )
         wrong = {one.name for one in self.habits.wrong_lengths}
         strange = sorted(wrong - {line.name for line in self.lines})
         require(not strange, f"habits: wrong_lengths names unknown lines: {', '.join(strange)}")
         count, lost = self.flight.photo_count, self.errors.lost_exposure
-        if self.flight.pattern == "strips":
-            require(0 <= lost < count, f"lost_exposure must lie between 0 and {count - 1}")
+        if self.flight.pattern == "strips" and lost is not None:
+            require(
+                0 <= lost < count,
+                f"lost_exposure must lie between 0 and {count - 1}, or be null: none is lost",
+            )
 
     def with_seed(self, seed: int) -> Scenario:
         """Give the same scenario with another draw of every error."""
         return dataclasses.replace(self, seed=seed)
+
+    def _of_the_demo(self) -> str:
+        """Which of what names points is the demo's, though the points are not."""
+        sections = {"lines": DEMO_LINES, "measurements": DEMO_MEASUREMENTS}
+        same = [name for name, usual in sections.items() if getattr(self, name) == usual]
+        if not same or self.points == DEMO_POINTS:
+            return ""
+        return f"; {' and '.join(same)} are the demo's: write your own, such as {same[0]}: []"
 
     @property
     def labels(self) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from typing import Annotated
 
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.scenario.photo_rows import PhotoRows
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.scenario.surface import Surface
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
@@ -61,7 +62,9 @@ class SurveyTruth(FrozenArrays):
     Attributes
     ----------
     frame_id, time_utc_s, center_world_m, world_from_camera
-        (F,), (F,), (F, 3), (F, 3, 3) of the stored photos.
+        (F,), (F,), (F, 3), (F, 3, 3) of the stored photos, at their middle rows.
+    rows
+        Of photos that are read row after row; None: all rows at once.
     intrinsics
         (P,) of the true camera.
     boresight_rad
@@ -82,6 +85,7 @@ class SurveyTruth(FrozenArrays):
     time_utc_s: Annotated[Floats, "f"]
     center_world_m: Annotated[Floats, "f", 3]
     world_from_camera: Annotated[Floats, "f", 3, 3]
+    rows: PhotoRows | None
     intrinsics: Annotated[Floats, "p"]
     boresight_rad: Annotated[Floats, 3]
     lever_arm_m: Annotated[Floats, 3]

@@ -137,7 +137,7 @@ def truth_of(
 def _known_values(adjustment: Adjustment, known: KnownThings) -> Floats:
     """(N,) what is between the adjusted points."""
     value = known.value.copy()
-    place = {label: k for k, label in enumerate(adjustment.survey.label)}
+    place = adjustment.survey.row_of_label
     seen = (known.seen_thing(i, place) for i in range(len(known.name)))
     things = [one for one in seen if one is not None and not one.is_condition]
     if things:

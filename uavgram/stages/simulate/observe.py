@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.scenario.simulated import SurveyTruth
 from uavgram.model.scenario.surface import Surface
 from uavgram.model.survey.observations import KnownLines, KnownPoints, Picks
-from uavgram.stages.simulate.motion import Motion
-from uavgram.stages.simulate.recording import FlightBiases
 from uavgram.stages.simulate.truth import rolled_pixels
 
 PICK_MARGIN_PX = 12.0  # nobody picks a mark that is cut off by the image's edge
@@ -22,7 +20,6 @@ def seen_pixels(
     scenario: Scenario,
     calibration: Calibration,
     truth: SurveyTruth,
-    flown: tuple[Motion, FlightBiases, Bools],
     surface: Surface,
     rng: np.random.Generator,
 ) -> Floats:
@@ -32,8 +29,6 @@ def seen_pixels(
     ----------
     scenario, calibration, truth
         Of the survey.
-    flown
-        The true flight, its biases, and which exposures became photos.
     surface
         The ground, on which another place is taken for a point.
     rng
@@ -49,7 +44,7 @@ def seen_pixels(
         rise = surface.up(moved.reshape(-1, 2)) - surface.up(offset.reshape(-1, 2))
         up = places[..., 2] + rise.reshape(offset.shape[:2])
         places = np.concatenate([moved + surface.middle_m, up[..., None]], axis=2)
-    return rolled_pixels(calibration, truth, flown, places, 1e-3 * errors.readout_ms)
+    return rolled_pixels(calibration, truth, places)
 
 
 def pick(

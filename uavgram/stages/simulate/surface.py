@@ -73,7 +73,10 @@ def point_positions(scenario: Scenario, surface: Surface, rng: np.random.Generat
 
 
 def _plate_corners(scenario: Scenario, surface: Surface, rng: np.random.Generator) -> Floats:
-    """(N, 3) of all plates: flat, as large as printed, on the ground below their middles."""
+    """(N, 3) of all plates: flat, as large as printed, on the ground below their middles.
+
+    Clockwise from above, as they are found in photos, from the left end of the edge beyond.
+    """
     plates = scenario.plates
     if not plates.at:
         return np.zeros((0, 3))
@@ -88,6 +91,6 @@ def _plate_corners(scenario: Scenario, surface: Surface, rng: np.random.Generato
     east = np.arctan2(*surface.axes[::-1, 0])
     turn = east + np.deg2rad(placed[:, 2])
     side = plates.side_m + plates.sigma_m * float(rng.standard_normal())
-    corners = squares_on_plane(middle, slope / (2 * PLATE_STEP_M), turn, side)
+    corners = squares_on_plane(middle, slope / (2 * PLATE_STEP_M), turn, side)[:, ::-1]
     own = OWN_SHARE * plates.sigma_m / np.sqrt(2.0)
     return np.asarray((corners + own * rng.standard_normal(corners.shape)).reshape(-1, 3))

@@ -82,8 +82,7 @@ def simulate(
     check_noise = errors.check_m * draw.people.standard_normal((len(checked), 3))
     used = [truth.label.index(label) for label in scenario.control]
     control_noise = errors.control_m * draw.habits.standard_normal((len(used), 3))
-    flown = motion, biases, stored
-    seen = seen_pixels(scenario, calibration, truth, flown, surface, draw.habits)
+    seen = seen_pixels(scenario, calibration, truth, surface, draw.habits)
     return SimulatedSurvey(
         scenario=scenario,
         calibration=calibration,

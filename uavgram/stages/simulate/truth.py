@@ -11,8 +11,10 @@ from uavgram.geometry.motion.rotation import (
     exp_so3,
     matrix_from_ypr,
 )
+from uavgram.geometry.motion.row_poses import row_share
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.scenario.photo_rows import PhotoRows
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.scenario.simulated import SurveyTruth
 from uavgram.model.scenario.surface import Surface
@@ -20,6 +22,10 @@ from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.stages.simulate.motion import Motion, at
 from uavgram.stages.simulate.quantities import measured_values
 from uavgram.stages.simulate.recording import FlightBiases, start_utc_s
+
+READ = 0.51  # of the readout, before and after the middle row
+INSTANTS_S = 0.002  # between poses; turning by 2 rad/s, lines between them are 5e-7 rad off
+ROUNDS = 3
 
 
 def survey_truth(
@@ -48,16 +54,18 @@ def survey_truth(
         (E,) which exposures became photos.
     """
     (motion, biases), (surface, points) = flown, ground
-    center, rotation = true_poses(motion, biases, motion.exposure_time_s[stored])
+    exposed = motion.exposure_time_s[stored]
+    center, rotation = true_poses(motion, biases, exposed)
     row = {label: i for i, label in enumerate(scenario.labels)}
     ends = np.array([[row[line.start], row[line.end]] for line in scenario.lines], dtype=int)
     ends = ends.reshape(-1, 2)
     names, values, units = measured_values(requests, row, points)
     return SurveyTruth(
         frame_id=tuple(f"IMG_{i + 1:04d}.jpg" for i in range(len(center))),
-        time_utc_s=start_utc_s(scenario) + motion.exposure_time_s[stored],
+        time_utc_s=start_utc_s(scenario) + exposed,
         center_world_m=center,
         world_from_camera=rotation,
+        rows=_photo_rows(motion, biases, exposed, 1e-3 * scenario.errors.readout_ms),
         intrinsics=intrinsics,
         boresight_rad=biases.boresight_rad,
         lever_arm_m=biases.lever_arm_m,
@@ -103,42 +111,46 @@ def true_pixels(truth: SurveyTruth, model: Calibration | None = None) -> Floats:
     return project("brown" if model is None else model.model, truth.intrinsics, in_camera)
 
 
-def rolled_pixels(
-    calibration: Calibration,
-    truth: SurveyTruth,
-    flown: tuple[Motion, FlightBiases, Bools],
-    places_m: Floats,
-    readout_s: float,
-) -> Floats:
+def rolled_pixels(calibration: Calibration, truth: SurveyTruth, places_m: Floats) -> Floats:
     """Where places (F, K, 3) of each photo are seen, row after row, (F, K, 2) px.
 
-    Row v of a photo of height h is exposed at time + readout (v - (h - 1) / 2) / h. A row's time
-    moves the pixel by far less than a row a row, so a few rounds come to rest.
+    A row's time moves the pixel by far less than a row a row, so a few rounds come to rest.
 
     Parameters
     ----------
     calibration
         Whose lens model and size hold.
-    truth, flown
-        Of the survey; (E,) which exposures became photos.
+    truth
+        Of the survey.
     places_m
         In the world.
-    readout_s
-        From the first row to the last.
     """
     offset = places_m - truth.center_world_m[:, None]
     in_camera = np.einsum("fij,fki->fkj", truth.world_from_camera, offset)
     pixel = project(calibration.model, truth.intrinsics, in_camera)
-    if not readout_s:
+    if truth.rows is None:
         return pixel
-    motion, biases, stored = flown
-    exposed = motion.exposure_time_s[stored]
     height = calibration.height_px
-    for _ in range(3):
+    frame = np.broadcast_to(np.arange(len(offset))[:, None], offset.shape[:2])
+    for _ in range(ROUNDS):
         row = np.clip(np.nan_to_num(pixel[..., 1]), 0.0, height - 1.0)
-        instants = exposed[:, None] + readout_s * (row - (height - 1) / 2) / height
-        center, rotation = true_poses(motion, biases, instants.ravel())
-        away = places_m.reshape(-1, 3) - center
-        seen = np.einsum("nij,ni->nj", rotation, away).reshape(places_m.shape)
+        center, rotation = truth.rows.at(frame, row_share(row, height))
+        seen = np.einsum("fkij,fki->fkj", rotation, places_m - center)
         pixel = project(calibration.model, truth.intrinsics, seen)
     return pixel
+
+
+def _photo_rows(
+    motion: Motion, biases: FlightBiases, exposed_s: Floats, readout_s: float
+) -> PhotoRows | None:
+    """Poses (F, R) all through the reading of each photo, a little longer on both sides."""
+    if not readout_s:
+        return None
+    share = np.linspace(-READ, READ, 2 * int(np.ceil(READ * abs(readout_s) / INSTANTS_S)) + 1)
+    instants = exposed_s[:, None] + readout_s * share
+    center, rotation = true_poses(motion, biases, instants.ravel())
+    return PhotoRows(
+        share=share,
+        center_world_m=center.reshape(*instants.shape, 3),
+        world_from_camera=rotation.reshape(*instants.shape, 3, 3),
+    )
