@@ -11,7 +11,7 @@ from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
 from uavgram.model.units import METRIC, Units
-from uavgram.views.survey.verdict import LEVEL_WORDS, STATUS_WORDS, scale_sentence
+from uavgram.views.survey.verdict import LEVEL_WORDS, scale_sentence, status_text
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of, value_text
 from uavgram.views.wording import (
@@ -63,7 +63,7 @@ def measurement_table(result: Result, most: int = 0) -> str:
     for i in worst_first(rows)[: most or None]:
         row = measurement_text(rows, int(i), units)
         shown = (row.name, row.kind, " ".join(row.points), row.value, row.interval, row.relative)
-        status = STATUS_WORDS[rows.status[i]]
+        status = status_text(rows, int(i))
         cells.append((*shown, status, *((row.others,) if unsure else ())))
     return aligned(cells) + (f"\n{NOT_UNIQUE}" if unsure else "")
 

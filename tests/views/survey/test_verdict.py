@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 
 import pytest
@@ -85,13 +86,12 @@ def test_every_row_of_every_table_has_its_status(mixed: Result) -> None:
     column = head.index("status")
     page = render_report(mixed)
 
-    for name, status in zip(rows.name, rows.status, strict=True):
+    for name, status, value in zip(rows.name, rows.status, rows.value.tolist(), strict=True):
+        words = "not computed" if math.isnan(value) else STATUS_WORDS[status]
         (line,) = [one for one in table if one.startswith(f"{name}  ")]
-        assert line.endswith(STATUS_WORDS[status])
+        assert line.endswith(words)
         assert [row[column] for row in cells if row[0] == name] == [status]
-        assert (
-            f">{STATUS_WORDS[status]}</td>" in page.split(f"<td>{name}</td>")[1].split("</tr>")[0]
-        )
+        assert f">{words}</td>" in page.split(f"<td>{name}</td>")[1].split("</tr>")[0]
 
 
 def test_maps_tell_the_status_too(mixed: Result) -> None:

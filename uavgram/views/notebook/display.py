@@ -10,7 +10,7 @@ from html import escape
 
 from uavgram.model.result.result import Result
 from uavgram.views.style import LEVEL_COLOURS, hex_colour
-from uavgram.views.survey.verdict import STATUS_WORDS, verdict_words
+from uavgram.views.survey.verdict import status_text, verdict_words
 from uavgram.views.unit_words import in_units, names_like_lengths
 from uavgram.views.units import units_of
 from uavgram.views.wording import measurement_text, worst_first
@@ -55,7 +55,7 @@ def _table(result: Result) -> str:
     body = []
     for i in worst_first(rows):
         row = measurement_text(rows, int(i), units)
-        status = STATUS_WORDS[rows.status[i]]
+        status = status_text(rows, int(i))
         value = f"{row.value} {row.others}".strip()
         cells = (row.name, row.kind, " ".join(row.points), value, row.interval, status)
         body.append("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in cells) + "</tr>")

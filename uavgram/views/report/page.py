@@ -58,7 +58,7 @@ from uavgram.views.survey.sources import (
     ties_text,
 )
 from uavgram.views.survey.top_view import INK, top_view
-from uavgram.views.survey.verdict import STATUS_WORDS, THREE_SIGMA, verdict_words
+from uavgram.views.survey.verdict import THREE_SIGMA, status_text, verdict_words
 from uavgram.views.units import spread_text, units_of, value_text
 from uavgram.views.wording import (
     FRAME_STATUS_WORDS,
@@ -131,7 +131,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             line_words=LINE_STATUS_WORDS,
             frame_words=FRAME_STATUS_WORDS,
             verdict=verdict_words(result),
-            status_words=STATUS_WORDS,
+            status_text=status_text,
             annex=annex(result),
             brief=first,
             facts=key_facts(result),

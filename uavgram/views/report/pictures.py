@@ -24,7 +24,7 @@ from uavgram.views.survey.drawing import (
     visible_runs,
 )
 from uavgram.views.survey.sources import measured_alone
-from uavgram.views.survey.verdict import STATUS_WORDS
+from uavgram.views.survey.verdict import status_text
 from uavgram.views.units import round_bar, units_of
 from uavgram.views.wording import measurement_text, number, size_text
 
@@ -215,7 +215,7 @@ def _words(result: Result, region: Region) -> tuple[str, str]:
         return label, f"{who}; used in {count} photo{'' if count == 1 else 's'}{near}"
     row = measurement_text(result.measurements, region.row, units_of(result))
     alone = measured_alone(result)[region.row]
-    status = STATUS_WORDS[result.measurements.status[region.row]]
+    status = status_text(result.measurements, region.row)
     return row.name, f"{row.value}, {status}{f' ({alone})' if alone else ''}"
 
 

@@ -9,7 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
+from uavgram.views.wording import NOT_COMPUTED
 
 # The usual limit of the trade for a check.
 THREE_SIGMA = 3.0
@@ -34,6 +36,11 @@ STATUS_WORDS: dict[MeasurementStatus, str] = {
     "doubtful": "doubtful",
     "contradicted": "contradicted",
 }
+
+
+def status_text(rows: MeasurementResults, row: int) -> str:
+    """How far a measurement can be trusted, or that there is none."""
+    return STATUS_WORDS[rows.status[row]] if isfinite(rows.value[row]) else NOT_COMPUTED
 
 
 class VerdictWords(NamedTuple):

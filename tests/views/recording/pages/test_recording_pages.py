@@ -89,7 +89,7 @@ def test_measurements_have_their_weakest_links_and_what_nothing_checks(judged: R
     page = measured_page(judged)
 
     assert "| road width | 6.310 ± 0.012 m ? | **doubtful** |" in page
-    assert "| to the tree | **not computed** |" in page
+    assert "| to the tree | **not computed** | **not computed** |" in page
     assert "an undetected error of 3.2 m in the height of DSC\\_0003.jpg would move it" in page
     assert "| skid left | known length 'R5 gate' |" in page
 

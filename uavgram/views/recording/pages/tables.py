@@ -31,7 +31,7 @@ from uavgram.views.survey.sources import (
     points_made,
     ties_text,
 )
-from uavgram.views.survey.verdict import STATUS_WORDS, THREE_SIGMA, VerdictWords, headline
+from uavgram.views.survey.verdict import THREE_SIGMA, VerdictWords, headline, status_text
 from uavgram.views.units import units_of
 from uavgram.views.wording import (
     LEVEL_RANK,
@@ -59,7 +59,7 @@ def _page(name: str, result: Result, **shown: object) -> str:
         measurement_text=partial(measurement_text, units=units_of(result)),
         **units_shown(result),
         line_words=LINE_STATUS_WORDS,
-        status_words=STATUS_WORDS,
+        status_text=status_text,
         not_unique=NOT_UNIQUE,
         why_to_neighbours=WHY_TO_NEIGHBOURS,
         why_two_ellipses=WHY_TWO_ELLIPSES,

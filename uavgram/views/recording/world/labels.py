@@ -14,7 +14,7 @@ from uavgram.views.recording.scene import Scene
 from uavgram.views.survey.drawing import longest_middle, uncovered
 from uavgram.views.survey.key_facts import least_certain_length
 from uavgram.views.survey.off_ground import height_label
-from uavgram.views.survey.verdict import STATUS_WORDS
+from uavgram.views.survey.verdict import STATUS_WORDS, status_text
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of
 from uavgram.views.wording import (
@@ -75,7 +75,8 @@ def measured_text(result: Result, row: int) -> str:
     """``road width 6.31 ± 0.02 m (contradicted)``; also ``or 7.25 m`` where that fits as well."""
     rows, units = result.measurements, units_of(result)
     value = with_sigma(float(rows.value[row]), float(rows.sigma[row]), rows.unit[row], units)
-    status = "" if rows.status[row] == "ok" else f"({STATUS_WORDS[rows.status[row]]})"
+    status = status_text(rows, row)
+    status = "" if status in {STATUS_WORDS["ok"], value} else f"({status})"
     words = (rows.name[row], value, alternatives_text(rows, row, units), status)
     return " ".join(filter(None, words))
 
