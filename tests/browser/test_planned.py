@@ -1,12 +1,15 @@
-"""Lines that were planned before the flight, on the page of an empty project."""
+"""Lines and plates that were planned before the flight, on the page of an empty project."""
 
 from __future__ import annotations
+
+import re
+from dataclasses import replace
 
 from opened_pages import PageOpener
 from picking_pages import to_page
 from picking_projects import PickingProject
 from picking_server import served
-from planned_sample import sample_plan
+from planned_sample import sample_plan, sample_plates
 from playwright.sync_api import expect
 
 from uavgram.io.results.plan_json import write_plan
@@ -15,7 +18,7 @@ from uavgram.io.results.plan_json import write_plan
 def test_a_planned_line_is_marked_and_its_reading_entered(
     planted: PickingProject, open_page: PageOpener
 ) -> None:
-    write_plan(sample_plan(), planted.path.with_name("plan.json"))
+    write_plan(replace(sample_plan(), plates=sample_plates()), planted.path.with_name("plan.json"))
     with planted.path.open("a", encoding="utf-8") as file:
         file.write("plan: plan.json\n")
     with served(planted.path) as server:
@@ -37,4 +40,12 @@ def test_a_planned_line_is_marked_and_its_reading_entered(
         page.keyboard.press("Enter")
         expect(planned.locator("summary")).to_have_text("Planned lines: 1 of 5 entered")
         expect(planned.locator("li.done b")).to_have_text("L1: about 14.2 m, from L1a to L1b")
+        plates = page.get_by_role("group", name="Planned plates")
+        expect(plates.locator("summary")).to_have_text("Planned plates: 0 of 2 found")
+        expect(plates).to_contain_text("side_m: 0.7")  # what the project lacks to look for them
+        expect(plates.locator("li").first).to_contain_text("5 m from corner 1 towards corner 2")
+        page.locator("#label").fill("T1-3")
+        page.mouse.click(*to_page(page, *planted.marks_px[2]))
+        expect(plates.locator("li.done")).to_have_text(re.compile("T1: side 70 cm *in 1 photo"))
+        expect(plates.locator("summary")).to_have_text("Planned plates: 1 of 2 found")
         assert not open_page.errors

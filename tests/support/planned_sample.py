@@ -16,6 +16,7 @@ from uavgram.model.planned.parts import (
     PlannedFrames,
     PlannedLines,
     PlannedMeasurements,
+    PlannedPlates,
     PlannedPoints,
 )
 from uavgram.model.planned.plan import (
@@ -32,6 +33,19 @@ PITCH_DEG = -80.0
 SIZE_PX = (4000, 3000)
 FOCAL_PX = 3000.0
 _TURN = np.deg2rad(20.0)
+
+
+def sample_plates() -> PlannedPlates:
+    """Two plates of 70 cm in that area."""
+    middle = _on_ground([(-15.0, -12.0), (18.0, 10.0)])
+    square = 0.35 * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
+    return PlannedPlates(
+        name=("T0", "T1"),
+        corner_world_m=middle[:, None] + square,
+        side_m=0.7,
+        frames_seen=np.array([3.0, 2.0]),
+        mean_sigma_without=np.array([0.02, 0.03]),
+    )
 
 
 def sample_plan() -> FlightPlanned:

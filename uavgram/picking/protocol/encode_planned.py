@@ -1,29 +1,62 @@
-"""What was planned before the flight, as JSON for the page: the lines to lay and tape."""
+"""What was planned before the flight, as JSON for the page: lines to tape, plates to lay."""
 
 from __future__ import annotations
 
 from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.target_families import CORNERS
 from uavgram.model.units import Units
 from uavgram.picking.protocol.encode_places import Json
-from uavgram.views.planned.tables import line_rows
+from uavgram.views.planned.tables import LineRow, PlateRow, line_rows, plate_rows
+from uavgram.views.planned.words import plate_side
 from uavgram.views.unit_words import in_units
 
+NOT_SOUGHT = (
+    "The program does not look for them yet: the project file must say what is printed on them "
+    "and how large they are, such as "
+    "targets: {{family: aruco-4x4-50, side_m: {side:g}, sigma_m: 0.001}}"
+)
 
-def planned_json(planned: FlightPlanned | None, units: Units) -> list[Json]:
-    """The planned lines in their order: names, labels of their ends, and where these are, in words.
+
+def planned_json(planned: FlightPlanned | None, units: Units, *, sought: bool) -> Json:
+    """What is to be laid, in its order: names, labels, and where it is, in words.
 
     Lengths are words only: a planned length is no reading of a tape.
+
+    Parameters
+    ----------
+    planned
+        The plan, if there is one.
+    units
+        Of the project.
+    sought
+        Whether the project says what plates are to be looked for.
     """
     if planned is None:
-        return []
-    return [
-        {
-            "name": row.name,
-            "start": row.start,
-            "end": row.end,
-            "length": in_units(row.length, units),
-            "start_place": in_units(row.start_place, units),
-            "end_place": in_units(row.end_place, units),
-        }
-        for row in line_rows(planned)
-    ]
+        return {"lines": [], "plates": [], "why": ""}
+    side = in_units(plate_side(planned), units)
+    plates = plate_rows(planned)
+    return {
+        "lines": [_line(row, units) for row in line_rows(planned)],
+        "plates": [_plate(row, side, units) for row in plates],
+        "why": NOT_SOUGHT.format(side=planned.plates.side_m) if plates and not sought else "",
+    }
+
+
+def _line(row: LineRow, units: Units) -> Json:
+    return {
+        "name": row.name,
+        "start": row.start,
+        "end": row.end,
+        "length": in_units(row.length, units),
+        "start_place": in_units(row.start_place, units),
+        "end_place": in_units(row.end_place, units),
+    }
+
+
+def _plate(row: PlateRow, side: str, units: Units) -> Json:
+    return {
+        "name": row.name,
+        "side": side,
+        "place": in_units(row.place, units),
+        "corners": [f"{row.name}-{corner + 1}" for corner in range(CORNERS)],
+    }

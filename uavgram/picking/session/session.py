@@ -162,7 +162,9 @@ class PickSession:
             "flight": flight_json(self.survey),
             "control": list(inputs.control.label),
             "check": list(inputs.check.label),
-            "planned": planned_json(inputs.planned, inputs.project.units),
+            "planned": planned_json(
+                inputs.planned, inputs.project.units, sought=inputs.project.targets is not None
+            ),
             "control_lines": control_lines_json(inputs),
             "expected": self._expected(),
             "recovered": self.recovered is not None,

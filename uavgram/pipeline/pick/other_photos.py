@@ -13,7 +13,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.flight.pose import Poses
 from uavgram.pipeline.measure.pose import known_in_world
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
-from uavgram.pipeline.pick.planned_ends import planned_ends
+from uavgram.pipeline.pick.planned_places import planned_places
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.products.map_layers import shown_poses
 from uavgram.stages.same_ground import same_ground as ground_in_photos
@@ -41,7 +41,7 @@ NOWHERE = KnownPlaces((), (), np.empty((0, 2)), np.empty((0, 2, 2)))
 
 @with_one_blas_thread
 def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
-    """Pixels of control and check points, and planned ends, in the photos that should show them.
+    """Pixels of control and check points, and of what was planned, in the photos that show them.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
         known_in_world(survey.inputs, points, posed.world)[0]
         for points in (survey.inputs.control, survey.inputs.check)
     ]
-    tables.append(planned_ends(survey.inputs, posed.world))
+    tables.append(planned_places(survey.inputs, posed.world))
     label = tuple(name for table in tables for name in table.label)
     if not label:
         return NOWHERE

@@ -95,10 +95,14 @@ export interface Units { length: "m" | "ft" | "ft-in"; speed: "km/h" | "mph" | "
 export interface Standing { version: number; undo: number; redo: number }
 // What was planned to be laid and taped: labels of the ends, the length and the ways there in words.
 export interface PlannedLine { name: string; start: string; end: string; length: string; start_place: string; end_place: string }
+// Coded plates: what each is called, its side and the way there in words, labels of its corners.
+export interface PlannedPlate { name: string; side: string; place: string; corners: string[] }
+// `why`: why the program does not look for the plates, if it does not.
+export interface Planned { lines: PlannedLine[]; plates: PlannedPlate[]; why: string }
 export interface ControlLine { name: string; points: string[] } // of known position; what is picked on it
 export interface InitialState extends Standing {
   t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null;
-  control: string[]; check: string[]; control_lines: ControlLine[]; planned: PlannedLine[]; expected: Predicted[]; recovered: boolean; messages: Note[];
+  control: string[]; check: string[]; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[];
   state: { picks: Pick[]; lines: Line[]; measurements: Measurement[] };
   live: FullLive | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;
 }

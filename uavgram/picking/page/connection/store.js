@@ -2,7 +2,7 @@
 
 import { useUnits } from "../elements/units.js";
 
-/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, ControlLine, Fit, Flight, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, PlannedLine, Predicted, Proposal, Proposals, Remark, ServerMessage, Standing } from "./protocol.js" */
+/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, ControlLine, Fit, Flight, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Planned, Predicted, Proposal, Proposals, Remark, ServerMessage, Standing } from "./protocol.js" */
 
 /**
  * @typedef {object} Store
@@ -20,7 +20,7 @@ import { useUnits } from "../elements/units.js";
  * @property {Clock | null} clock
  * @property {Flight | null} flight
  * @property {Predicted[]} expected
- * @property {PlannedLine[]} planned
+ * @property {Planned} planned
  * @property {Outputs | null} outputs
  * @property {string[]} outside
  * @property {number | null} aside how many changes an earlier session could not save
@@ -60,7 +60,7 @@ export const store = {
   clock: null,
   flight: null,
   expected: [],
-  planned: [],
+  planned: { lines: [], plates: [], why: "" },
   outputs: null,
   outside: [],
   aside: null,
@@ -251,7 +251,7 @@ export function mostPicked() {
   return Math.max(counts.indexOf(Math.max(...counts)), 0);
 }
 
-// Labels that are picked in other photos, and points with known coordinates that are in none yet.
+// Labels that are picked in other photos, and points with known coordinates and planned places that are in none yet.
 /** @param {number} image */
 export function predictedIn(image) {
   /** @param {Predicted} one */
@@ -262,7 +262,10 @@ export function predictedIn(image) {
 }
 
 /** @param {string} label */
-const isPicked = (label) => picksOf(label).length > 0;
+const isPicked = (label) => picksOf(label).length > 0 || (plannedPlate(label)?.corners ?? []).some((corner) => picksOf(corner).length > 0);
+
+/** @param {string} label */
+const plannedPlate = (label) => store.planned.plates.find(({ name }) => name === label);
 
 // Where a label is in a photo: its pick, else its predicted place.
 /** @param {number} image @param {string} label */

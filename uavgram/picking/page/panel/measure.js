@@ -9,7 +9,7 @@ import { about, beneath, drop, fill, keep, list, remove, standingSign, table, ti
 import { fieldText, fieldUnit, inLength, lengthUnit, smallUnit } from "../elements/units.js";
 import { entryPart, KINDS, readLength } from "./entry.js";
 import { firstStepsPart } from "./first_steps.js";
-import { plannedPart } from "./planned.js";
+import { plannedPart, plannedPlatesPart } from "./planned.js";
 import { pointPart } from "./point.js";
 import { proposalParts } from "./proposals.js";
 import { placeText } from "./speed.js";
@@ -26,7 +26,7 @@ export function showMeasure(section, state, image, tools, side) {
   const steps = firstStepsPart(state);
   const measured = store.measurements.length > 0; // its values come first
   fill(section, [
-    steps && !store.picks.size ? null : missingPart(), measured ? null : steps, plannedPart(tools), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), measured ? steps : null, ...proposalParts(state, image, tools), lengthsPart(tools),
+    steps && !store.picks.size ? null : missingPart(), measured ? null : steps, plannedPart(tools), plannedPlatesPart(), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), measured ? steps : null, ...proposalParts(state, image, tools), lengthsPart(tools),
     advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), linesOfPositionPart(), remarksPart(),
   ]);
 }

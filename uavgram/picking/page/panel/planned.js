@@ -1,10 +1,12 @@
-// The lines that were planned before the flight: which ends are to be marked, which lengths to be entered.
+// What was planned before the flight: which ends of lines are to be marked, which lengths to be entered; which
+// plates were to be laid, and which of them are found.
 
-import { labels, store } from "../connection/store.js";
+import { labels, picksOf, proposals, store } from "../connection/store.js";
 import { fillIfNew, node } from "../elements/dom.js";
 
 /** @import { Tools } from "../actions/tools.js" */
-/** @import { PlannedLine } from "../connection/protocol.js" */
+/** @import { PlannedLine, PlannedPlate } from "../connection/protocol.js" */
+/** @typedef {{ plate: PlannedPlate, photos: number, proposed: boolean }} PlateRow `photos`: in how many a corner is picked */
 /** @typedef {{ line: PlannedLine, taped: boolean, missing: string[] }} Row `missing`: labels of ends that are not marked yet */
 
 const list = node("ol", {});
@@ -13,13 +15,42 @@ const box = node("details", { class: "steps planned", open: true, "aria-label": 
 
 /** @param {Tools} tools */
 export function plannedPart(tools) {
-  if (!store.planned.length) return null;
-  const rows = store.planned.map((line) => ({ line, taped: isTaped(line), missing: [line.start, line.end].filter((end) => !labels().includes(end)) }));
+  if (!store.planned.lines.length) return null;
+  const rows = store.planned.lines.map((line) => ({ line, taped: isTaped(line), missing: [line.start, line.end].filter((end) => !labels().includes(end)) }));
   const done = rows.filter(({ taped }) => taped).length;
   fillIfNew(title, `${done} ${rows.length}`, () => [`Planned lines: ${done} of ${rows.length} entered`]);
   const next = rows.find(({ taped }) => !taped);
   fillIfNew(list, JSON.stringify(rows), () => rows.map((row) => lineItem(row, row === next, tools)));
   return box;
+}
+
+const plateList = node("ol", {});
+const plateTitle = node("summary", {});
+const why = node("p", { class: "dim" });
+const plateBox = node("details", { class: "steps planned", open: true, "aria-label": "Planned plates" }, plateTitle, why, plateList);
+
+// The program finds plates itself: nothing is to be clicked but its proposals.
+export function plannedPlatesPart() {
+  const { plates } = store.planned;
+  if (!plates.length) return null;
+  const offered = new Set(proposals().map(({ label }) => label));
+  const rows = plates.map((plate) => ({
+    plate, photos: new Set(plate.corners.flatMap((corner) => picksOf(corner).map(({ image }) => image))).size,
+    proposed: plate.corners.some((corner) => offered.has(corner)),
+  }));
+  const found = rows.filter(({ photos }) => photos).length;
+  fillIfNew(plateTitle, `${found} ${rows.length}`, () => [`Planned plates: ${found} of ${rows.length} found`]);
+  if (why.textContent !== store.planned.why) why.textContent = store.planned.why;
+  fillIfNew(plateList, JSON.stringify(rows), () => rows.map(plateItem));
+  return plateBox;
+}
+
+/** @param {PlateRow} row */
+function plateItem({ plate, photos, proposed }) {
+  const words = node("b", {}, `${plate.name}: side ${plate.side}`);
+  const where = node("span", { class: "dim" }, plate.place);
+  if (photos) return node("li", { class: "done" }, node("span", { class: "unseen" }, "Done: "), words, node("span", { class: "dim" }, `in ${photos} photo${photos === 1 ? "" : "s"}`));
+  return node("li", {}, words, where, ...(proposed ? [node("span", { class: "dim" }, "found: accept it below")] : []));
 }
 
 // Where its ends are stands beneath the one that is next.

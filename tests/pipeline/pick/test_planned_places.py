@@ -1,4 +1,4 @@
-"""Ends of planned lines where they should appear in photos, before anybody has marked them."""
+"""Planned lines and plates where they should appear in photos, before anybody has marked them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from picking_projects import write_project
-from planned_sample import sample_plan
+from planned_sample import sample_plan, sample_plates
 from scipy.stats import chi2
 
 from uavgram.errors import InputError
@@ -18,7 +18,7 @@ from uavgram.model.planned.plan import FlightPlanned, PlannedSite
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.pick.live import LiveSurvey
 from uavgram.pipeline.pick.other_photos import known_places
-from uavgram.pipeline.pick.planned_ends import planned_ends
+from uavgram.pipeline.pick.planned_places import planned_places
 
 HIGHER_M = 300.0
 """Who plans at home knows the height of the ground badly, if at all."""
@@ -26,22 +26,25 @@ HIGHER_M = 300.0
 
 @pytest.fixture(scope="module")
 def laid(data_dir: Path) -> tuple[FlightPlanned, dict[str, str]]:
-    """A plan of lines between points of a flight; and which points their ends are."""
+    """A plan of lines between points of a flight, and plates on some; which points these are."""
     truth = json.loads((data_dir / "truth" / "calm_nadir.json").read_text())
     names, places = list(truth["points"]), np.array(list(truth["points"].values()))
     plan, world = sample_plan(), truth["world"]
-    count = len(plan.lines.name)
+    count, plan_of_plates = len(plan.lines.name), sample_plates()
     higher = np.array([0.0, 0.0, HIGHER_M])
     lines = replace(
         plan.lines,
         start_world_m=places[:count] + higher,
         end_world_m=places[count : 2 * count] + higher,
     )
+    last = places[-2:] + higher - plan_of_plates.center_world_m
+    plates = replace(plan_of_plates, corner_world_m=plan_of_plates.corner_world_m + last[:, None])
     labels = dict(zip((*lines.start_label, *lines.end_label), names, strict=False))
+    labels |= dict(zip(plates.name, names[-2:], strict=True))
     site = PlannedSite(
         latitude_deg=world["latitude_deg"], longitude_deg=world["longitude_deg"], height_msl_m=0.0
     )
-    return replace(plan, lines=lines, site=site), labels
+    return replace(plan, lines=lines, plates=plates, site=site), labels
 
 
 def test_they_are_expected_where_the_points_are(
@@ -59,17 +62,18 @@ def test_they_are_expected_where_the_points_are(
             off = pixel[image, point[label]] - known.pixel_px[k]
             squared.append(off @ np.linalg.solve(known.covariance_px2[k], off))
     assert len(squared) > 20
+    assert set(plan.plates.name) <= set(known.label)
     # one flight's errors are in all of them, so it is no chi-square of as many: none lies outside
     assert max(squared) < chi2.ppf(0.9999, 2)
     assert survey.posed is not None
-    found = planned_ends(survey.inputs, survey.posed.world)
+    found = planned_places(survey.inputs, survey.posed.world)
     assert set(found.world_m[:, 2]) == {survey.inputs.project.ground.height_m}
 
 
 def test_without_a_plan_nothing_is_expected(data_dir: Path) -> None:
     survey = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
     assert survey.posed is not None
-    assert planned_ends(survey.inputs, survey.posed.world).label == ()
+    assert planned_places(survey.inputs, survey.posed.world).label == ()
 
 
 def test_a_plan_that_is_none_is_named_with_the_way_out(planned_project: Path) -> None:
