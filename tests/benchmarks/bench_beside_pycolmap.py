@@ -6,7 +6,8 @@
 Flights over rendered streets (even numbers look down, odd ones 45 degrees ahead), each of its own
 seed, with a shutter of 0 and of 30 ms. Both have the calibrated camera, which is not quite the true
 one: pycolmap holds it, ours knows its sigmas (and of the shutter 30 +- 3 ms). Ours runs with the
-log, and without any pose: no log and no EXIF, as pycolmap. For each:
+log, without any pose but with the times of the photos, as every camera writes them, and with
+nothing: no log and no EXIF, as pycolmap. For each:
 
     photos   in the adjustment, of all
     centres  root mean square error of the camera centres (middle row) after the best similarity [m]
@@ -57,7 +58,11 @@ from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.picks_ties import write_ties
 
 HERE = Path(__file__).parent
-OURS: dict[Seeds, str] = {"log": "ours, with the log", "none": "ours, without any pose"}
+OURS: dict[Seeds, str] = {
+    "log": "ours, with the log",
+    "times": "ours, photo times alone",
+    "none": "ours, not even times",
+}
 Ways = Literal["plane", "near points"]
 
 
@@ -272,6 +277,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=9500)
     parser.add_argument("--draws", type=int, default=6, help="picks and lengths so many times")
     parser.add_argument("--readout-ms", type=float, nargs="*", default=[0.0, 30.0])
+    parser.add_argument("--ours-with", nargs="*", choices=list(OURS), default=list(OURS))
     parser.add_argument("--folder", help="where the projects are kept")
     parser.add_argument("--ours", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
@@ -290,7 +296,7 @@ def main() -> None:
                 tell(street, "picks and lengths alone", {}, (alone, drawn))
                 if given.pycolmap:
                     run_pycolmap(street, folder, given.pycolmap, drawn)
-                for seeds in OURS:
+                for seeds in given.ours_with:
                     run_ours(street, folder, seeds, drawn)
 
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scenes import Scene
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.options import AreaOptions, GroundOptions
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
@@ -202,3 +205,33 @@ def test_an_area_that_nobody_picked_is_told(calibration: Calibration, flight: Te
     assert message.code == "area-unpicked"
     assert "'vergue'" in message.text
     assert "did you mean 'verge'" in message.text
+
+
+def test_frames_keep_the_times_of_their_photos(calibration: Calibration) -> None:
+    names = tuple(dict.fromkeys(row[0] for row in ROWS))
+    unknown = ("a photo that nobody picked in",)
+    frames = Frames(
+        frame_id=(*unknown, *names[::-1]),
+        time_utc_s=1.7e9 + np.arange(len(names) + 1.0),
+        sigma_time_s=np.full(len(names) + 1, 0.01),
+        matched=np.zeros(len(names) + 1, np.bool_),
+        reason=("no flight log",) * (len(names) + 1),
+        clock_offset_s=0.0,
+        clock_offset_sigma_s=0.0,
+    )
+    observed = Observations(
+        calibration=calibration,
+        lines=LINES,
+        picks=picks(ROWS, ()),
+        ground=GROUND,
+        picks_sigma_px=1.5,
+        exposures=frames,
+    )
+    survey = assemble(observed).survey
+    taken = dict(zip(survey.frame_id, survey.time_s - 1.7e9, strict=True))
+    assert taken == {name: len(names) - k for k, name in enumerate(names)}
+    one = survey.frame_id[-1]
+    kept = select_picks(survey, survey.pick_frame == survey.frame_id.index(one)).survey
+    assert kept.time_s.tolist() == [1.7e9 + taken[one]]
+    assert kept.time_sigma_s.tolist() == [0.01]
+    assert np.isnan(assemble(replace(observed, exposures=None)).survey.time_s).all()

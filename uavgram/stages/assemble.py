@@ -14,6 +14,7 @@ from uavgram.estimation.survey.rolling import with_readout
 from uavgram.geometry.motion.telemetry_pose import LEVER_ARM, SHARED_SIZE
 from uavgram.model.arrays import Floats, FrozenArrays, Ints
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import Track
 from uavgram.model.flight.pose import Poses, TelemetryPrior
 from uavgram.model.flight.telemetry import Telemetry
@@ -79,6 +80,8 @@ class Observations:
         How good the tapes are; names and priors of the scale of those that are other than that.
     photos
         Names of all photos in order: that of the frames where there is no telemetry.
+    exposures
+        When each photo was taken; None where nobody says.
     copies
         Photos that stay out, as others stand for them.
     """
@@ -95,6 +98,7 @@ class Observations:
     tape: TapeOptions = field(default_factory=TapeOptions)
     own_scale_sigma: tuple[tuple[str, float], ...] = ()
     photos: Sequence[str] = ()
+    exposures: Frames | None = None
     copies: Collection[str] = ()
 
 
@@ -137,8 +141,11 @@ def assemble(observed: Observations) -> Assembled:
     area_at = _rows(sorted(areas, key=lambda name: name != DEFAULT_AREA))
     sigma = np.where(np.isnan(picks.sigma_px), observed.picks_sigma_px, picks.sigma_px)
     matches, stale = matches_of(picks, sigma, _index(chosen, len(picks.image)), frame_at)
+    time_s, time_sigma_s = _times(observed.exposures, frame_at)
     survey = Survey(
         frame_id=tuple(frame_at),
+        time_s=time_s,
+        time_sigma_s=time_sigma_s,
         seeds=None if telemetry is None else _ordered(telemetry.poses, frame_at),
         telemetry=None if telemetry is None else _prior(telemetry, frame_at),
         track=None if telemetry is None else telemetry.track,
@@ -221,6 +228,16 @@ def _tied(observed: Observations) -> set[str]:
 def _rows(names: Iterable[str]) -> dict[str, int]:
     """Each name once, in order, with its position."""
     return {name: k for k, name in enumerate(dict.fromkeys(names))}
+
+
+def _times(exposures: Frames | None, frame_at: Iterable[str]) -> tuple[Floats, Floats]:
+    """(F,), (F,) instants of the frames and their own sigmas; NaN where nobody says."""
+    taken: dict[str, tuple[float, float]] = {}
+    if exposures is not None:
+        both = zip(exposures.time_utc_s.tolist(), exposures.sigma_time_s.tolist(), strict=True)
+        taken = dict(zip(exposures.frame_id, both, strict=True))
+    found = np.array([taken.get(name, (np.nan, np.nan)) for name in frame_at]).reshape(-1, 2)
+    return found[:, 0], found[:, 1]
 
 
 def _index(chosen: Ints | list[int], count: int) -> Ints:

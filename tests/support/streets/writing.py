@@ -23,8 +23,9 @@ from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.model.arrays import Floats
 from uavgram.model.scenario.simulated import SimulatedLog
 
-Seeds = Literal["log", "csv", "places", "none"]
-"""What says where the photos were taken: a log, a table of poses, one of places only, nothing."""
+Seeds = Literal["log", "csv", "places", "times", "none"]
+"""What says where the photos were taken: a log, a table of poses, one of places only, nothing but
+when (by the names of the photos, as EXIF states it with sub-seconds), nothing."""
 
 PLACE_SIGMA_M, ANGLE_SIGMA_DEG = 0.7, 0.7
 BIAS_M, TURN_DEG = 0.7, 0.7  # common to the flight: with the former 1 m and 1 degree
@@ -161,7 +162,7 @@ def write_street(
     if seeds == "log":
         write_tlog(folder / "flight.tlog", _log(street))
         project["log"] = "flight.tlog"
-    else:
+    elif seeds != "times":
         del project["time"]
     if seeds in ("csv", "places"):
         del project["mount"]

@@ -49,6 +49,7 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
     reduced = replace(
         survey,
         frame_id=tuple(survey.frame_id[i] for i in frames),
+        **rows_of(survey, frames, "f"),
         seeds=None if survey.seeds is None else survey.seeds.take(frames),
         telemetry=_some_telemetry(survey, new_frame),
         rolling=survey.rolling and replace(survey.rolling, **rows_of(survey.rolling, frames, "f")),

@@ -34,8 +34,7 @@ LEAST_MEASURED_LIKENESS = 0.9
 """Of a target and itself after half a turn: less, and it is something else, or half hidden."""
 
 MOST_SIGMA_PX = 0.25
-SMALLEST_SIGMA_PX = 0.03
-"""What blur that is not the same on all sides, JPEG and sharpening leave at best."""
+"""In the worse direction."""
 
 WIDER_PX = (6, 8, 10, 13, 17, 22, 28, 36, 48)
 """Discs by which is told how far a target reaches."""
@@ -48,7 +47,7 @@ _STAYS_PX = 3.0  # from the place to whole pixels to that measured
 
 @dataclass(frozen=True, eq=False)
 class Symmetric:
-    """A target: its centre (2,) [px], and its sigma in the worse direction [px].
+    """A target: its centre (2,) [px], and its sigma of a coordinate [px].
 
     `reach_px` is how far from it the picture is its own image after half a turn; `strength` is in
     grey values a pixel: the least slope over all directions that is the same on both sides, which
@@ -153,8 +152,7 @@ def _measured(grey: Image, place_px: Floats, radius_px: float) -> Symmetric | No
     found = centre_of_symmetry(grey, place_px, radius_px * np.eye(2))
     if found is None or np.hypot(*(found.pixel_px - place_px)) > _STAYS_PX + radius_px / 8:
         return None
-    sigma = float(np.sqrt(np.linalg.eigvalsh(found.covariance_px2)[1]))
-    if found.likeness < LEAST_MEASURED_LIKENESS or not sigma <= MOST_SIGMA_PX:
+    if found.likeness < LEAST_MEASURED_LIKENESS or not found.worst_sigma_px <= MOST_SIGMA_PX:
         return None
     reach = radius_px
     for wider in WIDER_PX:
@@ -163,4 +161,4 @@ def _measured(grey: Image, place_px: Floats, radius_px: float) -> Symmetric | No
                 break
             reach = float(wider)
     strength = found.likeness**2 * found.slope
-    return Symmetric(found.pixel_px, max(sigma, SMALLEST_SIGMA_PX), reach, strength)
+    return Symmetric(found.pixel_px, found.sigma_px, reach, strength)

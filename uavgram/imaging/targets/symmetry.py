@@ -9,16 +9,22 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import cv2
 import numpy as np
+from scipy.interpolate import BSpline
+from scipy.ndimage import spline_filter
 
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats
+
+SMALLEST_SIGMA_PX = 0.005
+"""As large errors of sharp, bright chequers in rendered photos are at best."""
 
 _ROUNDS = 15
 _CONVERGED_PX = 1e-3
 _LEAST_NOISE = 0.3  # of rounding to whole grey values: 1 / sqrt(12)
 _MOST_CORRELATION = 0.9
+_BELL = BSpline.basis_element(np.arange(-2.0, 3.0), extrapolate=False)
+_RING = 4  # pixels beyond what is asked for: the spline's end is not felt there
 
 
 class Centre(NamedTuple):
@@ -32,6 +38,16 @@ class Centre(NamedTuple):
     covariance_px2: Floats
     likeness: float
     slope: float
+
+    @property
+    def sigma_px(self) -> float:
+        """Of a coordinate, whatever the direction."""
+        return max(float(np.sqrt(np.trace(self.covariance_px2) / 2.0)), SMALLEST_SIGMA_PX)
+
+    @property
+    def worst_sigma_px(self) -> float:
+        """In the direction in which it is largest."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.covariance_px2)[1]))
 
 
 def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centre | None:
@@ -51,8 +67,9 @@ def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centr
     inside = ((np.linalg.inv(axes_px) @ np.stack([u.ravel(), v.ravel()])) ** 2).sum(axis=0) <= 1.0
     weight = inside.reshape(u.shape)
     center = np.asarray(start_px, np.float64)
+    surface = _Surface(photo, center, half + 1 + half // 2)
     for _ in range(_ROUNDS):
-        around = _window(photo, center, half + 1)
+        around = surface.window(center, half + 1)
         if around is None or np.abs(center - start_px).max() > 0.5 * half:
             return None
         value = around[1:-1, 1:-1]
@@ -85,7 +102,7 @@ def likeness_about(photo: Image, center_px: Floats, radius_px: int) -> float:
     radius_px
         Its radius.
     """
-    value = _window(photo, center_px, radius_px)
+    value = _Surface(photo, center_px, radius_px).window(center_px, radius_px)
     if value is None:
         return -1.0
     v, u = np.mgrid[-radius_px : radius_px + 1, -radius_px : radius_px + 1]
@@ -97,7 +114,7 @@ def _covariance(change: Floats, odd: Floats, weight: Bools) -> Floats:
 
     The sums go over both halves, so every difference is in them twice: with the variance q of the
     differences it is 2 q N^-1. What runs on from pixel to pixel (JPEG, texture of what lies
-    around, what interpolation smoothed) counts for fewer.
+    around) counts for fewer.
     """
     used = np.where(weight, odd, 0.0)
     count = weight.sum()
@@ -120,13 +137,47 @@ def _likeness(value: Floats, weight: Bools) -> float:
     return float(((here - here.mean()) * (there - there.mean())).mean() / max(spread, 1e-9))
 
 
-def _window(photo: Image, center_px: Floats, half: int) -> Floats | None:
-    """(2 half + 1, 2 half + 1) values about a place; None where they are not all in the photo."""
-    corner = np.floor(center_px).astype(int) - half - 4
-    beyond = corner + 2 * half + 10
-    if (corner < 0).any() or (beyond > photo.shape[1::-1]).any():
-        return None
-    part = photo[corner[1] : beyond[1], corner[0] : beyond[0]].astype(np.float32)
-    at = (center_px - corner)[:, None] + np.arange(-half, half + 1)
-    u, v = np.meshgrid(*at.astype(np.float32))
-    return np.asarray(cv2.remap(part, u, v, cv2.INTER_CUBIC), np.float64)
+class _Surface:
+    """The grey values about a place as a smooth surface: the cubic spline through all pixels.
+
+    The usual four-point interpolation of pictures (`cv2.remap`) does not look the same in a mirror,
+    between pixels, and takes places to 1/32 px: it moved centres of sharp targets by 0.03 px, where
+    this moves them by less than 0.001 px.
+
+    Parameters
+    ----------
+    photo
+        (height, width) grey values.
+    middle_px
+        (2,) about which it is cut out.
+    half
+        So far beyond it, at the least, that it may be asked for.
+    """
+
+    def __init__(self, photo: Image, middle_px: Floats, half: int) -> None:
+        size = np.array(photo.shape[1::-1])
+        first = np.round(middle_px).astype(int) - half - _RING
+        self._first = np.maximum(first, 0)
+        u, v = self._first
+        beyond = np.minimum(first + 2 * (half + _RING) + 1, size)
+        part = photo[v : max(beyond[1], v), u : max(beyond[0], u)].astype(np.float64)
+        self._size = np.array(part.shape[1::-1])
+        self._knots = spline_filter(part, order=3, mode="mirror") if part.size else part
+
+    def window(self, center_px: Floats, half: int) -> Floats | None:
+        """(2 half + 1, 2 half + 1) values about a place; None where they are not all in it."""
+        at = (center_px - self._first)[:, None] + np.arange(-half, half + 1)
+        if (at[:, 0] < 2).any() or (at[:, -1] > self._size - 3).any():
+            return None
+        across, down = (_weights(row, int(size)) for row, size in zip(at, self._size, strict=True))
+        return np.asarray(down @ self._knots @ across.T)
+
+
+def _weights(at: Floats, size: int) -> Floats:
+    """(n, size) of each knot of a cubic spline in its values at n evenly spaced places."""
+    share = at[0] - np.floor(at[0])
+    four = _BELL(share - np.arange(-1, 3))
+    first = np.arange(len(at))[:, None] + int(np.floor(at[0])) + np.arange(-1, 3)
+    weights = np.zeros((len(at), size))
+    np.put_along_axis(weights, first, np.nan_to_num(four)[None].repeat(len(at), axis=0), axis=1)
+    return weights

@@ -27,8 +27,7 @@ LEAST_LIKENESS = 0.97
 """Of a target and itself after half a turn; what lies half in shadow or is half hidden is less."""
 
 MOST_SIGMA_PX = 0.25
-SMALLEST_SIGMA_PX = 0.03
-"""What blur that is not the same on all sides, JPEG and sharpening leave at best."""
+"""In the worse direction."""
 
 _LARGEST_PX = 40
 _ANGLES = 64
@@ -50,7 +49,7 @@ class Kind(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Uncoded:
-    """A target: its centre (2,) [px], sigma in the worse direction [px], likeness to itself turned.
+    """A target: its centre (2,) [px], sigma of a coordinate [px], likeness to itself turned.
 
     `half_axes_px` are those of its outline, the larger one first; of chequers and crosses the
     radius that was looked at.
@@ -120,12 +119,10 @@ def _measured(
     found = centre_of_symmetry(photo, start_px, axes_px * (_RIM if kind is Kind.DISC else 1.0))
     if found is None or not _is_near(found, place_px) or found.likeness < LEAST_LIKENESS:
         return None
-    sigma = float(np.sqrt(np.linalg.eigvalsh(found.covariance_px2)[1]))
-    if not sigma <= MOST_SIGMA_PX:
+    if not found.worst_sigma_px <= MOST_SIGMA_PX:
         return None
     a, b = sorted(np.linalg.norm(axes_px, axis=0).tolist(), reverse=True)
-    sigma = max(sigma, SMALLEST_SIGMA_PX)
-    return Uncoded(kind, found.pixel_px, sigma, found.likeness, (a, b))
+    return Uncoded(kind, found.pixel_px, found.sigma_px, found.likeness, (a, b))
 
 
 def _rings(photo: Image, center_px: Floats) -> Floats:

@@ -29,8 +29,8 @@ class RollingShutter(FrozenArrays):
     rate_sigma_rad_s
         How well `motion` says how fast a camera turns.
     by_photos
-        Whether no log says how the camera moved: `motion` is then the way from photo to photo at
-        a usual speed, and the unknown is a readout time at that speed.
+        Whether no log says how the camera moved: `motion` is then the way from photo to photo, in
+        the time between them or at a usual speed, and the unknown is a readout time at that speed.
     """
 
     readout: Readout

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from uavgram.model.arrays import Bools, Floats, FrozenArrays, Ints, freeze
+from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints, freeze
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.photo_poses import Flight
 from uavgram.model.flight.pose import CandidatePoses, Poses, TelemetryPrior
@@ -83,6 +83,9 @@ class Survey:
     ----------
     frame_id
         (F,) names.
+    time_s, time_sigma_s
+        (F,) when each photo was taken, all by one clock [s], and each one's own standard
+        deviation; NaN where nobody says. Empty: of none.
     seeds
         First poses and their marginal covariances, in the order of `frame_id`; None without
         telemetry.
@@ -135,6 +138,8 @@ class Survey:
     """
 
     frame_id: tuple[str, ...]
+    time_s: Annotated[Floats, "f", NAN_IS_NONE] = field(default_factory=lambda: np.zeros(0))
+    time_sigma_s: Annotated[Floats, "f", NAN_IS_NONE] = field(default_factory=lambda: np.zeros(0))
     seeds: Poses | None
     telemetry: TelemetryPrior | None
     track: Flight | None
@@ -173,6 +178,9 @@ class Survey:
         for name in ("height_sigma_m", "is_free"):
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, np.zeros(len(self.label)))
+        for name in ("time_s", "time_sigma_s"):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, np.full(len(self.frame_id), np.nan))
         freeze(self)
         for texts in (self.line_name, self.line_tape, self.line_along):
             if len(texts) not in (0, len(self.line_start)):

@@ -234,6 +234,7 @@ def _assembled(
         tape=inputs.project.tape,
         own_scale_sigma=plate_scale(inputs.project.targets),
         photos=inputs.photos.frame_id,
+        exposures=posed.frames,
         copies=duplicates.photos,
     )
     return assemble(observed), messages

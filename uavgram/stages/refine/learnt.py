@@ -19,9 +19,9 @@ LEVEL_DEG = 2.0
 
 BY_PHOTOS = (
     "The camera reads its rows one after the other (a rolling shutter): tie points fit much better "
-    "so. Taken into account as far as they show it; what they cannot show, as no log says how fast "
-    "the drone flew, is in the sigmas. Name the flight's log (`log:`), or state `readout_ms` in "
-    "the camera file."
+    "so. Taken into account as far as they show it; what they cannot show, how long a photo takes "
+    "to read and how far the drone flew meanwhile, is in the sigmas. Name the flight's log "
+    "(`log:`), or state `readout_ms` in the camera file."
 )
 
 

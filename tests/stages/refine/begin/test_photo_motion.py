@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from likelihood_scenes import beginning, with_found
 from scenes import make_scene
 from tied_flights import FOCAL_PX, HALF_PX, Conditions, tied_flight
@@ -15,11 +17,16 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import move
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.readout import Readout
+from uavgram.model.flight.pose import CandidatePoses
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.rolling_shutter import RollingShutter
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.begin.photo_motion import with_motion_by_photos
+from uavgram.stages.refine.begin.photo_motion import (
+    RATE_RAD_S,
+    USUAL_M_S,
+    with_motion_by_photos,
+)
 from uavgram.stages.refine.begin.tied_frames import with_tied_frames
 
 LABELS = 16
@@ -132,3 +139,80 @@ def test_the_way_from_photo_to_photo_is_the_motion() -> None:
     found = rolling.motion[inner, :3]
     size = np.linalg.norm(found, axis=1) * np.linalg.norm(ahead, axis=1)
     assert (np.sum(found * ahead, axis=1) > 0.95 * size).all()
+
+
+TAKEN_S = 1.7e9 + np.array([0.0, 1.3, 2.1, 4.0, 5.2, 6.0, 7.7, 9.0])
+
+
+def flown(survey: Survey, center: Floats, time_s: Sequence[float], sigma_s: float) -> Survey:
+    """The survey with photos at places, level cameras, and times; its shutter is known."""
+    poses = tuple(
+        CandidatePoses(
+            frame_id=name,
+            center_world_m=place[None],
+            world_from_camera=np.eye(3)[None],
+            misfit=np.zeros(1),
+        )
+        for name, place in zip(survey.frame_id, center, strict=True)
+    )
+    return replace(
+        survey,
+        calibration=replace(survey.calibration, readout=Readout(value_s=0.03, sigma_s=0.003)),
+        candidate_poses=poses,
+        time_s=np.array(time_s),
+        time_sigma_s=np.full(len(time_s), sigma_s),
+    )
+
+
+@pytest.fixture(scope="module")
+def tied() -> Survey:
+    """Eight photos with ties, in whatever order the survey has them."""
+    survey, _ = strips(0.0, 1)
+    return survey
+
+
+def test_times_of_photos_tell_how_fast_each_of_them_moved(tied: Survey) -> None:
+    late = TAKEN_S - TAKEN_S[0]
+    center = np.column_stack([3.0 * late + 0.2 * late**2, 0.5 * late, np.full(8, 40.0)])
+    order = np.random.default_rng(4).permutation(8)  # names need not follow the times
+    rolling = with_motion_by_photos(flown(tied, center[order], TAKEN_S[order], 0.001)).rolling
+    assert rolling is not None
+    found = rolling.motion[np.argsort(order)]
+    # A parabola is what it is taken for: exact where there are photos on both sides.
+    np.testing.assert_allclose(found[1:-1, 0], 3.0 + 0.4 * late[1:-1], rtol=1e-6)
+    np.testing.assert_allclose(found[:, 1], 0.5, rtol=1e-6)
+    assert np.all(found[:, 2:] == 0.0)
+    assert rolling.readout.value_s == 0.03
+    assert 0.003 < rolling.readout.sigma_s < 0.0036
+    assert rolling.rate_sigma_rad_s < RATE_RAD_S
+
+
+def test_times_to_whole_seconds_give_one_speed_for_all(tied: Survey) -> None:
+    late = TAKEN_S - TAKEN_S[0]
+    center = np.column_stack([6.0 * late, 0.0 * late, np.full(8, 40.0)])
+    seconds = np.floor(TAKEN_S)  # two of them the same
+    rolling = with_motion_by_photos(flown(tied, center, seconds, 12**-0.5)).rolling
+    assert rolling is not None
+    np.testing.assert_allclose(rolling.motion[:, 0], 6.0, rtol=0.05)
+    assert np.ptp(rolling.motion[:, 0]) < 1e-9
+    # Each time is wrong by up to a second of the nine: worth a tenth of the speed, not a hundredth.
+    assert 0.0035 < rolling.readout.sigma_s < 0.008
+
+
+@pytest.mark.parametrize(
+    "time_s",
+    [
+        np.full(8, 1.7e9),  # copied files
+        1.7e9 + 3600.0 * np.arange(8),
+        1.7e9 + 0.01 * np.arange(8),
+        np.where(np.arange(8) == 3, np.nan, TAKEN_S),
+    ],
+)
+def test_times_that_cannot_be_those_of_the_photos_are_not_believed(
+    tied: Survey, time_s: Floats
+) -> None:
+    center = np.column_stack([10.0 * np.arange(8), np.zeros(8), np.full(8, 40.0)])
+    rolling = with_motion_by_photos(flown(tied, center, time_s, 0.001)).rolling
+    assert rolling is not None
+    np.testing.assert_allclose(rolling.motion[:, 0], USUAL_M_S)
+    assert rolling.readout.sigma_s > 0.015
