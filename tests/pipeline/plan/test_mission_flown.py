@@ -123,6 +123,7 @@ def test_a_mission_flown_by_the_simulator_is_as_exact_as_predicted(
 
     name, _, sigma = repeat.predicted(ScenarioWorld(replace(as_planned, flight=flight)))
     assert name == planned.measurements.name
+    assert planned.chosen_by == "mean"  # two lengths, and nothing stated of either
     np.testing.assert_allclose(sigma, planned.measurements.sigma, rtol=0.03)
     # a mission flown 5 m lower, or looking elsewhere, would not be as exact as that by chance
     for one, other in zip(read, as_planned.flight.poses, strict=True):
