@@ -103,7 +103,12 @@ def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> Fl
         chosen_by=chosen_by(choice.possible),
         gains=tuple(gains(scene, request, wanted, choice, layout.lines)),
         messages=tuple(
-            remarks((lines, plates), measured, gained_by(choice.possible, layout.lines))
+            remarks(
+                (lines, plates),
+                measured,
+                gained_by(choice.possible, layout.lines),
+                len(choice.flight.cameras.center_m),
+            )
         ),
     )
 
