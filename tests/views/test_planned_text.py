@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from planned_sample import sample_plan
+from planned_sample import bare_plan, sample_plan
 
-from uavgram.model.planned.plan import Gain
+from uavgram.model.planned.plan import ChosenBy, Gain
 from uavgram.views.planned_text import plan_lines
 
 PLAN = sample_plan()
@@ -38,3 +38,16 @@ def test_the_mean_says_what_it_is_of() -> None:
     kinds = replace(PLAN.measurements, unit=("m",) * 4)
     shown = plan_lines(replace(PLAN, measurements=kinds))
     assert any(line.startswith("On average expect") for line in shown)
+
+
+def test_what_the_lines_were_chosen_for_is_told() -> None:
+    def shown(by: ChosenBy, *, wished: bool = True) -> str:
+        wanted = PLAN.measurements.wanted_sigma if wished else np.full(4, np.nan)
+        measured = replace(PLAN.measurements, wanted_sigma=wanted)
+        return "\n".join(plan_lines(replace(PLAN, chosen_by=by, measurements=measured)))
+
+    assert "The lines lie where the average ± is smallest." in shown("mean")
+    assert "each is compared with what you wish" in shown("shares")
+    assert "plain one of the lengths" in shown("shares")
+    assert "each is compared with what is usual for it" in shown("shares", wished=False)
+    assert "lie where" not in "\n".join(plan_lines(bare_plan()))

@@ -11,7 +11,7 @@ from uavgram.model.planned.next_lines import NextLines
 from uavgram.model.planned.plan import FlightPlanned, Gain
 from uavgram.views.planned.numbers import centimetres, metres
 from uavgram.views.planned.tables import plate_rows
-from uavgram.views.planned.words import headline, outcome
+from uavgram.views.planned.words import chosen, headline, of_lengths, outcome
 from uavgram.views.terminal import aligned, message_lines
 from uavgram.views.wording import number
 
@@ -43,9 +43,10 @@ def plan_lines(planned: FlightPlanned) -> list[str]:
     if planned.measurements.name:
         shown += [aligned([VALUES, *_value_rows(planned)], right=(1, 2, 3)), ""]
     mean = _sigma(planned, planned.mean_sigma)
-    shown.append(f"On average {_averaged(planned)}expect ± {mean}. Other choices:")
+    shown.append(f"On average{of_lengths(planned)} expect ± {mean}. Other choices:")
     shown += [f"  {_gain(planned, gain)}" for gain in planned.gains]
     messages = message_lines(planned.messages)
+    shown += ["", text] if (text := chosen(planned)) else []
     return [*shown, *(["", *messages] if messages else [])]
 
 
@@ -94,12 +95,6 @@ def _gain(planned: FlightPlanned, gain: Gain) -> str:
         f"{told}; with its most important {what} lost ± {_sigma(planned, gain.worst_without)}, "
         f"where in this plan {beside}"
     )
-
-
-def _averaged(planned: FlightPlanned) -> str:
-    """What the mean is of, where the table holds other values too."""
-    unit = planned.measurements.unit
-    return "of the lengths " if "m" in unit and set(unit) != {"m"} else ""
 
 
 def _sigma(planned: FlightPlanned, sigma: float) -> str:

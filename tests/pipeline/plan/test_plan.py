@@ -65,6 +65,7 @@ def test_a_plan_keeps_to_what_was_asked(asked: tuple[Path, Asked, FlightPlanned]
     sturdy = next(gain for gain in planned.gains if gain.what.startswith("5 lines laid"))
     assert sturdy.worst_without is not None
     assert sturdy.mean_sigma <= sturdy.worst_without < np.nanmax(planned.lines.mean_sigma_without)
+    assert planned.chosen_by == "shares"  # one states what it wants, and another is an area
     assert planned.gains[0].mean_sigma <= planned.mean_sigma <= planned.gains[1].mean_sigma
 
 

@@ -84,7 +84,7 @@ def test_the_part_of_the_readings_is_what_the_variance_gains_by_theirs() -> None
     gained = (predicted_at(1 + step).variance - predicted_at(1 - step).variance) / (2 * step)
     assert predicted_at(1.0).lengths == pytest.approx(gained, rel=1e-5)
     whole = predicted_at(1.0)
-    assert np.sum(whole[1:], axis=0) == pytest.approx(whole.variance, rel=1e-9)
+    assert np.sum(whole.parts, axis=0) == pytest.approx(whole.variance, rel=1e-9)
 
 
 def test_every_scene_of_the_grids_is_in_its_photo() -> None:

@@ -73,7 +73,15 @@ def test_agreement_counts_the_cells() -> None:
     assert "1 of 3 cells lie" in text
     assert "of the others 1 differ" in text
     assert "7 of 300 repetitions" in text
+    assert "another solution" not in text
     assert not agreement((study(aside),))
+
+
+def test_repetitions_at_another_solution_are_told() -> None:
+    found = study(cell(1.0, 0.5), cell(2.0, 0.5, elsewhere=3, lost=1))
+    assert "3 ended at another solution" in agreement((found,))
+    assert "usual, 2 mm (3 of 100)" in agreement((found,))
+    assert ">96 of 100<" in render_study_page((found,), figure_files((found,)))
 
 
 def test_a_prediction_that_fails_is_told_with_its_range() -> None:

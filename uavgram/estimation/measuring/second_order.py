@@ -23,6 +23,7 @@ from scipy.sparse import csc_array, csr_array, hstack
 
 from uavgram.estimation.measuring.kinds import refers_to_ground
 from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
+from uavgram.estimation.measuring.quadratic import REACH
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.refit import ENTRIES, refit_many
@@ -38,8 +39,6 @@ from uavgram.estimation.survey.unknowns import (
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
-
-REACH = float(np.sqrt(3.0))
 
 AT_REST = 1e-3
 """Squared length, in sigmas, of the last step of an adjustment anew: curvature needs no more."""

@@ -7,25 +7,33 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.measuring.quadratic import SecondOrderTerms
 from uavgram.estimation.repeated.common_errors import common_count, of_ground
+from uavgram.estimation.repeated.moved_errors import root_of, second_order
 from uavgram.estimation.repeated.photo_step import State, draws_last, linearise
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
 
+WITHIN = 6.0
+"""Sigmas of errors that are believed to be errors of the same solution."""
+
 
 class PredictedLengths(NamedTuple):
-    """M variances [m²], and what of them comes from each source.
+    """M variances [m²], what of them comes from each source, and what second order adds.
 
     Attributes
     ----------
     variance
-        (M,).
+        (M,) to first order.
+    bent
+        What second order adds to it, and to the mean.
     lengths, picks, beforehand, camera, tape, ground
-        (M,) parts of it: of the readings, of all picks, of the pose beforehand, of the camera's
-        parameters, of the tape's scale, of the ground's plane. They add up to the variance.
+        (M,) parts of the variance: of the readings, of all picks, of the pose beforehand, of the
+        camera's parameters, of the tape's scale, of the ground's plane. They add up to it.
     """
 
     variance: Floats
+    bent: SecondOrderTerms
     lengths: Floats
     picks: Floats
     beforehand: Floats
@@ -33,11 +41,36 @@ class PredictedLengths(NamedTuple):
     tape: Floats
     ground: Floats
 
+    @property
+    def parts(self) -> tuple[Floats, ...]:
+        """The parts, in their order."""
+        return self[2:]
+
+    @property
+    def error_m(self) -> Floats:
+        """(M,) root mean square of the errors, to second order.
+
+        To first order where errors of little more than their sigmas have no solution.
+        """
+        whole = self.variance + self.bent.variance + self.bent.bias**2
+        return np.sqrt(np.where(np.isfinite(whole), whole, self.variance))
+
+    @property
+    def reach_m(self) -> Floats:
+        """(M,) largest error that errors within six sigmas make, to second order.
+
+        What lies farther is another solution; no sigma tells of that. Infinite where second order
+        is not known.
+        """
+        spread = np.sqrt(2.0 * self.bent.variance)  # of the second derivatives, Frobenius' norm
+        reach = WITHIN * np.sqrt(self.variance) + 0.5 * WITHIN**2 * spread
+        return np.where(np.isfinite(reach), reach, np.inf)
+
 
 def predict_lengths(
     design: PhotoDesign, exact: PhotoDraws, place_m: Floats, pairs: Ints
 ) -> PredictedLengths:
-    """Covariance of the adjustment at the truth, and its parts.
+    """Covariance of the adjustment at the truth, its parts, and what second order adds.
 
     With unknowns x, of which everything but the readings has a prior, the estimate's error is
     C (H^T R^-1 n + L b), n being errors of readings and b those of what is known beforehand; the
@@ -52,9 +85,73 @@ def predict_lengths(
     place_m
         (E, 2) true places of its ends.
     pairs
-        (M, 2) ends of the lengths that are measured.
+        (M, 2) ends of the lengths that are measured. An end that no known length has belongs to
+        one of them only.
     """
-    used = len(design.line)
+    slopes = slopes_of(design, exact, place_m, pairs)
+    of_plane = of_ground(design)
+    known, first = len(design.line), 2 * len(place_m) + len(design.line) + 6
+    at = [known, first - 6, first, first + of_plane.start, first + of_plane.stop]
+    squares = slopes.by_error[known:] ** 2
+    lengths, picks, beforehand, camera, ground, tape = (
+        part.sum(axis=1) for part in np.split(squares, at, axis=1)
+    )
+    return PredictedLengths(
+        variance=slopes.variance,
+        bent=second_order(design, exact, pairs, slopes.by_error, slopes.shifts),
+        lengths=lengths,
+        picks=picks,
+        beforehand=beforehand,
+        camera=camera,
+        tape=tape,
+        ground=ground,
+    )
+
+
+class Slopes(NamedTuple):
+    """How lengths, as the adjustment finds them, go with the errors of what is observed.
+
+    Attributes
+    ----------
+    by_error
+        (L + M, n) of the known lengths, and of those that are measured, by errors in their sigmas,
+        in the order of `estimation/repeated/moved_errors.py`.
+    variance
+        (M,) of those that are measured [m²].
+    shifts
+        (2, E, K) by how much shared errors move the sightings, in sigmas.
+    """
+
+    by_error: Floats
+    variance: Floats
+    shifts: Floats
+
+
+def slopes_of(design: PhotoDesign, exact: PhotoDraws, place_m: Floats, pairs: Ints) -> Slopes:
+    """Slopes of the adjustment at the truth.
+
+    Parameters
+    ----------
+    design, exact, place_m, pairs
+        As of `predict_lengths`.
+    """
+    known, ends = len(design.line), len(place_m)
+    rows, shifts = _rows(design, exact, place_m, pairs)
+    before = np.eye(rows.shape[1])
+    before[:6, :6] = design.information
+    weighted = rows[:known] / design.length_sigma_m[:, None]
+    gain = rows @ np.linalg.inv(before + weighted.T @ weighted)
+    pose, picks, common = np.split(gain, [6, 6 + 2 * ends], axis=1)
+    parts = [gain @ weighted.T, picks, pose @ root_of(design.information), common]
+    variance = np.einsum("mi,mi->m", gain[known:], rows[known:])
+    return Slopes(np.concatenate(parts, axis=1), variance, shifts)
+
+
+def _rows(
+    design: PhotoDesign, exact: PhotoDraws, place_m: Floats, pairs: Ints
+) -> tuple[Floats, Floats]:
+    """Derivatives (L + M, 6 + 2 E + K) of all lengths by pose, picks and the rest; shifts."""
+    known, ends = len(design.line), len(place_m)
     every = replace(
         design,
         line=np.concatenate([design.line, pairs]),
@@ -65,29 +162,12 @@ def predict_lengths(
     common = np.zeros((common_count(design), 1))
     state = State(exact.center_world_m.T, np.zeros((3, 1)), place_m.T[..., None], common)
     line = linearise(every, draws, state)
-    ends, shared = place_m.shape[0], common.shape[0]
-    rows = np.zeros((len(every.line), 6 + 2 * ends + shared))
+    rows = np.zeros((len(every.line), 6 + 2 * ends + len(common)))
     rows[:, :6] = line.lower[..., 0] @ line.by_pose[..., 0]
     for own, at in zip(line.by_error[..., 0], every.line.T, strict=True):
         for k in (0, 1):
             rows[np.arange(len(rows)), 6 + 2 * at + k] += own[k]
     rows[:, 6 + 2 * ends :] = line.by_common[..., 0]
     if design.tape_scale_sigma:
-        rows[used:, -1] = 0.0  # what is measured, no tape reads
-    before = np.eye(rows.shape[1])
-    before[:6, :6] = design.information
-    weighted = rows[:used] / design.length_sigma_m[:, None]
-    covariance = np.linalg.inv(before + weighted.T @ weighted)
-    gain = rows[used:] @ covariance
-    of_readings = gain @ weighted.T
-    picks, of_plane = slice(6, 6 + 2 * ends), of_ground(design)
-    ground = slice(picks.stop + of_plane.start, picks.stop + of_plane.stop)
-    return PredictedLengths(
-        variance=np.einsum("mi,mi->m", gain, rows[used:]),
-        lengths=np.sum(of_readings**2, axis=1),
-        picks=np.sum(gain[:, picks] ** 2, axis=1),
-        beforehand=np.einsum("mi,ij,mj->m", gain[:, :6], design.information, gain[:, :6]),
-        camera=np.sum(gain[:, picks.stop : ground.start] ** 2, axis=1),
-        tape=np.sum(gain[:, ground.stop :] ** 2, axis=1),
-        ground=np.sum(gain[:, ground] ** 2, axis=1),
-    )
+        rows[known:, -1] = 0.0  # what is measured, no tape reads
+    return rows, line.shifts[..., 0]

@@ -42,7 +42,7 @@ after it is smaller by another factor of ten to a thousand."""
 BEYOND_ROUNDING = 1e-10
 """Squared length of steps whose gain no longer shows in the digits of the cost."""
 
-MOST_STEPS, MOST_DAMPED = 12, 60
+MOST_STEPS, MOST_DAMPED = 12, 200
 FIRST_DAMPING, LEAST_DAMPING = 1e-3, 1e-7
 
 

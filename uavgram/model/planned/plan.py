@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Literal
 
 from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
@@ -17,6 +17,11 @@ from uavgram.model.planned.parts import (
     PlannedPoints,
 )
 from uavgram.model.planned.request import FlightPattern
+
+ChosenBy = Literal["mean", "shares"]
+"""What a layout makes smallest: the mean of lengths' sigmas, or the mean of all sigmas as shares of
+what is wanted of them. Where nobody states that, lengths are shares of their mean sigma, and values
+of other units of their own, with the first few lines."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +139,10 @@ class FlightPlanned(FrozenArrays):
     frames, lines, plates, points, measurements, grid
         See each.
     mean_sigma
-        Mean predicted standard deviation of what is wanted (of the map where nothing else is).
+        Plain mean of the predicted standard deviations of the lengths that are wanted (of the map's
+        where nothing else is; of all values where none is a length).
+    chosen_by
+        What the layout makes smallest, which is `mean_sigma` only where it is ``mean``.
     gains
         What one more line or photo would bring, and a layout that bears a loss would cost.
     messages
@@ -156,6 +164,7 @@ class FlightPlanned(FrozenArrays):
     measurements: PlannedMeasurements
     grid: AccuracyGrid
     mean_sigma: float
+    chosen_by: ChosenBy = "mean"
     gains: tuple[Gain, ...] = ()
     messages: tuple[Message, ...] = ()
 

@@ -22,21 +22,26 @@ class Cell:
     at, label
         Where on the axis, and in words.
     predicted_m
-        Root mean square, over the withheld distances, of the sigmas without any noise.
+        Root mean square, over the withheld distances, of the errors to expect: sigmas and mean
+        errors without any noise, of single photos to second order.
     simulated_m
         Of the errors that the repetitions made.
     ratio, ratio_range
-        Of the errors over the predicted sigmas, root mean square; it lies in the range with 95 %.
+        Of the errors over the predicted ones, root mean square; it lies in the range with 95 %.
     bias_m
         Root mean square of the mean errors.
     shares
-        What each of `SOURCES` has of the predicted variance; empty where that is not told.
+        What each of `SOURCES` has of the predicted variance, to first order; empty where that is
+        not told.
     told
         Share of repetitions whose misfit shows that something is wrong (1 in 1,000 by chance).
     repetitions, lost
         How many were drawn, and how many gave no result.
     is_model
         Whether the world is what the program takes for granted.
+    elsewhere
+        Repetitions that ended at another solution than the true one, where the world is the model;
+        the errors are those of the others.
     """
 
     curve: str
@@ -52,6 +57,7 @@ class Cell:
     repetitions: int
     lost: int
     is_model: bool
+    elsewhere: int = 0
 
     def share(self, source: str) -> float:
         """What a source of errors has of the predicted variance."""

@@ -25,7 +25,7 @@ from uavgram.model.planned.parts import (
     PlannedMeasurements,
     PlannedPlates,
 )
-from uavgram.model.planned.plan import Gain
+from uavgram.model.planned.plan import ChosenBy, Gain
 from uavgram.model.planned.request import Laid, PlanRequest
 from uavgram.model.target_families import plate_label
 from uavgram.pipeline.plan.choose import Choice, good_enough, lengths
@@ -64,6 +64,12 @@ def plain_mean(possible: Possible) -> Aim:
 def mean_sigma(found: Predicted) -> float:
     """Mean sigma of the lengths among the values; of all where there are none."""
     return float(equal_weights(found.kind, found.unit) @ found.sigma)
+
+
+def chosen_by(possible: Possible) -> ChosenBy:
+    """What layouts are chosen by: a plain mean where all values weigh the same."""
+    weight = possible.aim.weight
+    return "mean" if np.allclose(weight, weight[0], rtol=1e-9, atol=0.0) else "shares"
 
 
 def planned_lines(

@@ -16,6 +16,7 @@ from uavgram.model.planned.plan import Assumptions, FlightFacts, FlightPlanned, 
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.pipeline.plan.accuracy import (
     accuracy_grid,
+    chosen_by,
     ends_of,
     gained_by,
     gains,
@@ -99,9 +100,15 @@ def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> Fl
         measurements=measured if shown else _nothing(),
         grid=accuracy_grid(scene, choice, layout.lines),
         mean_sigma=mean_sigma(found),
+        chosen_by=chosen_by(choice.possible),
         gains=tuple(gains(scene, request, wanted, choice, layout.lines)),
         messages=tuple(
-            remarks((lines, plates), measured, gained_by(choice.possible, layout.lines))
+            remarks(
+                (lines, plates),
+                measured,
+                gained_by(choice.possible, layout.lines),
+                len(choice.flight.cameras.center_m),
+            )
         ),
     )
 

@@ -50,49 +50,51 @@ def photo_cell(place: Place, repetitions: int) -> Cell:
     ends = found.place_m[:, photo.pairs]
     error = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2) - true
     good = found.converged & np.isfinite(error).all(axis=1)
+    elsewhere = np.zeros_like(good)
+    if scene.is_model:  # else large errors are what is asked for
+        elsewhere = good & (np.abs(error) > expected.reach_m).any(axis=1)
     # Each reading is one more than is needed where the pose is known beforehand. Without a log
     # three of them are used up: by the height and the tilt's two angles.
     free = len(photo.design.line) - (3 if scene.log == "none" else 0)
     told = found.cost[good] > chdtri(free, BY_CHANCE) if free > 0 else np.zeros(1)
-    return cell_of(place, expected, error, good, float(np.mean(told)), is_model=scene.is_model)
+    return cell_of(place, expected, error, (good, elsewhere), float(np.mean(told)))
 
 
 def cell_of(
     place: Place,
     expected: PredictedLengths,
     error_m: Floats,
-    good: Bools,
+    ended: tuple[Bools, Bools],
     told: float,
-    *,
-    is_model: bool,
 ) -> Cell:
     """What the draws say.
 
     Parameters
     ----------
-    place, expected, told, is_model
+    place, expected, told
         Of the cell.
-    error_m, good
-        (B, M), and (B,) which came to rest.
+    error_m, ended
+        (B, M), and (B,) which came to rest, and which of them at another solution.
     """
-    sigma = np.sqrt(expected.variance)
-    error = error_m[good]
-    low, middle, high = ratio_of(error / sigma)
-    parts, total = expected[1:], expected.variance.sum()
+    good, elsewhere = ended
+    error = error_m[good & ~elsewhere]
+    low, middle, high = ratio_of(error / expected.error_m)
+    total = expected.variance.sum()
     return Cell(
         curve=place.curve,
         at=place.at,
         label=place.label,
-        predicted_m=float(np.sqrt(np.mean(expected.variance))),
+        predicted_m=float(np.sqrt(np.mean(expected.error_m**2))),
         simulated_m=float(np.sqrt(np.mean(error**2))),
         ratio=middle,
         ratio_range=(low, high),
         bias_m=float(np.sqrt(np.mean(error.mean(axis=0) ** 2))),
-        shares=tuple(float(part.sum() / total) for part in parts),
+        shares=tuple(float(part.sum() / total) for part in expected.parts),
         told=told,
         repetitions=len(error_m),
         lost=int((~good).sum()),
-        is_model=is_model,
+        is_model=place.scene.is_model,
+        elsewhere=int(elsewhere.sum()),
     )
 
 

@@ -15,6 +15,7 @@ from uavgram.views.planned.numbers import metres
 from uavgram.views.planned.tables import line_rows, plate_rows, value_rows
 from uavgram.views.planned.words import (
     assumed,
+    chosen,
     corners_on_earth,
     flight_facts,
     headline,
@@ -59,6 +60,7 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
             unchecked=unchecked(planned),
             lost=if_a_line_is_lost(planned),
             take_off=take_off_words(planned),
+            chosen=chosen(planned),
             assumed=assumed(planned),
             plate_side=plate_side(planned),
             longest=metres(math.ceil(lengths.max())) if len(lengths) else "",

@@ -102,6 +102,30 @@ def corners_on_earth(planned: FlightPlanned) -> tuple[str, ...]:
     return tuple(f"{a:.6f}, {b:.6f}" for a, b in zip(latitude, longitude, strict=True))
 
 
+def chosen(planned: FlightPlanned) -> str:
+    """What the places of lines or plates were chosen for; empty where none are."""
+    if not planned.laid.name:
+        return ""
+    what = "plates" if planned.plates.name else "lines"
+    lie = f"The {what} lie where"
+    if planned.chosen_by == "mean":
+        over = "" if planned.measurements.name else " of lengths all over the area"
+        return f"{lie} the average ±{over} is smallest."
+    wished = np.isfinite(planned.measurements.wanted_sigma).any()
+    against = "what you wish" if wished else "what is usual for it"
+    return (
+        f"{lie} the ± are smallest on average when each is compared with {against}, so other "
+        f"places may have a smaller plain average. An average ± told here is the plain one"
+        f"{of_lengths(planned)}."
+    )
+
+
+def of_lengths(planned: FlightPlanned) -> str:
+    """What averages are of, where there are other values too."""
+    unit = planned.measurements.unit
+    return " of the lengths" if "m" in unit and set(unit) != {"m"} else ""
+
+
 def unchecked(planned: FlightPlanned) -> tuple[str, ...]:
     """Lines of which a wrong reading would pass unseen."""
     lines = planned.lines

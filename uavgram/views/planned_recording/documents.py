@@ -11,6 +11,7 @@ from uavgram.views.planned.numbers import metres
 from uavgram.views.planned.tables import line_rows, plate_rows, value_rows
 from uavgram.views.planned.words import (
     assumed,
+    chosen,
     flight_facts,
     headline,
     if_a_line_is_lost,
@@ -66,7 +67,7 @@ def summary_page(planned: FlightPlanned, units: Units) -> str:
     if planned.gains:
         more = [(plain(gain.what), f"± {100 * gain.mean_sigma:.1f} cm") for gain in planned.gains]
         parts += ["## What something else would bring", table(("with", "on average"), more)]
-    parts.append(plain(assumed(planned)))
+    parts += [plain(text) for text in (chosen(planned), assumed(planned)) if text]
     parts += [f"{plain(m.text)} `{m.code}`" for m in planned.messages if m.level == "info"]
     return "\n\n".join(parts)
 

@@ -63,7 +63,7 @@ def _row(cell: Cell) -> dict[str, object]:
         "bias": f"{1e3 * cell.bias_m:.1f}",
         "shares": [f"{100 * share:.0f}" for share in cell.shares],
         "told": f"{100 * cell.told:.1f}",
-        "count": f"{cell.repetitions - cell.lost} of {cell.repetitions}",
+        "count": f"{cell.repetitions - cell.lost - cell.elsewhere} of {cell.repetitions}",
         "is_model": cell.is_model,
         "is_bad": low > AGREES[1] or high < AGREES[0],
     }

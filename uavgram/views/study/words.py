@@ -84,7 +84,22 @@ def agreement(studies: tuple[Study, ...]) -> str:
         text += f": {'; '.join(named)}" + (" and others" if len(apart) > MOST_NAMED else "")
     lost = sum(cell.lost for cell in cells)
     drawn = sum(cell.repetitions for cell in cells)
-    return f"{text}. {lost} of {drawn} repetitions gave no result."
+    return f"{text}. {lost} of {drawn} repetitions gave no result.{_elsewhere(cells)}"
+
+
+def _elsewhere(cells: list[Cell]) -> str:
+    """Which surveys ended at another solution; empty where none did."""
+    some = [cell for cell in cells if cell.elsewhere]
+    if not some:
+        return ""
+    named = (
+        f"{c.curve}, {place_text(c)} ({c.elsewhere} of {c.repetitions})" for c in some[:MOST_NAMED]
+    )
+    return (
+        f" {sum(cell.elsewhere for cell in some)} ended at another solution, far from the true "
+        "one, which no standard deviation tells of; the errors above leave them out: "
+        f"{'; '.join(named)}" + (" and others." if len(some) > MOST_NAMED else ".")
+    )
 
 
 def lengths_share(cell: Cell) -> float:

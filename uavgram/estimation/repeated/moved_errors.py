@@ -1,0 +1,107 @@
+"""Lengths in one photo as functions of its errors: what moved errors make of them.
+
+The errors are those of readings, of picks, of the pose beforehand, and of what all sightings or all
+readings share, each in its sigmas and in this order.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.measuring.quadratic import (
+    SecondOrderTerms,
+    moves,
+    second_order_terms,
+)
+from uavgram.estimation.repeated.common_errors import of_ground
+from uavgram.estimation.repeated.single_photo import adjust_photos
+from uavgram.geometry.motion.rotation import exp_so3
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
+
+FLAT = 1e-9
+"""Variance, as a share of the largest, of directions that move no length."""
+
+
+def second_order(
+    design: PhotoDesign, exact: PhotoDraws, pairs: Ints, by_error: Floats, shifts: Floats
+) -> SecondOrderTerms:
+    """Second-order terms of measured lengths: all errors are moved, and the photo adjusted anew.
+
+    Parameters
+    ----------
+    design, exact, pairs
+        As of `predict_lengths`. An end that no known length has belongs to one pair only.
+    by_error
+        (R, n) slopes of lengths by the errors: of the measured ones, and of others that tell how
+        the errors move the photo.
+    shifts
+        (2, E, K) by how much shared errors move the sightings, in sigmas.
+    """
+    directions = _directions(design, pairs, by_error)
+    moved = np.concatenate([moves(directions), np.zeros((1, by_error.shape[1]))])
+    draws = observed(design, exact, moved, shifts)
+    start = exact.center_world_m[0], exact.world_from_camera[0]
+    found = adjust_photos(design, draws, start)
+    ends = found.place_m[:, pairs]
+    length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
+    length[~found.converged] = np.nan
+    return second_order_terms(length[:-1], length[-1])
+
+
+def _directions(design: PhotoDesign, pairs: Ints, by_error: Floats) -> Floats:
+    """(d, n) orthonormal directions of the errors that move lengths, most of all to first order.
+
+    Those that move the photo are common to all lengths. Ends that no known length has move only
+    their own one: those of all pairs move at once.
+    """
+    picks = len(design.line) + np.arange(2 * len(design.height_m)).reshape(-1, 2)
+    loose = np.setdiff1d(pairs, design.line)
+    shared = by_error.copy()
+    shared[:, picks[loose].ravel()] = 0.0
+    size = np.linalg.norm(by_error, axis=1, keepdims=True)
+    _, spread, axes = np.linalg.svd(shared / np.where(size > 0, size, 1.0), full_matrices=False)
+    own = np.zeros((4, by_error.shape[1]))
+    for end in (0, 1):
+        for k in (0, 1):
+            own[2 * end + k, picks[np.intersect1d(pairs[:, end], loose), k]] = 1.0
+    return np.concatenate([axes[spread**2 > FLAT * spread[0] ** 2], own])
+
+
+def observed(design: PhotoDesign, exact: PhotoDraws, moved: Floats, shifts: Floats) -> PhotoDraws:
+    """What is observed with errors.
+
+    Parameters
+    ----------
+    design, exact
+        The photo, and one draw without any error.
+    moved
+        (S, n) the errors.
+    shifts
+        As of `second_order`.
+    """
+    ends, known = len(design.height_m), len(design.line)
+    reading, pick, pose, shared = np.split(
+        moved, [known, known + 2 * ends, known + 2 * ends + 6], axis=1
+    )
+    pick = pick.reshape(-1, ends, 2) - np.einsum("jek,sk->sej", shifts, shared)
+    length = exact.length_m + design.length_sigma_m * reading
+    if design.tape_scale_sigma:
+        length = length / (1.0 - design.tape_scale_sigma * shared[:, -1:])
+    ground = exact.ground
+    if design.ground_root is not None:
+        ground = ground + shared[:, of_ground(design)] @ design.ground_root.T
+    off = pose @ np.linalg.pinv(root_of(design.information))
+    return PhotoDraws(
+        pixel_px=exact.pixel_px + design.pixel_sigma_px[:, None] * pick,
+        length_m=length,
+        center_world_m=exact.center_world_m + off[:, :3],
+        world_from_camera=exact.world_from_camera @ exp_so3(off[:, 3:]),
+        ground=np.broadcast_to(ground, (len(moved), 3)),
+    )
+
+
+def root_of(information: Floats) -> Floats:
+    """(n, n) of a symmetric matrix that has no negative eigenvalue: it is root times root^T."""
+    value, axes = np.linalg.eigh(information)
+    return np.asarray(axes * np.sqrt(np.maximum(value, 0.0)))
