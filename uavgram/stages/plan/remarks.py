@@ -8,12 +8,28 @@ import numpy as np
 
 from uavgram.model.message import Message
 from uavgram.model.planned.parts import PlannedLines, PlannedMeasurements, PlannedPlates
+from uavgram.model.scenario.scenario import Site
 
 LARGE_M = 0.3
 """A mistake of a tape reading that people do make: a slipped decimetre mark or three."""
 
 LEAST_GAIN = 0.1
 """Share of the sigmas that reference lines must take away to be worth the work."""
+
+
+def nowhere() -> Message:
+    """What to know of a plan in metres of which nobody said where on earth they count from."""
+    site = Site()
+    return Message(
+        "warning",
+        "plan-nowhere",
+        "Nobody said where on earth this is, so do not fly by the mission files yet: they, the "
+        "maps and the north of the drawing are of the place of the program's demo "
+        f"({site.latitude_deg:.4f}, {site.longitude_deg:.4f}). Write site: {{latitude_deg: ..., "
+        "longitude_deg: ..., scene_east_m: 0, scene_north_m: 0, road_azimuth_deg: ...}, where "
+        "your [0, 0] lies and where the first axis of your metres points, clockwise from north; "
+        "or give the area as a GeoJSON or KML file.",
+    )
 
 
 def remarks(
