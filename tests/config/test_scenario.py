@@ -45,6 +45,7 @@ def test_a_class_of_telemetry_fills_what_is_not_written(tmp_path: Path) -> None:
         ("errors:\n  readout_ms: fast\n", "readout_ms"),
         ("camera:\n  file: a.yaml\n  drone: DJI Mini\n", "give one of the two"),
         ("points: [{label: A, x_m: 0, y_m: 0}]\n", "lines and measurements are the demo's"),
+        ("road: {debris: [[0, 0], [1, 1]]}\n", "debris must name four corners, or none"),
         ("errors: {lost_exposure: 14}\n", "must lie between 0 and 13, or be null"),
     ],
 )
@@ -67,6 +68,13 @@ def test_shorter_flights_than_the_demos_lose_no_photo_that_they_do_not_have(
     assert short.errors.pick_px == 0.5
     path.write_text("flight: {photos_per_strip: 6}\n", encoding="utf-8")
     assert load_scenario(path).lost_exposure == Scenario().lost_exposure == 9
+
+
+def test_of_a_road_only_what_differs_is_written(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text("road: {vehicles: [], debris: []}\n", encoding="utf-8")
+    road = load_scenario(path).road
+    assert (road.vehicles, road.debris, road.width_m) == ((), (), 7.0)
 
 
 def test_a_wrong_value_is_named_with_its_line(tmp_path: Path) -> None:

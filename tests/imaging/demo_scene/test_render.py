@@ -149,6 +149,24 @@ def test_photos_read_row_after_row_show_marks_and_plates_where_each_row_saw_them
         assert np.linalg.norm(found - own) < 0.15, label
 
 
+def test_pixels_of_which_the_lens_knows_no_ray_are_black_at_once() -> None:
+    """As with the wide errors of a lens that nobody calibrated; and there is no debris either."""
+    usual = Scenario()
+    narrow = replace(
+        usual.camera,
+        width_px=400,
+        height_px=300,
+        parameters=(180.0, 180.0, 200.0, 150.0, -0.5, 0.0, 0.0, 0.0, 0.0),
+        sigma=(0.1, 0.1, 0.1, 0.1, 1e-4, 1e-4, 1e-5, 1e-5, 1e-5),
+    )
+    road = replace(usual.road, debris=())
+    flight = replace(usual.flight, pattern="single", gimbal_pitch_deg=-45.0)
+    survey = simulate(replace(usual, camera=narrow, road=road, flight=flight))
+    photo = next(render_photos(survey))
+    assert photo[0, 0].max() < 20
+    assert photo[140:160, 180:220].mean() > 50
+
+
 def seen_by_its_row(survey: SimulatedSurvey, row: int, readout_s: float) -> tuple[Floats, Floats]:
     """Where a point is in the first photo, by the instant of its row and by that of the middle."""
     scenario, calibration = survey.scenario, survey.calibration

@@ -72,8 +72,9 @@ def test_agreement_counts_the_cells() -> None:
     assert "1.01 to 1.20 times" in text
     assert "1 of 3 cells lie" in text
     assert "of the others 1 differ" in text
-    assert "7 of 300 repetitions" in text
+    assert "7 of 300 repetitions gave no result: usual, 3 mm (7 of 100)." in text
     assert "another solution" not in text
+    assert agreement((study(good),)).endswith("0 of 100 repetitions gave no result.")
     assert not agreement((study(aside),))
 
 
@@ -90,6 +91,23 @@ def test_a_prediction_that_fails_is_told_with_its_range() -> None:
     told = " ".join(said(study(fine, bad, name="ground")))
     assert "the errors are 1.40 times (1.35 to 1.45) at 50 mm" in told
     assert "at 10 mm" in told
+
+
+def test_what_chance_explains_is_no_extreme() -> None:
+    """37 mm, drawn, below 40 mm predicted and drawn: only where its range says so."""
+    ends = cell(1.0, 0.5), cell(9.0, 0.5, simulated_m=0.06, is_model=False)
+    for spread, is_told in ((0.10, False), (0.02, True)):
+        drawn = {"simulated_m": 0.037, "ratio": 0.925, "is_model": False}
+        low = cell(5.0, 0.5, ratio_range=(0.925 - spread, 0.925 + spread), **drawn)
+        told = said(study(ends[0], low, ends[1], name="ground"))[0]
+        assert ("smallest at 5 mm (37 mm)" in told) == is_told
+    same = cell(5.0, 0.5, predicted_m=0.0399)
+    assert "smallest" not in said(study(ends[0], same, cell(9.0, 0.5), name="picks"))[0]
+
+
+def test_a_misreading_that_is_overlooked_again_when_larger_is_not_seen_from_there_on() -> None:
+    sizes = [cell(at, 0.5, is_model=False, told=t) for at, t in ((1, 0.9), (2, 0.7), (3, 0.9))]
+    assert "of the surveys from 3 mm on" in " ".join(said(study(*sizes, name="blunder")))
 
 
 @pytest.mark.parametrize(("told", "words"), [(0.9, "from 500 mm on"), (0.5, "never seen")])

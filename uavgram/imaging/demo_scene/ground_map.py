@@ -21,6 +21,8 @@ GRID_PX = 8
 PADDING_NODES = 2
 RELIEF_ROUNDS = 4
 MARGIN_PX = 2
+NOWHERE_M = 1e4
+"""Where pixels look of which the lens model knows no ray, and whatever is farther."""
 READ = np.array([-0.5, 0.0, 0.5])
 """First, middle and last row, in readout times."""
 
@@ -107,6 +109,7 @@ def ground_map(
     scene = _seen_on(survey, index, np.stack([u, v], axis=-1), sheet) @ axes[:, :2].T
     scene += axes[:, 2]
     whole = (u.shape[1] * GRID_PX, u.shape[0] * GRID_PX)
+    scene = np.nan_to_num(np.clip(scene, -NOWHERE_M, NOWHERE_M), nan=NOWHERE_M)
     fine = cv2.resize(scene.astype(np.float32), whole, interpolation=cv2.INTER_LINEAR)
     left, top = (np.array([part.left, part.top]) - first * GRID_PX).tolist()
     cut = fine[top : top + part.bottom - part.top, left : left + part.right - part.left]

@@ -216,6 +216,8 @@ def _smooth(corners_m: Floats) -> Floats:
 
 def _debris(image: Image, painter: Painter, road: RoadLayout, rng: np.random.Generator) -> None:
     """Glass, plastic and dirt inside the debris field, denser towards its first corner."""
+    if not road.debris:
+        return
     corners = np.array(road.debris)
     colors = ((206, 212, 214), (40, 40, 42), (40, 48, 176), (150, 156, 160), (60, 130, 210))
     for color, count in zip(colors, (260, 110, 60, 120, 40), strict=True):

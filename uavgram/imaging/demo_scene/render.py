@@ -10,6 +10,7 @@ import numpy as np
 
 from uavgram.imaging.demo_scene.details import Detail, details
 from uavgram.imaging.demo_scene.ground_map import (
+    NOWHERE_M,
     Part,
     Sheet,
     ground_map,
@@ -18,7 +19,7 @@ from uavgram.imaging.demo_scene.ground_map import (
     whole_photo,
 )
 from uavgram.imaging.demo_scene.ground_texture import paint_ground
-from uavgram.imaging.raster import Image, Weights
+from uavgram.imaging.raster import GroundRaster, Image, Weights
 from uavgram.model.arrays import Floats
 from uavgram.model.scenario.simulated import SimulatedSurvey
 
@@ -26,6 +27,7 @@ VIGNETTING = 0.2  # of the light is lost in the corners
 SENSOR_NOISE = 2.2  # of 255
 EXPOSURE_SIGMA = 0.02
 PIXEL_SUBDIVISION_MAX = 4
+FARTHEST_M = 500.0  # to which the ground is mirrored: each time costs time
 LEAST_PX = 3  # what shows on fewer pixels is left out
 
 
@@ -57,13 +59,21 @@ def render_photos(survey: SimulatedSurvey) -> Iterator[Image]:
     whole, level = whole_photo(survey), ground_sheet(survey)
     for index in range(len(survey.frame_id)):
         maps = ground_map(survey, index, whole, level)
-        photo = _sample(ground.image, ground.pixel_from_scene, maps, cv2.BORDER_REFLECT_101)
+        photo = _ground_photo(ground, maps)
         for detail in laid:
             part = part_showing(survey, index, detail.corners_m, detail.sheet or level)
             if part.right - part.left < LEAST_PX or part.bottom - part.top < LEAST_PX:
                 continue
             _lay_detail(photo, detail, _maps(survey, index, part, detail.sheet, maps), part)
         yield _expose(photo, sensor, rng)
+
+
+def _ground_photo(ground: GroundRaster, maps: tuple[Weights, Weights]) -> Image:
+    """The ground, mirrored over and over beyond its raster; black where nothing is seen."""
+    near = np.clip(maps[0], -FARTHEST_M, FARTHEST_M), np.clip(maps[1], -FARTHEST_M, FARTHEST_M)
+    photo = _sample(ground.image, ground.pixel_from_scene, near, cv2.BORDER_REFLECT_101)
+    photo[np.maximum(maps[0], maps[1]) >= NOWHERE_M / 2] = 0
+    return photo
 
 
 def _maps(

@@ -9,6 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from uavgram.model.scenario.checks import require
+
 Mark = Literal["checker", "cross", "disc"]
 
 
@@ -92,37 +94,33 @@ class RoadLayout:
     vehicles
         What came to rest there.
     debris
-        Corners (x, y) of the field over which glass and plastic lie.
+        Four corners (x, y) of the field over which glass and plastic lie; empty: there is none.
     """
 
-    width_m: float
-    side_x_m: float
-    side_width_m: float
-    corner_radius_m: float
-    skid_marks: tuple[tuple[tuple[float, float], ...], ...]
-    vehicles: tuple[Vehicle, ...]
-    debris: tuple[tuple[float, float], ...]
-
-
-DEMO_ROAD = RoadLayout(
-    width_m=7.0,
-    side_x_m=6.0,
-    side_width_m=6.0,
-    corner_radius_m=4.0,
-    skid_marks=(
+    width_m: float = 7.0
+    side_x_m: float = 6.0
+    side_width_m: float = 6.0
+    corner_radius_m: float = 4.0
+    skid_marks: tuple[tuple[tuple[float, float], ...], ...] = (
         ((-15.5, -1.0), (-10.0, -0.95), (-5.3, -0.72), (-1.5, -0.32), (1.4, 0.12), (2.6, 0.36)),
         ((-15.1, -2.5), (-9.8, -2.45), (-5.0, -2.22), (-1.2, -1.8), (1.75, -1.35), (2.9, -1.12)),
-    ),
-    vehicles=(
+    )
+    vehicles: tuple[Vehicle, ...] = (
         Vehicle(
             x_m=4.0, y_m=-0.1, heading_deg=12.0, length_m=4.5, width_m=1.82, color_rgb=(38, 74, 128)
         ),
         Vehicle(
             x_m=7.6, y_m=1.3, heading_deg=70.0, length_m=4.2, width_m=1.75, color_rgb=(172, 34, 30)
         ),
-    ),
-    debris=((8.6, -3.0), (13.6, -2.3), (15.2, 2.1), (10.6, 3.0)),
-)
+    )
+    debris: tuple[tuple[float, float], ...] = ((8.6, -3.0), (13.6, -2.3), (15.2, 2.1), (10.6, 3.0))
+
+    def __post_init__(self) -> None:
+        for name in ("width_m", "side_width_m", "corner_radius_m"):
+            require(getattr(self, name) > 0, f"{name} must be greater than 0")
+        require(len(self.debris) in {0, 4}, "debris must name four corners, or none")
+        short = any(len(mark) < 2 for mark in self.skid_marks)
+        require(not short, "skid_marks: each needs two points or more")
 
 
 def _points(

@@ -19,7 +19,6 @@ from uavgram.model.scenario.plates import PlateSpec
 from uavgram.model.scenario.road import (
     DEMO_LINES,
     DEMO_POINTS,
-    DEMO_ROAD,
     RoadLayout,
     SceneLine,
     ScenePoint,
@@ -161,7 +160,7 @@ class Scenario:
     errors: ErrorSpec = field(default_factory=ErrorSpec)
     stated: StatedSpec = field(default_factory=StatedSpec)
     habits: HabitSpec = field(default_factory=HabitSpec)
-    road: RoadLayout = DEMO_ROAD
+    road: RoadLayout = field(default_factory=RoadLayout)
     points: tuple[ScenePoint, ...] = DEMO_POINTS
     lines: tuple[SceneLine, ...] = DEMO_LINES
     plates: PlateSpec = field(default_factory=PlateSpec)

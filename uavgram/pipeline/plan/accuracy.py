@@ -28,7 +28,7 @@ from uavgram.model.planned.parts import (
 from uavgram.model.planned.plan import ChosenBy, Gain
 from uavgram.model.planned.request import Laid, PlanRequest
 from uavgram.model.target_families import plate_label
-from uavgram.pipeline.plan.choose import Choice, good_enough, lengths
+from uavgram.pipeline.plan.choose import SPOTS_AT_FIRST, Choice, good_enough, lengths
 from uavgram.pipeline.plan.possible import Possible
 from uavgram.pipeline.plan.possible import possible as lines_or_plates
 from uavgram.pipeline.plan.predicted import Predicted, predicted
@@ -239,13 +239,38 @@ def gains(
         if larger is not None and len(lines) > 1:
             sturdy = surviving(options.aim, candidates, larger)
             yield _borne(aim, choice, sturdy, "to bear a loss best")
+    yield from _photo_more(scene, request, wanted, choice, lines)
+
+
+def _photo_more(
+    scene: PlanScene, request: PlanRequest, wanted: Wanted, choice: Choice, lines: Sequence[int]
+) -> Iterator[Gain]:
+    """One more photo, and the lines where they are; laid anew where they do not suit its places."""
     more = one_photo_more(scene, request, choice.flight)
-    if more is not None:
-        try:
-            after = predicted(scene, more.cameras, wanted, ends_of(options, lines))
-        except (GeometryError, SingularError):
-            return
-        yield Gain(what="one more photo", mean_sigma=mean_sigma(after))
+    if more is None:
+        return
+    aim, candidates = plain_mean(choice.possible), choice.possible.candidates
+    now = criterion_of(aim, candidates, lines)
+    try:
+        after = predicted(scene, more.cameras, wanted, ends_of(choice.possible, lines))
+        same = mean_sigma(after)
+    except (GeometryError, SingularError):
+        same = np.inf
+    if same <= now:
+        yield Gain(what="one more photo", mean_sigma=same)
+        return
+    between = lengths(request, choice.laid)
+    try:
+        options = lines_or_plates(
+            scene, more.cameras, wanted, between, good_enough(request, wanted), SPOTS_AT_FIRST
+        )
+    except GeometryError:
+        return
+    laid = best_layout(options.aim, options.candidates, len(lines)).lines
+    anew = criterion_of(plain_mean(options), options.candidates, laid)
+    if np.isfinite(anew):
+        what = f"one more photo, and other places for the {choice.laid}"
+        yield Gain(what=what, mean_sigma=anew)
 
 
 def _borne(aim: Aim, choice: Choice, layout: Chosen, aimed: str) -> Gain:

@@ -13,7 +13,7 @@ from uavgram.model.planned.parts import (
     PlannedPoints,
 )
 from uavgram.model.planned.plan import Assumptions, FlightFacts, FlightPlanned, PlannedSite
-from uavgram.model.scenario.scenario import Scenario
+from uavgram.model.scenario.scenario import Scenario, Site
 from uavgram.pipeline.plan.accuracy import (
     accuracy_grid,
     chosen_by,
@@ -31,7 +31,7 @@ from uavgram.pipeline.plan.scene import Asked
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.plan.cover import covering
 from uavgram.stages.plan.footprints import footprints
-from uavgram.stages.plan.remarks import remarks
+from uavgram.stages.plan.remarks import nowhere, remarks
 from uavgram.stages.plan.scene import PlanScene
 from uavgram.stages.plan.wanted import wanted_of
 
@@ -102,15 +102,23 @@ def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> Fl
         mean_sigma=mean_sigma(found),
         chosen_by=chosen_by(choice.possible),
         gains=tuple(gains(scene, request, wanted, choice, layout.lines)),
-        messages=tuple(
-            remarks(
+        messages=(
+            *((nowhere(),) if is_nowhere(asked) else ()),
+            *remarks(
                 (lines, plates),
                 measured,
                 gained_by(choice.possible, layout.lines),
                 len(choice.flight.cameras.center_m),
-            )
+            ),
         ),
     )
+
+
+def is_nowhere(asked: Asked) -> bool:
+    """Whether the area is in metres from a place that nobody named."""
+    own, usual = asked.site, Site()
+    named = (own.latitude_deg, own.longitude_deg) != (usual.latitude_deg, usual.longitude_deg)
+    return not named and not isinstance(asked.request.area, str)
 
 
 def _facts(asked: Asked, choice: Choice) -> FlightFacts:

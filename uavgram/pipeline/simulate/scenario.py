@@ -9,6 +9,7 @@ from uavgram.config.scenario import scenario_document
 from uavgram.config.strict_yaml import dotted
 from uavgram.errors import InputError, near_miss
 from uavgram.io.cameras.drone_table import drone_cameras
+from uavgram.model.camera.assumed_errors import ORDINARY_EQUIVALENTS_MM
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.tags import CameraTags, DroneCamera
 from uavgram.model.scenario.scenario import CameraSpec
@@ -65,13 +66,14 @@ def scenario_camera(path: Path, camera: CameraSpec) -> Calibration | None:
     named = CameraTags(path=str(path), width_px=1, height_px=1, model=camera.drone)
     found = find_camera(named, known)
     if found is None:
-        names = sorted({one.make_model for one in known})
-        hint = near_miss(camera.drone, names)
+        sold = {one.comment for one in known if one.make_model in ORDINARY_EQUIVALENTS_MM}
+        hint = near_miss(camera.drone, sorted({*sold, *(one.make_model for one in known)}))
         raise InputError(
             path,
             f"camera.drone: the table of drone cameras has no {camera.drone!r}"
             f"{hint and f' ({hint})'}: name it by make and model as its photos do, such as "
-            "'dji fc330', or as it is sold, such as 'DJI Mavic 2 Pro', or give camera.file",
+            "'dji fc330', or as it is sold, such as 'DJI Mavic 2 Pro', or give camera.file. Drones "
+            "of one maker often have the same camera",
         )
     return _of_table(path, camera, _whole_colour(found, known))
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from uavgram.model.message import Message
 from uavgram.model.planned.parts import PlannedLines, PlannedMeasurements, PlannedPlates
+from uavgram.model.scenario.scenario import Site
 
 LARGE_M = 0.3
 """A mistake of a tape reading that people do make: a slipped decimetre mark or three."""
@@ -20,6 +21,21 @@ FEW_LINES = 3
 """Fewer leave the tilt of a single photo to its log: over its sigmas lengths bend by so much that
 errors of simulated surveys were 1.0 to 1.3 times what is predicted to first order with one line,
 and 0.95 to 1.2 times with two; second order overshoots there. From three lines on neither shows."""
+
+
+def nowhere() -> Message:
+    """What to know of a plan in metres of which nobody said where on earth they count from."""
+    site = Site()
+    return Message(
+        "warning",
+        "plan-nowhere",
+        "Nobody said where on earth this is, so do not fly by the mission files yet: they, the "
+        "maps and the north of the drawing are of the place of the program's demo "
+        f"({site.latitude_deg:.4f}, {site.longitude_deg:.4f}). Write site: {{latitude_deg: ..., "
+        "longitude_deg: ..., scene_east_m: 0, scene_north_m: 0, road_azimuth_deg: ...}, where "
+        "your [0, 0] lies and where the first axis of your metres points, clockwise from north; "
+        "or give the area as a GeoJSON or KML file.",
+    )
 
 
 def remarks(

@@ -95,7 +95,9 @@ def flight_facts(planned: FlightPlanned) -> tuple[tuple[str, str], ...]:
 
 
 def corners_on_earth(planned: FlightPlanned) -> tuple[str, ...]:
-    """Latitude and longitude of each corner of the area, as map programs take them."""
+    """Latitude and longitude of each corner of the area, as map programs take them, if known."""
+    if any(message.code == "plan-nowhere" for message in planned.messages):
+        return ()
     site = planned.site
     origin = (site.latitude_deg, site.longitude_deg, site.height_msl_m)
     latitude, longitude, _ = geodetic_from_enu(planned.area_world_m, origin)

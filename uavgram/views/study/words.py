@@ -82,24 +82,33 @@ def agreement(studies: tuple[Study, ...]) -> str:
     if apart:
         named = (f"{c.curve}, {place_text(c)} ({c.ratio:.2f})" for c in apart[:MOST_NAMED])
         text += f": {'; '.join(named)}" + (" and others" if len(apart) > MOST_NAMED else "")
-    lost = sum(cell.lost for cell in cells)
+    return f"{text}. {_lost(cells)}{_elsewhere(cells)}"
+
+
+def _lost(cells: list[Cell]) -> str:
+    """How many repetitions gave no result, and where."""
+    losing = {cell: cell.lost for cell in cells if cell.lost}
     drawn = sum(cell.repetitions for cell in cells)
-    return f"{text}. {lost} of {drawn} repetitions gave no result.{_elsewhere(cells)}"
+    text = f"{sum(losing.values())} of {drawn} repetitions gave no result"
+    return f"{text}: {_most(losing)}." if losing else f"{text}."
 
 
 def _elsewhere(cells: list[Cell]) -> str:
     """Which surveys ended at another solution; empty where none did."""
-    some = [cell for cell in cells if cell.elsewhere]
+    some = {cell: cell.elsewhere for cell in cells if cell.elsewhere}
     if not some:
         return ""
-    named = (
-        f"{c.curve}, {place_text(c)} ({c.elsewhere} of {c.repetitions})" for c in some[:MOST_NAMED]
-    )
     return (
-        f" {sum(cell.elsewhere for cell in some)} ended at another solution, far from the true "
-        "one, which no standard deviation tells of; the errors above leave them out: "
-        f"{'; '.join(named)}" + (" and others." if len(some) > MOST_NAMED else ".")
+        f" {sum(some.values())} ended at another solution, far from the true one, which no "
+        f"standard deviation tells of; the errors above leave them out: {_most(some)}."
     )
+
+
+def _most(number: dict[Cell, int]) -> str:
+    """The cells with the largest numbers, and these."""
+    by_size = sorted(number, key=lambda cell: -number[cell])[:MOST_NAMED]
+    named = (f"{c.curve}, {place_text(c)} ({number[c]} of {c.repetitions})" for c in by_size)
+    return "; ".join(named) + (" and others" if len(number) > MOST_NAMED else "")
 
 
 def lengths_share(cell: Cell) -> float:
@@ -127,9 +136,9 @@ def _course(name: str, cells: tuple[Cell, ...]) -> str:
         f"{capital(name)}: the error is {millimetres(size_m(first))} at {place_text(first)} and "
         f"{millimetres(size_m(last))} at {place_text(last)}"
     )
-    if worst not in {first, last}:
+    if _is_apart(worst, first) and _is_apart(worst, last):
         text += f", and largest at {place_text(worst)} ({millimetres(size_m(worst))})"
-    elif least not in {first, last}:
+    elif _is_apart(least, first) and _is_apart(least, last):
         text += f", and smallest at {place_text(least)} ({millimetres(size_m(least))})"
     if all(cell.shares and cell.is_model for cell in cells):
         parts = []
@@ -144,6 +153,20 @@ def _course(name: str, cells: tuple[Cell, ...]) -> str:
             parts.append(f"{source_text(source)} at {where} ({_percents(share)})")
         text += f". The largest part of the predicted variance comes from {'; '.join(parts)}"
     return f"{text}."
+
+
+def _is_apart(one: Cell, other: Cell) -> bool:
+    """Whether the errors of two cells differ by more than chance and more than what is shown."""
+    low, high = sorted((_between(one), _between(other)))
+    return low[1] < high[0] and millimetres(size_m(one)) != millimetres(size_m(other))
+
+
+def _between(cell: Cell) -> tuple[float, float]:
+    """Between which sizes the error of a cell lies: a prediction has no chance in it."""
+    if cell.is_model:
+        return cell.predicted_m, cell.predicted_m
+    low, high = (cell.simulated_m * end / cell.ratio for end in cell.ratio_range)
+    return low, high
 
 
 def _named(name: str, cells: tuple[Cell, ...]) -> str:
@@ -210,7 +233,8 @@ def _failing(study: Study) -> list[str]:
             text += f"the prediction fails: the errors are {', '.join(parts)}"
         if good:
             where = ", ".join(place_text(cell) for cell in good)
-            text += f"; at {where} no failure shows" if bad else f"no failure shows at {where}"
+            chance = "cannot be told from chance"
+            text += f"; at {where} it {chance}" if bad else f"a failure {chance} at {where}"
         found.append(f"{text}.")
     return found
 
@@ -218,7 +242,9 @@ def _failing(study: Study) -> list[str]:
 def _unseen(name: str, cells: tuple[Cell, ...]) -> str:
     """From which size on a misreading shows in the misfit."""
     parts = [f"{_percent(cell.told)} at {place_text(cell)}" for cell in cells if not cell.is_model]
-    seen = [cell for cell in cells if not cell.is_model and cell.told >= SEEN]
+    sizes = [cell for cell in cells if not cell.is_model]
+    # From one on, with which all larger ones are seen.
+    seen = [one for k, one in enumerate(sizes) if all(c.told >= SEEN for c in sizes[k:])]
     first = (
         f"seen in at least {_percent(SEEN)} of the surveys from {place_text(seen[0])} on"
         if seen
