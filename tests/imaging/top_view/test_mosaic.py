@@ -12,7 +12,7 @@ import synthetic_survey
 from uavgram.imaging.photos.preview import Preview, decode_preview
 from uavgram.imaging.top_view import mosaic
 from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
-from uavgram.imaging.top_view.mosaic_grid import Cameras, Grid, choose
+from uavgram.imaging.top_view.mosaic_grid import Box, Cameras, Grid, choose
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 
@@ -215,13 +215,20 @@ def test_pixels_of_cells_are_those_of_each_place(cell: int) -> None:
     cameras = Cameras(poses.center_world_m[rows], poses.world_from_camera[rows], sweep)
     east, north = cameras.center_m[0, :2]
     grid = Grid(result, float(east) - 30.0, float(north) + 30.0, 0.05, cell, (1200 // cell,) * 2)
-    i, j = (index.ravel() for index in np.indices(grid.shape))
+    everywhere = Box(0, grid.shape[0], 0, grid.shape[1])
+    some = Box(1, grid.shape[0], 1, grid.shape[1] - 1)
+    seen = grid.places_about(cameras, 0, everywhere)
 
-    found = grid.pixels_in_cells(cameras, 0, i, j)
+    found = [grid.pixels_at(cameras, seen, box) for box in (everywhere, some)]
 
-    within = np.arange(cell) + 0.5
-    row = np.repeat(i[:, None] * cell + within, cell, axis=1)
-    column = np.tile(j[:, None] * cell + within, cell)
-    exact = grid.pixels_in(cameras, 0, grid.world(column, row))
+    row, column = (np.arange(count * cell) + 0.5 for count in grid.shape)
+    world = grid.world(*np.meshgrid(column, row))
+    exact, anywhere = grid.pixels_in(cameras, 0, world), grid._projected(cameras, 0, world)
+    last = [result.camera.width_px - 1, result.camera.height_px - 1]
+    at_edge = (np.minimum(np.abs(anywhere), np.abs(anywhere - last)) < 0.02).any(axis=-1)
     assert 0.1 < np.isfinite(exact).mean() < 0.9
-    np.testing.assert_allclose(found, exact, atol=0.02)
+    for box, (u, v) in zip((everywhere, some), found, strict=True):
+        part = box.pixels(cell)
+        shows = np.isfinite(u)
+        assert (at_edge[part] | (shows == np.isfinite(exact[part][..., 0]))).all()
+        np.testing.assert_allclose(np.stack([u, v], -1)[shows], anywhere[part][shows], atol=0.02)

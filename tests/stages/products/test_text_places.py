@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.arrays import Floats
+from uavgram.stages.products import text_places
 from uavgram.stages.products.text_places import TextPlaces, around, overlaps
 
 
@@ -57,7 +58,11 @@ def test_what_is_reserved_stays_free() -> None:
     assert not overlaps(np.array(taken), below[None]).any()
 
 
-def test_whoever_looks_only_near_by_takes_the_places_that_are_free_of_all() -> None:
+@pytest.mark.parametrize("few", [0, 80, 1000])
+def test_whoever_looks_only_near_by_takes_the_places_that_are_free_of_all(
+    few: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(text_places, "_FEW", few)
     rng = np.random.default_rng(3)
     places = TextPlaces()
     taken = rng.uniform(-400.0, 0.0, (1, 5)) * [1, 1, -1, -1, 0]  # larger than any square

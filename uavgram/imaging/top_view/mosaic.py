@@ -4,16 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from uavgram.imaging.photos.preview import Pixels
+from uavgram.imaging.photos.shrink import half
 from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, toned
 from uavgram.imaging.top_view.gains import Light, gains_between, light_at
 from uavgram.imaging.top_view.mosaic_grid import (
     Cameras,
     Grid,
+    Singles,
+    Values,
+    bands,
+    box_of,
     choose,
     corner_weights,
     gain_field,
@@ -21,6 +28,8 @@ from uavgram.imaging.top_view.mosaic_grid import (
 )
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
+
+Shade = TypeVar("Shade", np.uint8, np.float32)
 
 MAX_SIZE_PX = 1536
 # The mosaic reaches beyond the outermost points by this share of the scene's size, or of the
@@ -103,9 +112,10 @@ class Mosaic:
         if rows:
             self._grid = _lay_grid(result, self._cameras, preview_scale, max_size_px)
             self._choice = choose(self._grid, self._cameras)
-            lines, columns, cell = *self._grid.shape, self._grid.cell_px
-            # of each cell's pixels the weighted red, green and blue, and the weight
-            self._sums = np.zeros((lines, columns, cell, cell, 4), dtype=np.float32)
+            height, width = (count * self._grid.cell_px for count in self._grid.shape)
+            # of each pixel the weighted blue, green and red, and the weight
+            self._sums = np.zeros((height, width, 3), dtype=np.float32)
+            self._weight = np.zeros((height, width), dtype=np.float32)
             self._nodes = _nodes(self._grid)
             self._light: dict[int, Light] = {}
 
@@ -114,24 +124,27 @@ class Mosaic:
         frame = self._index.get(frame_id)
         if frame is None or not (self._choice == frame).any():
             return
-        grid, cell = self._grid, self._grid.cell_px
-        within = np.arange(cell) + 0.5
+        grid = self._grid
         corner = corner_weights(grid, self._choice == frame)
-        i, j, weight = weights_within(corner, within / cell)
-        pixel = grid.pixels_in_cells(self._cameras, frame, i, j)
-        picture = _sample(pixels, self._reduction(frame, pixels.shape[1]), pixel, self._size_px)
+        sampled = _Sampled(pixels, self._reduction(frame, pixels.shape[1]), self._size_px)
+        everywhere = box_of(corner)
+        places = grid.places_about(self._cameras, frame, everywhere)
+        for box in bands(corner, everywhere, grid.cell_px):
+            pixel = grid.pixels_at(self._cameras, places, box)
+            weight = weights_within(corner, box, grid.cell_px)
+            weight[np.isnan(pixel[0])] = 0.0
+            at = box.pixels(grid.cell_px)
+            self._sums[at] += _times(sampled.at(pixel), weight, np.float32)
+            self._weight[at] += weight
         self._light[frame] = self._light_of(frame, pixels)
-        shares = np.empty((*pixel.shape[:-1], 4), dtype=np.float32)
-        shares[..., 3] = np.where(np.isnan(pixel[..., 0]), 0.0, weight.reshape(pixel.shape[:-1]))
-        np.multiply(picture, shares[..., 3:], out=shares[..., :3])
-        self._sums[i, j] += shares.reshape(-1, cell, cell, 4)
 
     def _light_of(self, frame: int, pixels: Pixels) -> Light:
         """How bright a preview is at the nodes that it shows."""
         pixel = self._grid.pixels_in(self._cameras, frame, self._nodes)
         at = np.flatnonzero(np.isfinite(pixel[:, 0]))
         reduction = max(pixels.shape[1] // LIGHT_PX, 1)  # a node stands for what is around it
-        return light_at(at, _sample(pixels, reduction, pixel[at, None], self._size_px)[:, 0])
+        sampled = _Sampled(pixels, reduction, self._size_px)
+        return light_at(at, sampled.at(pixel[at].T[..., None])[:, 0])
 
     def _reduction(self, frame: int, width_px: int) -> int:
         """How many pixels of a preview of this width make one of the mosaic; at least 1."""
@@ -142,19 +155,17 @@ class Mosaic:
         """What the photos added so far show; None where they show nothing of the scene."""
         if not self._index:
             return None
-        grid = self._grid
-        height, width = (count * grid.cell_px for count in grid.shape)
-        total = self._sums.swapaxes(1, 2).reshape(height, width, 4)
-        covered = total[..., 3] > 0
+        covered = self._weight > 0
         if not covered.any():
             return None
-        rgb = total[..., :3] / np.maximum(total[..., 3:], np.finfo(np.float32).tiny)
+        grid = self._grid
         gains = gains_between(self._light, len(self._cameras.center_m))
-        rgb *= gain_field(grid, self._choice, gains)[..., None]
-        plain = np.minimum(np.round(rgb), 255).astype(np.uint8)
+        factor = gain_field(grid, self._choice, gains)
+        factor /= np.maximum(self._weight, np.finfo(np.float32).tiny)
+        plain = _times(self._sums, factor, np.uint8)[..., ::-1]
         some = np.s_[::TONE_STEP_PX, ::TONE_STEP_PX]
         tone = automatic_tone(plain[some][covered[some]][:, None, ::-1])
-        shown = toned(plain, tone)
+        shown = np.ascontiguousarray(toned(plain, tone))
         return GroundTexture(shown, covered, grid.west_m, grid.north_m, grid.pixel_size_m, tone)
 
 
@@ -198,22 +209,39 @@ def _extent(result: Result, cameras: Cameras) -> tuple[Floats, Floats]:
     return low - margin, high + margin
 
 
-def _sample(pixels: Pixels, reduction: int, at_px: Floats, size_px: Floats) -> Pixels:
-    """(n, m, 3) RGB at (n, m, 2) original pixels of a photo of this size; anything for NaN.
+def _times(picture: Pixels | Singles, factor: Singles, like: type[Shade]) -> NDArray[Shade]:
+    """(H, W, 3) a picture times (H, W) factors, as numbers like these, rounded to the next."""
+    kind = cv2.CV_8U if like is np.uint8 else cv2.CV_32F
+    made = cv2.multiply(picture, cv2.cvtColor(factor, cv2.COLOR_GRAY2BGR), dtype=kind)
+    return np.asarray(made, dtype=like)
 
-    The preview is reduced first, as far as the mosaic is coarser: it would flicker otherwise.
-    """
-    height, width = pixels.shape[:2]
-    step = size_px / [width, height] * reduction
-    rows, columns = max(height // reduction, 1), max(width // reduction, 1)
-    if reduction > 1:  # of whole blocks, for which OpenCV is ten times faster
-        blocks = pixels[: rows * reduction, : columns * reduction]
-        pixels = np.asarray(
-            cv2.resize(blocks, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.uint8
+
+class _Sampled:
+    """A preview reduced as far as the mosaic is coarser, which would flicker otherwise."""
+
+    def __init__(self, pixels: Pixels, reduction: int, size_px: Floats) -> None:
+        """Of a photo of (2,) such a size: width and height."""
+        height, width = pixels.shape[:2]
+        self._step = size_px / [width, height] * reduction
+        while reduction % 2 == 0 and not (pixels.shape[0] % 2 or pixels.shape[1] % 2):
+            pixels, reduction = half(pixels), reduction // 2
+        height, width = pixels.shape[:2]
+        if reduction > 1:  # of whole blocks, for which OpenCV is ten times faster
+            rows, columns = max(height // reduction, 1), max(width // reduction, 1)
+            blocks = pixels[: rows * reduction, : columns * reduction]
+            pixels = np.asarray(
+                cv2.resize(blocks, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.uint8
+            )
+        self._pixels = pixels
+
+    def at(self, at_px: Values) -> Pixels:
+        """(n, m, 3) BGR at u and v (2, n, m) in original pixels; anything for NaN."""
+        column, row = (
+            ((at + 0.5) / step - 0.5).astype(np.float32)
+            for at, step in zip(at_px, self._step.tolist(), strict=True)
         )
-    at = ((at_px + 0.5) / step - 0.5).astype(np.float32)
-    at[np.isnan(at)] = 0.0
-    shown = cv2.remap(  # type: ignore[call-overload]  # its types do not know that one map may do
-        pixels, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-    )
-    return np.asarray(shown[..., ::-1], dtype=np.uint8)
+        column[np.isnan(column)] = row[np.isnan(row)] = 0.0
+        shown = cv2.remap(
+            self._pixels, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        return np.asarray(shown, dtype=np.uint8)

@@ -2,26 +2,64 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.result import Result
+
+Singles = NDArray[np.float32]
+Values = Floats | Singles
+NOWHERE = np.float32(np.nan)
 
 # Rays flatter than this above the ground (20 degrees) smear one photo pixel over many metres.
 LEAST_SINE = 0.342
 # Neighbouring frames fade into each other over this many pixels to each side of a seam, but over
 # one cell at least.
 FEATHER_PX = 32
-# Along a side of a cell, however large: so many places and the polynomial through them.
-MOST_NODES = 8
+# So far apart lie the places whose pixels are computed; a cell is some of these wide.
+STEP_PX = 8
+# What a frame shows is looked at so many rows of pixels at a time.
+BAND_PX = 128
 # Sums of a box filter are not exactly zero where they should be.
 LEAST_WEIGHT = 1e-4
 # Corners of a cell: it is the frame's that shows all of them, sooner than one that shows some.
 CORNERS = 4
+
+
+class Box(NamedTuple):
+    """Some neighbouring cells: their first rows and columns, and those after the last."""
+
+    top: int
+    bottom: int
+    left: int
+    right: int
+
+    def pixels(self, cell_px: int) -> tuple[slice, slice]:
+        """Rows and columns of their pixels."""
+        return (
+            slice(self.top * cell_px, self.bottom * cell_px),
+            slice(self.left * cell_px, self.right * cell_px),
+        )
+
+
+class Places(NamedTuple):
+    """What a frame sees of some cells at places `STEP_PX` apart, and one such step beyond them.
+
+    (h, w) the original pixels u and v, and the sine of the rays, from the north-west on.
+    """
+
+    frame: int
+    box: Box
+    u: Floats
+    v: Floats
+    sine: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +106,7 @@ class Grid:
             (..., 3) points.
         """
         pixel = self._projected(cameras, frame, world_m)
-        shows = self._shows(pixel, world_m - cameras.center_m[frame])
+        shows = self._shows(pixel[..., 0], pixel[..., 1], _sine(world_m - cameras.center_m[frame]))
         return np.where(shows[..., None], pixel, np.nan)
 
     def _projected(self, cameras: Cameras, frame: int, world_m: Floats) -> Floats:
@@ -79,53 +117,66 @@ class Grid:
         lens = self.result.shared.intrinsics.value
         return project_rows(self.result.camera, lens, poses, world_m, steps=1)
 
-    def _shows(self, pixel: Floats, rays: Floats) -> Bools:
-        """(...) whether pixels lie in the photo, and the rays (..., 3) to them are not too flat."""
-        size = np.array([self.result.camera.width_px, self.result.camera.height_px]) - 1
-        inside = (pixel >= 0) & (pixel <= size)
-        return np.asarray(inside[..., 0] & inside[..., 1] & (_sine(rays) > LEAST_SINE))
+    def _shows(self, u: Values, v: Values, sine: Values) -> Bools:
+        """(...) whether pixels lie in the photo, and rays to them are not too flat."""
+        inside = (u >= 0) & (u <= self.result.camera.width_px - 1)
+        inside &= (v >= 0) & (v <= self.result.camera.height_px - 1)
+        return np.asarray(inside & (sine > LEAST_SINE))
 
-    def pixels_in_cells(self, cameras: Cameras, frame: int, i: Ints, j: Ints) -> Floats:
-        """(n, cell * cell, 2) original pixels of a frame, at the middles of all pixels of cells.
-
-        Within a cell a frame's pixels are almost those of an affine map: a few places along each
-        side say them all. Where these have none, a cell is counted out pixel by pixel.
+    def places_about(self, cameras: Cameras, frame: int, box: Box) -> Places:
+        """What a frame sees at places a few pixels apart, all over some cells and about them.
 
         Parameters
         ----------
         cameras, frame
             As for `pixels_in`.
-        i, j
-            (n,) row and column of each cell.
+        box
+            The cells.
         """
-        cell = self.cell_px
-        middles: Floats = np.arange(cell, dtype=np.float64) + 0.5
-        count = min(2 + cell // 16, MOST_NODES)
-        nodes = np.linspace(0.5, cell - 0.5, count)
-        ground = self._in_cells(i, j, nodes)
-        found = self._projected(cameras, frame, ground)
-        unknown = ~np.isfinite(found).all(axis=(1, 2, 3))
-        shown = self._shows(found, ground - cameras.center_m[frame])
-        between = _lagrange(nodes, middles)
-        along = np.einsum("xk,nykc->nyxc", between, found[~unknown], optimize=True)
-        pixel = np.empty((len(i), cell, cell, 2))
-        pixel[~unknown] = np.einsum("yk,nkxc->nyxc", between, along, optimize=True)
-        at_edge = np.flatnonzero(~shown.all(axis=(1, 2)) & ~unknown)
-        rays = self._in_cells(i[at_edge], j[at_edge], middles) - cameras.center_m[frame]
-        pixel[at_edge] = np.where(
-            self._shows(pixel[at_edge], rays)[..., None], pixel[at_edge], np.nan
+        share = self.cell_px // STEP_PX
+        # one place more on each side, so that the outermost pixels lie between places too
+        row, column = (
+            (np.arange(first * share - 1, end * share + 1) + 0.5) * STEP_PX
+            for first, end in ((box.top, box.bottom), (box.left, box.right))
         )
-        each = self._in_cells(i[unknown], j[unknown], middles)
-        pixel[unknown] = self.pixels_in(cameras, frame, each)
-        return pixel.reshape(len(i), cell * cell, 2)
+        ground = self.world(*np.meshgrid(column, row))
+        pixel = self._projected(cameras, frame, ground)
+        sine = _sine(ground - cameras.center_m[frame])
+        return Places(frame, box, pixel[..., 0], pixel[..., 1], sine)
 
-    def _in_cells(self, i: Ints, j: Ints, places: Floats) -> Floats:
-        """(n, p, p, 3) the ground at p places [px] down and across each cell."""
-        row = np.broadcast_to(
-            (i[:, None] * self.cell_px + places)[:, :, None], (len(i), len(places), len(places))
+    def pixels_at(self, cameras: Cameras, places: Places, box: Box) -> Singles:
+        """(2, H, W) u and v of a frame, NaN as above, at the middles of all pixels of cells.
+
+        Between places a few pixels apart, what a frame sees is almost linear. Where one of four
+        such places is not seen at all, those between them are counted out one by one.
+
+        Parameters
+        ----------
+        cameras
+            All poses.
+        places
+            What the frame sees of these cells, and of others.
+        box
+            The cells.
+        """
+        share, inner = self.cell_px // STEP_PX, slice(STEP_PX, -STEP_PX)
+        rows = slice((box.top - places.box.top) * share, (box.bottom - places.box.top) * share + 2)
+        columns = slice(
+            (box.left - places.box.left) * share, (box.right - places.box.left) * share + 2
         )
-        column = np.broadcast_to((j[:, None] * self.cell_px + places)[:, None], row.shape)
-        return self.world(column, row)
+        u, v, sine = (
+            _enlarged(one[rows, columns], STEP_PX)[inner, inner]
+            for one in (places.u, places.v, places.sine)
+        )
+        shows = self._shows(u, v, sine)
+        found = np.stack([np.where(shows, one, NOWHERE) for one in (u, v)])
+        unknown = np.isnan(u)
+        if unknown.any():
+            down, across = np.nonzero(unknown)
+            corner = self.cell_px * np.array([box.left, box.top]) + 0.5
+            each = self.world(across + corner[0], down + corner[1])
+            found[:, unknown] = self.pixels_in(cameras, places.frame, each).T
+        return found
 
     def finest_pixel(self, cameras: Cameras, frame: int, preview_scale: float) -> float:
         """What a pixel of a frame's preview measures on the ground below it [m].
@@ -169,48 +220,71 @@ def corner_weights(grid: Grid, chosen: Bools) -> Floats:
     width = 2 * feather
     share = cv2.boxFilter(around, -1, (width, width), anchor=(0, 0))
     rows, columns = chosen.shape
-    return np.asarray(share[: rows + 1, : columns + 1], dtype=np.float64)
+    share = share[: rows + 1, : columns + 1]
+    return np.where(share > LEAST_WEIGHT, share, 0.0).astype(np.float64)
 
 
-def weights_within(corner: Floats, share: Floats) -> tuple[Ints, Ints, Floats]:
-    """Cells with a weight at any corner, and their (n, cell, cell) weights, linear in between.
+def box_of(corner: Floats) -> Box:
+    """The cells about corners that have a weight (R + 1, C + 1), of which there is one at least."""
+    some = corner > 0.0
+    return Box(*_ends(np.any(some, axis=1)), *_ends(np.any(some, axis=0)))
+
+
+def bands(corner: Floats, box: Box, cell_px: int) -> Iterator[Box]:
+    """The same, a few rows of cells at a time.
+
+    What a frame shows has ragged edges, which bands follow; and what is computed of a band stays
+    in the processor's cache.
 
     Parameters
     ----------
     corner
-        (R + 1, C + 1) weights at the corners of cells.
-    share
-        (cell,) places within a cell, 0 to 1.
-
-    Returns
-    -------
-    i, j
-        (n,) row and column of each cell.
-    weight
-        (n, cell, cell).
+        (R + 1, C + 1) weights.
+    box
+        Where they are.
+    cell_px
+        Side of a cell.
     """
-    some = corner > LEAST_WEIGHT
-    i, j = np.nonzero(some[:-1, :-1] | some[1:, :-1] | some[:-1, 1:] | some[1:, 1:])
-    down, right = share[:, None], share[None, :]
-    inside = (
-        corner[i, j][:, None, None] * (1 - down) * (1 - right)
-        + corner[i + 1, j][:, None, None] * down * (1 - right)
-        + corner[i, j + 1][:, None, None] * (1 - down) * right
-        + corner[i + 1, j + 1][:, None, None] * down * right
-    )
-    return i, j, np.asarray(inside, dtype=np.float64)
+    height = max(BAND_PX // cell_px, 1)
+    for first in range(box.top, box.bottom, height):
+        some = corner[first : min(first + height, box.bottom) + 1]
+        if some.any():
+            inside = box_of(some)
+            yield inside._replace(top=first + inside.top, bottom=first + inside.bottom)
 
 
-def _lagrange(nodes: Floats, at: Floats) -> Floats:
-    """(n, k) weights of values at k nodes, of the polynomial through them at n places."""
-    weights = np.ones((len(at), len(nodes)))
-    for k, node in enumerate(nodes):
-        for other in np.delete(nodes, k):
-            weights[:, k] *= (at - other) / (node - other)
-    return weights
+def _ends(some: Bools) -> tuple[int, int]:
+    """First and last but one of the cells about corners of which some have a weight."""
+    at = np.flatnonzero(some)
+    return max(int(at[0]) - 1, 0), min(int(at[-1]) + 1, len(some) - 1)
 
 
-def gain_field(grid: Grid, choice: Ints, gains: Floats) -> Floats:
+def weights_within(corner: Floats, box: Box, cell_px: int) -> Singles:
+    """(H, W) weights of the pixels of cells, linear between their corners' (R + 1, C + 1).
+
+    Parameters
+    ----------
+    corner
+        Of all cells.
+    box
+        The cells.
+    cell_px
+        Side of a cell.
+    """
+    around = corner[box.top : box.bottom + 1, box.left : box.right + 1]
+    half = cell_px // 2
+    return _enlarged(around, cell_px)[half:-half, half:-half]
+
+
+def _enlarged(places: Floats, times: int) -> Singles:
+    """(times H, times W, ...) each pixel of (H, W, ...) that many across, linear in between."""
+    rows, columns = places.shape[:2]
+    size = columns * times, rows * times
+    single = np.ascontiguousarray(places, np.float32)
+    return np.asarray(cv2.resize(single, size, interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def gain_field(grid: Grid, choice: Ints, gains: Floats) -> Singles:
     """(H, W) factor of each pixel: of the frames that it is blended of, in their shares.
 
     Parameters
@@ -226,17 +300,11 @@ def gain_field(grid: Grid, choice: Ints, gains: Floats) -> Floats:
     for frame in np.unique(choice[choice >= 0]):
         share = corner_weights(grid, choice == frame)
         around += share * np.array([gains[frame], 1.0])[:, None, None]
-    down, across = (_between_corners(count, grid.cell_px) for count in grid.shape)
-    weighted, weight = np.einsum("hr,krc,wc->khw", down, around, across, optimize=True)
-    field = np.ones(weight.shape)
+    everything = Box(0, grid.shape[0], 0, grid.shape[1])
+    weighted, weight = (weights_within(one, everything, grid.cell_px) for one in around)
+    field = np.ones_like(weight)
     np.divide(weighted, weight, out=field, where=weight > LEAST_WEIGHT)
     return field
-
-
-def _between_corners(cells: int, cell_px: int) -> Floats:
-    """(cells * cell_px, cells + 1) shares of the corners in pixels between them, linear."""
-    at = (np.arange(cells * cell_px) + 0.5) / cell_px
-    return np.maximum(1.0 - np.abs(at[:, None] - np.arange(cells + 1.0)), 0.0)
 
 
 def _sine(rays: Floats) -> Floats:

@@ -24,6 +24,9 @@ _SQUARE = 8.0
 _MOST_SQUARES = 1000
 """What reaches into more of them is compared with everything."""
 
+_FEW = 400
+"""So many places are sooner compared with all than looked up."""
+
 
 class TextPlaces:
     """The places that are taken, while texts are placed one after the other.
@@ -93,7 +96,7 @@ class TextPlaces:
         """(n, 5) what is taken and may meet some places, in the order in which it was taken."""
         if not self._side:
             self._side = _SQUARE * float(candidates[:, 2:4].max(initial=0.0))
-        squares = self._squares(candidates)
+        squares = None if self._count <= _FEW else self._squares(candidates)
         if squares is None:
             return self._taken[: self._count]
         found = {row for square in squares for row in self._in_square.get(square, ())}
@@ -143,6 +146,8 @@ def overlaps(one: Floats, other: Floats) -> Bools:
     parallel to a side (Ericson 2005, Real-Time Collision Detection, 4.4.1).
     """
     # All places of one text have the same angle.
+    if len(one) and (one[:, 4] == one[0, 4]).all():
+        return _meet(one, other, float(one[0, 4]))
     met = np.empty((len(one), len(other)), np.bool_)
     for angle in np.unique(one[:, 4]):
         rows = one[:, 4] == angle

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.geometry.ground.row_projection import row_poses
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.pictures import Picture, Pictures, Region
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.views.report.inline import Inline
-from uavgram.views.style import BAD, MEASURED, OBSERVED, REFERENCE, hex_colour
+from uavgram.views.style import BAD, MEASURED, OBSERVED, REFERENCE, Rgb, hex_colour
 from uavgram.views.survey.drawing import (
     project_from,
     sampled,
@@ -122,6 +122,27 @@ class Gallery(NamedTuple):
     size: str
 
 
+class _Drawn(NamedTuple):
+    """What every picture draws of, made once.
+
+    Attributes
+    ----------
+    lines
+        By region, polylines in pixels of the photo, and their colours.
+    alone
+        What measurements rest on alone, in words.
+    picks
+        By frame, rows of the picks that the adjustment looked at, used ones first.
+    sha256
+        By frame that is shown.
+    """
+
+    lines: dict[Region, list[tuple[Floats, str]]]
+    alone: Sequence[str]
+    picks: dict[int, Ints]
+    sha256: dict[int, str]
+
+
 def gallery(result: Result, pictures: Pictures) -> Gallery | None:
     """Lay out the pictures; None where there is none."""
     if not pictures.shown:
@@ -129,21 +150,35 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
     by_subject: dict[str, list[Shown]] = {"overview": [], "measurement": [], "point": []}
     several = sum(one.region.subject == "measurement" for one in pictures.shown) > MOST_HALVES
     widths = {**WIDTHS, "measurement": THIRD_WIDTH} if several else WIDTHS
+    drawn = _drawn(result, [one.region for one in pictures.shown])
     for picture in pictures.shown:
         unit = picture.region.width_px / widths[picture.region.subject]
-        by_subject[picture.region.subject].append(_shown(result, picture, unit))
+        by_subject[picture.region.subject].append(_shown(result, drawn, picture, unit))
     stretch = {one.region.frame: _stretch_text(one) for one in pictures.shown}
     names = result.frames.frame_id
     return Gallery(
         files=tuple(
-            PhotoFile(names[f], photo_sha256(result, f), words)
-            for f, words in sorted(stretch.items())
+            PhotoFile(names[f], drawn.sha256[f], words) for f, words in sorted(stretch.items())
         ),
         overview=tuple(by_subject["overview"]),
         measurements=tuple(by_subject["measurement"]),
         points=tuple(by_subject["point"]),
         left_out=pictures.left_out,
         size="third" if several else "half",
+    )
+
+
+def _drawn(result: Result, regions: Sequence[Region]) -> _Drawn:
+    picks, frames = result.picks, {region.frame for region in regions}
+    image, status = np.array(picks.image), np.array(picks.status)
+    removed_last = np.argsort(status == "removed", kind="stable")
+    seen = removed_last[status[removed_last] != "unused"]
+    names = result.frames.frame_id
+    return _Drawn(
+        lines=_lines_in(result, regions),
+        alone=measured_alone(result),
+        picks={frame: seen[image[seen] == names[frame]] for frame in frames},
+        sha256={frame: photo_sha256(result, frame) for frame in frames},
     )
 
 
@@ -165,27 +200,27 @@ def _stretch_text(picture: Picture) -> str:
     )
 
 
-def _shown(result: Result, picture: Picture, unit: float) -> Shown:
+def _shown(result: Result, drawn: _Drawn, picture: Picture, unit: float) -> Shown:
     region = picture.region
-    marks, tags = _marks(result, region, unit)
-    name, told = _words(result, region)
+    picks = _picks_in(result, drawn, region)
+    marks, tags = _marks(result, region, picks, unit)
+    name, told = _words(result, drawn, region, picks)
     return Shown(
         region=region,
         data=Inline(picture.jpeg),
         unit=unit,
-        lines=tuple(_lines(result, region, unit)),
+        lines=tuple(_lines(drawn.lines[region], unit)),
         marks=marks,
         tags=tags,
         bar=_placed(_bar(result, region), region, marks, unit),
         name=name,
         told=told,
-        origin=_origin(result, picture),
+        origin=_origin(result, picture, drawn.sha256[region.frame]),
     )
 
 
-def _origin(result: Result, picture: Picture) -> str:
+def _origin(result: Result, picture: Picture, digest: str) -> str:
     region = picture.region
-    digest = photo_sha256(result, region.frame)
     of = f" (SHA-256 {digest[:12]}…)" if digest else ""
     right, bottom = region.left_px + region.width_px - 1, region.top_px + region.height_px - 1
     reduced = picture.shown_px < region.width_px
@@ -197,14 +232,14 @@ def _origin(result: Result, picture: Picture) -> str:
     )
 
 
-def _words(result: Result, region: Region) -> tuple[str, str]:
+def _words(result: Result, drawn: _Drawn, region: Region, picks: Sequence[int]) -> tuple[str, str]:
     if region.subject == "overview":
         return "Overview", "The photo that shows most of the points and measurements."
     if region.subject == "point":
         label = result.points.label[region.row]
         made = [
             i
-            for i in _picks_in(result, region)
+            for i in picks
             if result.picks.label[i] == label and result.picks.status[i] != "removed"
         ]
         sources = [result.picks.source[i] for i in made]
@@ -214,34 +249,25 @@ def _words(result: Result, region: Region) -> tuple[str, str]:
         near = f"; ± {size_text(sigma)} to its neighbours" if np.isfinite(sigma) else ""
         return label, f"{who}; used in {count} photo{'' if count == 1 else 's'}{near}"
     row = measurement_text(result.measurements, region.row, units_of(result))
-    alone = measured_alone(result)[region.row]
+    alone = drawn.alone[region.row]
     status = status_text(result.measurements, region.row)
     return row.name, f"{row.value}, {status}{f' ({alone})' if alone else ''}"
 
 
-def _inside(region: Region, pixel: Floats) -> bool:
-    low = np.array([region.left_px, region.top_px]) - 0.5
-    return bool(
-        (pixel >= low).all()
-        and (pixel <= low + np.array([region.width_px, region.height_px])).all()
-    )
-
-
-def _picks_in(result: Result, region: Region) -> list[int]:
+def _picks_in(result: Result, drawn: _Drawn, region: Region) -> list[int]:
     """Rows of the picks in a region that the adjustment looked at, used ones first."""
-    picks, name = result.picks, result.frames.frame_id[region.frame]
-    here = [
-        i
-        for i, image in enumerate(picks.image)
-        if image == name and picks.status[i] != "unused" and _inside(region, picks.pixel_px[i])
-    ]
-    return sorted(here, key=lambda i: picks.status[i] == "removed")
+    rows = drawn.picks[region.frame]
+    low = np.array([region.left_px, region.top_px]) - 0.5
+    away = result.picks.pixel_px[rows] - low
+    inside = (away >= 0.0) & (away <= [region.width_px, region.height_px])
+    return [int(row) for row in rows[inside.all(axis=1)]]
 
 
-def _marks(result: Result, region: Region, unit: float) -> tuple[tuple[Mark, ...], tuple[Tag, ...]]:
+def _marks(
+    result: Result, region: Region, rows: Sequence[int], unit: float
+) -> tuple[tuple[Mark, ...], tuple[Tag, ...]]:
     """Marks of all picks, and their names: of a measurement only its own, and wrong ones."""
     picks, own = result.picks, _own(result, region)
-    rows = _picks_in(result, region)
     marks, tags = [], []
     for i in rows:
         x, y = (round(float(part), 2) for part in picks.pixel_px[i])
@@ -271,23 +297,41 @@ def _own(result: Result, region: Region) -> tuple[str, ...]:
     return result.measurements.points[region.row]
 
 
-def _lines(result: Result, region: Region, unit: float) -> Iterator[tuple[str, str]]:
+def _lines_in(result: Result, regions: Sequence[Region]) -> dict[Region, list[tuple[Floats, str]]]:
     """Measurements, and in the overview known lengths, where the adjustment puts them."""
-    if region.subject == "point":
-        return
     measured = measured_strips(result)
-    strips = []
-    if region.subject == "overview":
-        known = reference_strips(result)
-        strips += [(strip, REFERENCE) for strip in known.values()]
-        strips += [(strip, MEASURED) for some in measured.values() for strip in some]
-    else:
-        strips += [(strip, MEASURED) for strip in measured.get(region.row, [])]
-    poses = row_poses(result, region.frame)
-    for strip, colour in strips:
-        for run in visible_runs(project_from(result, poses, sampled(strip))):
-            kept = thinned(run, DRAWN_OFF * unit)
-            yield " ".join(f"{x:.1f},{y:.1f}" for x, y in kept), hex_colour(colour)
+    drawn: dict[Region, list[tuple[Floats, str]]] = {region: [] for region in regions}
+    for frame in sorted({region.frame for region in regions}):
+        strips: list[tuple[Region, Floats, Rgb]] = []
+        for region in (one for one in regions if one.frame == frame):
+            strips += [(region, *one) for one in _strips(result, measured, region)]
+        if not strips:
+            continue
+        lines = [sampled(strip) for _, strip, _ in strips]
+        # of all lines of a photo at once: there may be hundreds
+        pixel = project_from(result, row_poses(result, frame), np.concatenate(lines))
+        ends = np.cumsum([len(line) for line in lines])[:-1]
+        for (region, _, colour), line in zip(strips, np.split(pixel, ends), strict=True):
+            drawn[region] += [(run, hex_colour(colour)) for run in visible_runs(line)]
+    return drawn
+
+
+def _strips(
+    result: Result, measured: dict[int, list[Floats]], region: Region
+) -> list[tuple[Floats, Rgb]]:
+    """(n, 3) what is drawn in a region, with its colour."""
+    if region.subject == "point":
+        return []
+    if region.subject == "measurement":
+        return [(strip, MEASURED) for strip in measured.get(region.row, [])]
+    known = [(strip, REFERENCE) for strip in reference_strips(result).values()]
+    return known + [(strip, MEASURED) for some in measured.values() for strip in some]
+
+
+def _lines(runs: Sequence[tuple[Floats, str]], unit: float) -> Iterator[tuple[str, str]]:
+    for run, colour in runs:
+        kept = thinned(run, DRAWN_OFF * unit)
+        yield " ".join(f"{x:.1f},{y:.1f}" for x, y in kept.tolist()), colour
 
 
 def _placed(bar: Bar | None, region: Region, marks: tuple[Mark, ...], unit: float) -> Bar | None:
