@@ -34,6 +34,8 @@ from uavgram.pipeline.simulate.scenario import read_world
 from uavgram.pipeline.simulate.worlds import ScenarioWorld
 from uavgram.stages.simulate.recording import draw_biases
 from uavgram.stages.simulate.survey import simulate
+from uavgram.views.simulation.page import render_simulation_page
+from uavgram.views.simulation.text import simulation_lines
 
 
 @pytest.fixture(scope="module")
@@ -175,6 +177,11 @@ def test_outputs_say_the_same(single: ScenarioWorld, tmp_path: Path) -> None:
     page = (tmp_path / "out" / files[1]).read_text(encoding="utf-8")
     assert all(name in page for name in found.repetitions.name)
     assert "http" not in page.replace("http-equiv", "")
+    assert content["amiss"] == []
+    assert "has amiss" not in page
+    worn = replace(found, amiss=("ground.crown_percent",))
+    for told in ("\n".join(simulation_lines(worn)), render_simulation_page(worn)):
+        assert "does not know: the road has a crown (ground.crown_percent). The ± need not" in told
     # ranges stand below their values, or the table is wider than the page
     assert page.count('<br><span class="within">(') == 4 * len(found.repetitions.name)
 
