@@ -218,6 +218,15 @@ def test_what_is_amiss_is_taken_apart(repository: Path) -> None:
         ("camera: {drone: dji fc33}\n", "camera.drone: .*djiFC330"),
         ("camera: {drone: dji fc6310s}\n", "focal_mm"),
         ("measurements: []\n", "measurements: .*nothing to repeat"),
+        (
+            "measurements: [{name: a, kind: distance, points: [P1, P2, P3]}]\n",
+            r"1: measurements\[0\]: 'a': a measurement of kind distance needs 2 labels",
+        ),
+        (  # too small to be found
+            "telemetry: none\nlines: []\nflight: {pattern: single}\n"
+            "plates: {side_m: 0.2, at: [[0, 0, 0]]}\n",
+            "telemetry: .*no length, plate",
+        ),
     ],
 )
 def test_senseless_scenarios_are_refused_by_key(tmp_path: Path, text: str, named: str) -> None:
