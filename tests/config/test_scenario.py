@@ -46,6 +46,13 @@ def test_a_class_of_telemetry_fills_what_is_not_written(tmp_path: Path) -> None:
         ("camera:\n  file: a.yaml\n  drone: DJI Mini\n", "give one of the two"),
         ("points: [{label: A, x_m: 0, y_m: 0}]\n", "lines and measurements are the demo's"),
         ("road: {debris: [[0, 0], [1, 1]]}\n", "debris must name four corners, or none"),
+        ("lines: [{name: L1, start: R1, end: R1}]\n", "'L1' must go from one point to another"),
+        (
+            "lines: [{name: L, start: R1, end: R2}, {name: L, start: R3, end: R4}]\n",
+            "lines: names given twice: L",
+        ),
+        ("flight: {start_utc: yesterday}\n", "start_utc must be such as 2026-"),
+        ("camera: {parameters: [0, 1, 0, 0, 0, 0, 0, 0, 0]}\n", "fx and fy must be greater"),
         ("errors: {lost_exposure: 14}\n", "must lie between 0 and 13, or be null"),
     ],
 )

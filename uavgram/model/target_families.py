@@ -23,6 +23,9 @@ BOARD_PLATE = "charuco"
 
 LARGEST_PLATE_M = 10.0
 
+FOUND_PX = 16.0
+"""Side of a plate in a photo, in pixels, from which on the program can be relied on to find it."""
+
 CORNERS = 4
 _CORNER = re.compile(r"T(\d+)-([1-4])")
 

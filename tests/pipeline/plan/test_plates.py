@@ -23,6 +23,7 @@ from uavgram.pipeline.plan.predicted import predicted
 from uavgram.pipeline.plan.run import plan
 from uavgram.pipeline.simulate import repeat
 from uavgram.pipeline.simulate.worlds import ScenarioWorld
+from uavgram.stages.plan.cameras import Seen, large_enough
 from uavgram.views.field_sheet.page import field_sheet
 from uavgram.views.planned_text import plan_lines
 
@@ -81,6 +82,17 @@ def test_plates_are_laid_whole_and_clear_of_what_is_out_of_bounds(
     no_go = planned.no_go_world_m[0].mean(axis=0)
     assert (np.linalg.norm((corner - no_go)[..., :2], axis=-1) > 3.0).all()
     assert "3 lines in place of these plates" in {gain.what for gain in planned.gains}
+
+
+def test_plates_count_from_sixteen_pixels_on() -> None:
+    """Of 800 px focal length from 40 m: 0.79 m are 15.8 px, 0.81 m 16.2 px."""
+    for side, is_found in ((0.79, False), (0.81, True)):
+        half = 0.5 * side * 800.0 / 40.0
+        square = 500.0 + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        pixel = np.concatenate([np.zeros((1, 2)), square, square])[None]
+        sure = np.ones((1, 9), dtype=np.bool_)
+        found = large_enough(Seen(pixel, sure), 1)
+        assert found.certain.tolist() == [[True] + 8 * [is_found]]
 
 
 def test_the_pipeline_predicts_the_same_of_the_flown_plan(

@@ -34,6 +34,8 @@ from uavgram.pipeline.simulate.scenario import read_world
 from uavgram.pipeline.simulate.worlds import ScenarioWorld
 from uavgram.stages.simulate.recording import draw_biases
 from uavgram.stages.simulate.survey import simulate
+from uavgram.views.simulation.page import render_simulation_page
+from uavgram.views.simulation.text import simulation_lines
 
 
 @pytest.fixture(scope="module")
@@ -175,6 +177,11 @@ def test_outputs_say_the_same(single: ScenarioWorld, tmp_path: Path) -> None:
     page = (tmp_path / "out" / files[1]).read_text(encoding="utf-8")
     assert all(name in page for name in found.repetitions.name)
     assert "http" not in page.replace("http-equiv", "")
+    assert content["amiss"] == []
+    assert "has amiss" not in page
+    worn = replace(found, amiss=("ground.crown_percent",))
+    for told in ("\n".join(simulation_lines(worn)), render_simulation_page(worn)):
+        assert "does not know: the road has a crown (ground.crown_percent). The ± need not" in told
     # ranges stand below their values, or the table is wider than the page
     assert page.count('<br><span class="within">(') == 4 * len(found.repetitions.name)
 
@@ -211,6 +218,15 @@ def test_what_is_amiss_is_taken_apart(repository: Path) -> None:
         ("camera: {drone: dji fc33}\n", "camera.drone: .*djiFC330"),
         ("camera: {drone: dji fc6310s}\n", "focal_mm"),
         ("measurements: []\n", "measurements: .*nothing to repeat"),
+        (
+            "measurements: [{name: a, kind: distance, points: [P1, P2, P3]}]\n",
+            r"1: measurements\[0\]: 'a': a measurement of kind distance needs 2 labels",
+        ),
+        (  # too small to be found
+            "telemetry: none\nlines: []\nflight: {pattern: single}\n"
+            "plates: {side_m: 0.2, at: [[0, 0, 0]]}\n",
+            "telemetry: .*no length, plate",
+        ),
     ],
 )
 def test_senseless_scenarios_are_refused_by_key(tmp_path: Path, text: str, named: str) -> None:

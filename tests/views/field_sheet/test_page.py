@@ -8,6 +8,7 @@ import io
 import re
 from typing import Any
 
+import numpy as np
 import pytest
 from planned_sample import bare_plan, none_of, sample_plan
 
@@ -16,7 +17,13 @@ from uavgram.model.maps.plan import Paper
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
 from uavgram.views.field_sheet.page import field_sheet, field_sheet_pdf
-from uavgram.views.planned.words import headline, if_a_line_is_lost, outcome, unchecked
+from uavgram.views.planned.words import (
+    flight_facts,
+    headline,
+    if_a_line_is_lost,
+    outcome,
+    unchecked,
+)
 
 PLAN = sample_plan()
 PAGE = field_sheet(PLAN)
@@ -30,6 +37,16 @@ def text_of(page: str) -> str:
 
 def without(planned: FlightPlanned, **changes: object) -> FlightPlanned:
     return dataclasses.replace(planned, **changes)  # type: ignore[arg-type]
+
+
+def test_the_nose_points_from_0_to_359_degrees() -> None:
+    for heading, said in (
+        ([359.9, 0.1, 359.8, 0.0, 0.2, 359.9], "0° from north"),
+        ([152.0] * 6, "152° from north"),
+        ([0.0, 0.0, 0.0, 180.0, 180.0, 180.0], "turns: see each photo"),
+    ):
+        frames = dataclasses.replace(PLAN.frames, heading_deg=np.array(heading))
+        assert dict(flight_facts(without(PLAN, frames=frames)))["Nose"] == said
 
 
 def test_the_first_sentence_says_what_to_do() -> None:

@@ -34,12 +34,14 @@ def demo(
     verbose
         Say what is being done.
     """
-    from uavgram.config.scenario import load_scenario
     from uavgram.model.scenario.scenario import Scenario
+    from uavgram.pipeline.simulate.scenario import read_world
 
     log_to_stderr(verbose=verbose)
-    survey = Scenario() if scenario is None else load_scenario(scenario)
-    survey = survey if seed is None else survey.with_seed(seed)
+    if scenario is not None:
+        world = read_world(scenario, seed)
+        return show_survey(output, world.scenario, world.calibration, verbose=verbose)
+    survey = Scenario() if seed is None else Scenario().with_seed(seed)
     return show_survey(output, survey, verbose=verbose)
 
 

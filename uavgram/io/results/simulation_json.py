@@ -40,6 +40,7 @@ def simulation_as_json(simulation: Simulation) -> Record:
             for count, ratio in simulation.running
         ],
         "drawn_unlike_stated": [encode(one) for one in simulation.unlike],
+        "amiss": list(simulation.amiss),
         "variants": [
             {"name": one.name, **_summary(one.repetitions, one.accuracy)}
             for one in simulation.variants

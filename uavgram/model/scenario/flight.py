@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Literal
 
 from uavgram.model.scenario.checks import require, require_sizes
@@ -11,6 +12,14 @@ MANY = 10
 """Exposures of strips, whose gaps then fit camera events in one way only."""
 
 Pattern = Literal["strips", "strip", "grid", "orbit", "single", "poses"]
+
+
+def _is_instant(text: str) -> bool:
+    """Whether a text is a date and a time with its zone."""
+    try:
+        return datetime.fromisoformat(text).tzinfo is not None
+    except ValueError:
+        return False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +108,7 @@ class FlightPlan:
         require(2 <= self.frames <= 500, "frames must lie between 2 and 500")
         require(-90 <= self.gimbal_pitch_deg < -30, "gimbal_pitch_deg must lie in [-90, -30)")
         require_sizes(self, "wobble_m", "tilt_wobble_deg", "gimbal_wobble_deg", "trigger_jitter_m")
+        require(_is_instant(self.start_utc), f"start_utc must be such as {FlightPlan.start_utc}")
         stated = self.pattern == "poses"
         require(
             bool(self.poses) == stated, "poses must be given where pattern is poses, only there"

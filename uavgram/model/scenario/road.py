@@ -54,6 +54,9 @@ class SceneLine:
     end: str
     use: Literal["adjust", "check"] = "adjust"
 
+    def __post_init__(self) -> None:
+        require(self.start != self.end, f"{self.name!r} must go from one point to another")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Vehicle:

@@ -98,6 +98,7 @@ class CameraSpec:
         for name in ("parameters", "sigma"):
             require(len(getattr(self, name)) == 9, f"{name} must hold fx fy cx cy k1 k2 p1 p2 k3")
         require(min(self.sigma) > 0, "sigma must be greater than 0")
+        require(min(self.parameters[:2]) > 0, "parameters: fx and fy must be greater than 0")
         require(abs(self.focal_correlation) < 1, "focal_correlation must lie between -1 and 1")
         require(min(self.width_px, self.height_px) > 0, "width_px and height_px must be positive")
 
@@ -173,6 +174,12 @@ class Scenario:
         labels = self.labels
         twice = sorted({label for label in labels if labels.count(label) > 1})
         require(not twice, f"points: labels given twice: {', '.join(twice)}")
+        for what, names in (
+            ("lines", [line.name for line in self.lines]),
+            ("measurements", [request.name for request in self.measurements]),
+        ):
+            twice = sorted({name for name in names if names.count(name) > 1})
+            require(not twice, f"{what}: names given twice: {', '.join(twice)}")
         used = {end for line in self.lines for end in (line.start, line.end)}
         used |= {label for request in self.measurements for label in request.points}
         used |= {*self.control, *self.habits.labels}

@@ -157,6 +157,8 @@ class Simulation:
         Pairs of a number of repetitions, and the mean spread over the predicted one by then.
     unlike
         What the scenario draws otherwise than its project states it.
+    amiss
+        Keys of the scenario that say what is amiss in it, of which its project knows nothing.
     """
 
     name: str
@@ -167,3 +169,4 @@ class Simulation:
     variants: tuple[Variant, ...] = ()
     running: tuple[tuple[int, float], ...] = ()
     unlike: tuple[Unlike, ...] = ()
+    amiss: tuple[str, ...] = ()

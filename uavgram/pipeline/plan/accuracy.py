@@ -32,7 +32,7 @@ from uavgram.pipeline.plan.choose import SPOTS_AT_FIRST, Choice, good_enough, le
 from uavgram.pipeline.plan.possible import Possible
 from uavgram.pipeline.plan.possible import possible as lines_or_plates
 from uavgram.pipeline.plan.predicted import Predicted, predicted
-from uavgram.stages.plan.cameras import seen
+from uavgram.stages.plan.cameras import large_enough, seen
 from uavgram.stages.plan.flights import Flight, flight
 from uavgram.stages.plan.scene import PlanScene
 from uavgram.stages.plan.wanted import Wanted, equal_weights, lengths_over
@@ -131,7 +131,8 @@ def _seen_and_lost(
 ) -> tuple[Floats, Floats]:
     """(L,) in how many photos each of (L, k, 3) is whole, and the criterion without it."""
     cameras, possible = choice.flight.cameras, choice.possible
-    shown = seen(scene.calibration, cameras, world_m.reshape(-1, 3), scene.deviation).certain
+    found = seen(scene.calibration, cameras, world_m.reshape(-1, 3), scene.deviation)
+    shown = (large_enough(found, 0) if choice.laid == "plates" else found).certain
     whole = shown.reshape(len(shown), *world_m.shape[:2]).all(axis=2)
     aim = plain_mean(possible)
     left = np.array([_without(aim, possible, lines, end) for end in world_m[..., :2]])

@@ -19,8 +19,9 @@ from uavgram.estimation.planning.elimination import (
 from uavgram.estimation.planning.layouts import Aim, Candidates, covariance_of, greedy
 from uavgram.geometry.ground.polygons import contains
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.target_families import FOUND_PX
 from uavgram.pipeline.plan.survey import Lines, Marks, hardly_known, planned_survey
-from uavgram.stages.plan.cameras import Cameras, seen
+from uavgram.stages.plan.cameras import Cameras, large_enough, seen
 from uavgram.stages.plan.scene import PlanScene
 from uavgram.stages.plan.spots import MOST_SPOTS, joined, spots
 from uavgram.stages.plan.wanted import Wanted, equal_weights
@@ -90,6 +91,7 @@ def possible(
     found = seen(scene.calibration, cameras, world, scene.deviation)
     require_seen(wanted, found.certain)
     count = len(wanted.label)
+    found = found if lengths_m is not None else large_enough(found, count)
     groups, known = _groups(scene, spot, found.certain[:, count:], lengths_m)
     corners = len(spot) if lengths_m is None else 0
     label = (*wanted.label, *(f"spot{i}" for i in range(len(spot))))
@@ -155,10 +157,15 @@ def _groups(
         groups = joined(spot_m, scene.no_go_m, shown.T @ shown > 0, lengths_m)
         what, known = f"line of {lengths_m[0]:g} to {lengths_m[1]:g} m", np.array([[0, 1]])
     if not len(groups):
-        shorter = ", or allow shorter lines (shortest_line_m)" if lengths_m else ""
+        way_out = (
+            "fly higher, take more photos, or allow shorter lines (shortest_line_m)"
+            if lengths_m
+            else f"fly lower or lay larger ones, of {FOUND_PX:.0f} pixels or more in the photos, "
+            "or take more photos"
+        )
         raise GeometryError(
             f"no {what} fits into the area, clear of what is out of bounds, and lies in a photo "
-            f"for certain: fly higher, take more photos{shorter}"
+            f"for certain: {way_out}"
         )
     return groups, known
 

@@ -12,7 +12,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.target_families import CORNERS, corner_label
 from uavgram.pipeline.plan.survey import Lines, Marks, PlannedSurvey, planned_survey
-from uavgram.stages.plan.cameras import Cameras, seen
+from uavgram.stages.plan.cameras import Cameras, large_enough, seen
 from uavgram.stages.plan.scene import PlanScene
 from uavgram.stages.plan.wanted import Wanted
 from uavgram.stages.plate_sides import SIDES
@@ -62,6 +62,7 @@ def survey_with(
         for i, c in np.ndindex(laid, marks_each)
     ]
     found = seen(scene.calibration, cameras, world, scene.deviation)
+    found = large_enough(found, count) if of_plates else found
     marks = Marks((*wanted.label, *own), world, found, len(own) if of_plates else 0)
     groups = count + np.arange(len(own)).reshape(laid, marks_each)
     pairs = groups[:, np.array(SIDES if of_plates else ((0, 1),))].reshape(-1, 2)

@@ -10,14 +10,13 @@ import numpy as np
 
 from uavgram.errors import InputError, near_miss
 from uavgram.io.area_file import AreaFile, read_areas
-from uavgram.io.tables.measure import PARAMETERS, points_fault
 from uavgram.model.arrays import Floats
 from uavgram.model.options import GroundOptions, MountOptions, TapeOptions, TelemetryOptions
 from uavgram.model.planned.request import PlanRequest
 from uavgram.model.scenario.scenario import Scenario, Site
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.pipeline.plan.area import area_of, in_scene, no_go_of, on_map, site_of
-from uavgram.pipeline.simulate.scenario import scenario_camera
+from uavgram.pipeline.simulate.scenario import measurement_fault, scenario_camera
 from uavgram.stages.plan.scene import Deviation, Logged, PlanScene
 from uavgram.stages.simulate.still import Still
 from uavgram.stages.simulate.surface import draw_surface
@@ -153,9 +152,7 @@ def _wanted(
         asked = MeasurementRequest(
             name=wanted.name, kind=wanted.kind, points=tuple(names), parameters=wanted.parameters
         )
-        given = dict(wanted.parameters)
-        missing = [one for one in PARAMETERS.get(wanted.kind, ()) if one not in given]
-        if fault := points_fault(asked) or (missing and f"needs {' and '.join(missing)}"):
-            raise InputError(path, f"plan.wanted: {wanted.name!r}: {fault}")
+        if fault := measurement_fault(asked):
+            raise InputError(path, f"plan.wanted: {fault}")
         requests.append(asked)
     return tuple(requests), tuple(label), np.array(list(label.values())).reshape(-1, 2)

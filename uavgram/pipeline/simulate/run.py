@@ -75,6 +75,7 @@ def simulate_many(
         variants=compared,
         running=tuple(_running(found)),
         unlike=unlike_stated(world.scenario) if isinstance(world, ScenarioWorld) else (),
+        amiss=tuple(_apart(world.scenario)[1]) if isinstance(world, ScenarioWorld) else (),
     )
 
 
@@ -138,6 +139,15 @@ def variants(scenario: Scenario) -> Iterator[tuple[str, Scenario]]:
     scenario
         Whose habits, ground, readout and identification are taken apart.
     """
+    clean, alone = _apart(scenario)
+    if alone:
+        yield CLEAN, clean
+    if len(alone) > 1:
+        yield from alone.items()
+
+
+def _apart(scenario: Scenario) -> tuple[Scenario, dict[str, Scenario]]:
+    """A scenario with nothing amiss, and with each thing alone, by its key."""
     errors, ground, habits = scenario.errors, scenario.ground, scenario.habits
     even = GroundSpec(height_sigma_m=ground.height_sigma_m, slope_sigma_deg=ground.slope_sigma_deg)
     clean = replace(
@@ -161,7 +171,4 @@ def variants(scenario: Scenario) -> Iterator[tuple[str, Scenario]]:
             alone[f"errors.{name}"] = replace(clean, errors=replace(clean.errors, **{name: value}))
     for name in habits.names():
         alone[f"habits.{name}"] = replace(clean, habits=habits.only(name))
-    if alone:
-        yield CLEAN, clean
-    if len(alone) > 1:
-        yield from alone.items()
+    return clean, alone

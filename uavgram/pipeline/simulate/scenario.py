@@ -9,10 +9,12 @@ from uavgram.config.scenario import scenario_document
 from uavgram.config.strict_yaml import dotted
 from uavgram.errors import InputError, near_miss
 from uavgram.io.cameras.drone_table import drone_cameras
+from uavgram.io.tables.measure import PARAMETERS, points_fault
 from uavgram.model.camera.assumed_errors import ORDINARY_EQUIVALENTS_MM
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.tags import CameraTags, DroneCamera
 from uavgram.model.scenario.scenario import CameraSpec
+from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.pipeline.cameras.by_name import camera_of_drone
 from uavgram.pipeline.cameras.read import read_camera
 from uavgram.pipeline.simulate.worlds import ScenarioWorld
@@ -38,6 +40,14 @@ def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
     """
     scenario, document = scenario_document(path)
     scenario = scenario if seed is None else scenario.with_seed(seed)
+    wrong = [(i, measurement_fault(one)) for i, one in enumerate(scenario.measurements)]
+    if any(fault for _, fault in wrong):
+        named = [
+            (document.line_of(("measurements", i)), f"measurements[{i}]: {fault}")
+            for i, fault in wrong
+            if fault
+        ]
+        raise InputError.of_all(document.path, named)
     calibration = scenario_camera(path, scenario.camera)
     world = ScenarioWorld(scenario, calibration)
     faults = list(senseless(simulate(scenario, calibration, exact=True)))
@@ -45,6 +55,14 @@ def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
         placed = [(document.line_of(one.key), f"{dotted(one.key)}: {one.text}") for one in faults]
         raise InputError.of_all(document.path, placed)
     return world
+
+
+def measurement_fault(asked: MeasurementRequest) -> str:
+    """Why a measurement cannot be made of its points and parameters; empty where it can."""
+    given = dict(asked.parameters)
+    missing = [one for one in PARAMETERS.get(asked.kind, ()) if one not in given]
+    fault = points_fault(asked) or (missing and f"needs {' and '.join(missing)}")
+    return f"{asked.name!r}: {fault}" if fault else ""
 
 
 def scenario_camera(path: Path, camera: CameraSpec) -> Calibration | None:

@@ -15,6 +15,7 @@ from uavgram.geometry.motion.rotation import (
 )
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.target_families import CORNERS, FOUND_PX
 from uavgram.stages.plan.scene import Deviation
 
 EDGE_PX = 12.0
@@ -95,6 +96,25 @@ def seen(
     with np.errstate(invalid="ignore"):
         certain = np.all((pixel > low) & (pixel < high), axis=-1)
     return Seen(pixel, certain)
+
+
+def large_enough(found: Seen, first: int) -> Seen:
+    """The sightings, without those of plates that are too small in a photo to be found there.
+
+    Parameters
+    ----------
+    found
+        Of points, and of the corners of plates behind them.
+    first
+        Where these begin, four of each.
+    """
+    corner = found.pixel_px[:, first:].reshape(len(found.pixel_px), -1, CORNERS, 2)
+    side = np.linalg.norm(np.roll(corner, -1, axis=2) - corner, axis=-1)
+    with np.errstate(invalid="ignore"):
+        large = np.repeat(side.min(axis=2) >= FOUND_PX, CORNERS, axis=1)
+    certain = found.certain.copy()
+    certain[:, first:] &= large
+    return Seen(found.pixel_px, certain)
 
 
 def spread_px(by_point: Floats, in_camera: Floats, deviation: Deviation) -> Floats:

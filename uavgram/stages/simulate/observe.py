@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.scenario.simulated import SurveyTruth
 from uavgram.model.scenario.surface import Surface
 from uavgram.model.survey.observations import KnownLines, KnownPoints, Picks
+from uavgram.model.target_families import CORNERS, FOUND_PX
 from uavgram.stages.simulate.truth import rolled_pixels
 
 PICK_MARGIN_PX = 12.0  # nobody picks a mark that is cut off by the image's edge
@@ -54,7 +55,7 @@ def pick(
     pixel_px: Floats,
     rngs: tuple[np.random.Generator, np.random.Generator],
 ) -> Picks:
-    """Pick every mark that is wholly in a photo; the program picks the corners of plates.
+    """Pick every mark that is wholly in a photo; the program picks the corners of whole plates.
 
     Parameters
     ----------
@@ -69,6 +70,7 @@ def pick(
     sigmas = np.repeat([scenario.errors.pick_px, scenario.plates.corner_px], _counts(scenario))
     limit = np.array([calibration.width_px, calibration.height_px]) - 1.0 - PICK_MARGIN_PX
     inside = np.all((pixel_px > PICK_MARGIN_PX) & (pixel_px < limit), axis=-1)
+    inside[:, len(scenario.points) :] &= _is_found(pixel_px, inside, len(scenario.points))
     frame, point = np.nonzero(inside)
     sigma = sigmas[point]
     noise = sigma[:, None] * rngs[0].standard_normal((len(frame), 2))
@@ -93,6 +95,15 @@ def pick(
         is_free=free[at],
         source=tuple("target" if i >= len(points) else "hand" for i in point) if corners else (),
     )
+
+
+def _is_found(pixel_px: Floats, inside: Bools, first: int) -> Bools:
+    """(F, 4N) which corners of plates, from `first` on, are of a whole and large enough one."""
+    corner = pixel_px[:, first:].reshape(len(pixel_px), -1, CORNERS, 2)
+    whole = inside[:, first:].reshape(corner.shape[:3]).all(axis=2)
+    side = np.linalg.norm(np.roll(corner, -1, axis=2) - corner, axis=-1).min(axis=2)
+    with np.errstate(invalid="ignore"):
+        return np.repeat(whole & (side >= FOUND_PX), CORNERS, axis=1)
 
 
 def _counts(scenario: Scenario) -> tuple[int, int]:

@@ -73,7 +73,9 @@ def flight_facts(planned: FlightPlanned) -> tuple[tuple[str, str], ...]:
         frames.gimbal_pitch_deg,
         frames.heading_deg,
     )
-    is_one_way = float(np.ptp(heading)) < SAME_DEG
+    turned = (heading - heading[0] + 180.0) % 360.0 - 180.0  # 359.9° and 0.1° are one way
+    is_one_way = float(np.ptp(turned)) < SAME_DEG
+    nose = round(float(heading[0] + turned.mean())) % 360
     is_nadir = float((pitch + 90.0).max()) < SAME_DEG
     low, high = float(heights.min()), float(heights.max())
     height = f"{metres(low)} above the ground"
@@ -87,7 +89,7 @@ def flight_facts(planned: FlightPlanned) -> tuple[tuple[str, str], ...]:
         ("Photos", str(len(frames.name))),
         ("Height", height),
         ("Camera", "straight down" if is_nadir else f"{_span(-pitch)}° below level"),
-        ("Nose", f"{_span(heading)}° from north" if is_one_way else "turns: see each photo"),
+        ("Nose", f"{nose}° from north" if is_one_way else "turns: see each photo"),
         ("At each photo", f"hover {flight.seconds_per_photo:.0f} s, then trigger"),
         ("Way", f"{metres(flight.path_m)} at {flight.speed_m_s:g} m/s"),
         ("In the air", f"{_minutes(flight.duration_s)} of {_minutes(flight.battery_s)}"),

@@ -8,6 +8,7 @@ from uavgram.model.simulation.repetitions import Simulation
 from uavgram.views.pages import page_environment
 from uavgram.views.simulation.drawings import curve_of, ranges_of
 from uavgram.views.simulation.words import (
+    amiss,
     costs,
     counts,
     headline,
@@ -47,6 +48,7 @@ def render_simulation_page(simulation: Simulation) -> str:
             ranges=ranges_of(simulation),
             curve=curve_of(simulation),
             reasons=reasons(found),
+            amiss=amiss(simulation),
             unlike=unlike(simulation),
             warned=warned(found),
             costs=costs(simulation),

@@ -200,6 +200,23 @@ def unlike(simulation: Simulation) -> str:
     )
 
 
+def amiss(simulation: Simulation) -> str:
+    """What the scenario has amiss of which its project knows nothing; empty: nothing."""
+    named = [_named(key) for key in simulation.amiss]
+    if not named:
+        return ""
+    told = (
+        f"The scenario has amiss, and its project does not know: {'; '.join(named)}. The ± need "
+        "not hold then"
+    )
+    return f"{told}." if simulation.variants else f"{told}; --compare says what each costs."
+
+
+def _named(key: str) -> str:
+    words = WORDS.get(key.rpartition(".")[2])
+    return f"{words} ({key})" if words else key
+
+
 class Cost(NamedTuple):
     """What something that is amiss costs."""
 
@@ -229,9 +246,8 @@ def _cost(one: Variant, clean: Variant) -> Cost:
     z = one.accuracy.z[np.isfinite(one.accuracy.z)]
     within = one.accuracy.coverage[:, 1]
     green = sum(level == "green" for level in one.repetitions.level)
-    key = one.name.rpartition(".")[2]
     return Cost(
-        what=f"{WORDS[key]} ({one.name})" if key in WORDS else one.name,
+        what=_named(one.name),
         error=f"{np.median(known):.2f}" if known.size else "–",
         z=f"{np.sqrt(np.mean(z**2)):.2f}" if z.size else "–",
         within=f"{100 * np.nanmean(within):.0f} %" if np.isfinite(within).any() else "–",

@@ -233,8 +233,9 @@ def _failing(study: Study) -> list[str]:
             text += f"the prediction fails: the errors are {', '.join(parts)}"
         if good:
             where = ", ".join(place_text(cell) for cell in good)
-            chance = "cannot be told from chance"
-            text += f"; at {where} it {chance}" if bad else f"a failure {chance} at {where}"
+            what = "it" if bad else "the prediction"
+            explain = f"5 % and chance explain by how much {what} is off at {where}"
+            text += f"; {explain}" if bad else explain
         found.append(f"{text}.")
     return found
 
