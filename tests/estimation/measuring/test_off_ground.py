@@ -97,7 +97,7 @@ def test_gradients_by_the_unknowns_equal_central_differences(*, rough: bool) -> 
     for _ in range(6):
         step = rng.normal(size=layout.size) * 1e-5
         ends = [
-            values_at(adjustment, move(layout, adjustment.state, sign * step), REQUESTS, NO_TIMES)
+            values_at(adjustment.problem, move(layout, adjustment.state, sign * step), REQUESTS, NO_TIMES)
             for sign in (1, -1)
         ]
         numeric = (ends[0] - ends[1]) / 2.0
