@@ -31,14 +31,16 @@ first step is the last: what the next would change is of the order of a third of
 UNFELT = 0.005
 """By how many of its sigmas a step that is the last may still move what is asked."""
 
-DEBUG = False
-SLOW = 0.8
-"""Ratio of what successive steps move, above which they lead nowhere."""
+NEAR = 0.1
+"""Squared length, in sigmas, of a step that may be the last."""
 
 AT_REST = 1e-3
 """Squared length, in sigmas, of the last step of the whole survey's adjustment anew."""
 
-MOST = 16
+CROOKED = 1.0
+"""The same, from which on such steps lead nowhere: what is so far from linear is adjusted whole."""
+
+MOST = 12
 """Steps that are taken at most."""
 
 HISTORY = 6
@@ -101,26 +103,30 @@ def moved(near: Neighbourhood, factor: Factor, steps: Floats, asked: Asked) -> M
     assert base is not None  # noqa: S101  (the adjustment stands there)
     found: list[State | None] = [None] * count
     rest = np.full((count, len(asked.gradient)), np.nan)
-    left, before = np.arange(count), np.full(count, np.inf)
+    left = np.arange(count)
     way = _Way(steps.shape)
     for taken in range(MOST):
         states = advance(near.problem.layout, near.state, steps[left] + way.beyond)
         gradient, bent = _unexplained(near, base, states, steps[left], way.beyond)
         ahead = -gradient @ asked.solved.T - way.beyond @ asked.gradient.T
-        felt = np.abs(np.where(asked.of[left], ahead, 0.0)).max(axis=1)
-        if DEBUG:
-            print(taken, np.round(felt[:12], 4), np.round(bent[:6], 4))
-        is_last = (felt < UNFELT) & (taken > 0) | (bent < STRAIGHT)
+        # What is nearly straight ends here; what is far from it, or impossible, leads nowhere.
+        is_last = np.full(len(left), False) if taken else bent < STRAIGHT
+        further = np.flatnonzero(~is_last & (bent < CROOKED))
+        drive = gradient[further] + way.force[further]
+        right = np.zeros((factor.size, len(further)))
+        right[near.columns] = -drive.T
+        step = factor.solve(right)[near.columns].T
+        if taken:
+            felt = np.abs(np.where(asked.of[left[further]], ahead[further], 0.0)).max(axis=1)
+            rests = (felt < UNFELT) & (-(drive * step).sum(axis=1) < NEAR)
+            is_last[further[rests]] = True
+            further, drive, step = further[~rests], drive[~rests], step[~rests]
         for row in np.flatnonzero(is_last).tolist():
             found[left[row]] = some(states, row)
         rest[left[is_last]] = ahead[is_last]
-        further = np.flatnonzero(~is_last & np.isfinite(bent))
         if not len(further):
             break
-        left = left[further]
-        right = np.zeros((factor.size, len(further)))
-        right[near.columns] = -(gradient[further] + way.force[further]).T
-        way = way.further(further, gradient, factor.solve(right)[near.columns].T)
+        way, left = way.further(further, drive, step), left[further]
     return Moved(found, rest)
 
 
@@ -138,14 +144,13 @@ class _Way:
         self._beyond: list[Floats] = []
         self._force: list[Floats] = []
 
-    def further(self, rows: Ints, gradient: Floats, step: Floats) -> _Way:
+    def further(self, rows: Ints, drive: Floats, step: Floats) -> _Way:
         new = _Way(step.shape)
-        drive = gradient[rows] + self.force[rows]
         new._steps = [*(one[rows] for one in self._steps), step][-HISTORY:]
         new._drives = [*(one[rows] for one in self._drives), drive][-HISTORY:]
         new._beyond = [*(one[rows] for one in self._beyond), self.beyond[rows]][-HISTORY:]
         new._force = [*(one[rows] for one in self._force), self.force[rows]][-HISTORY:]
-        end, force = self.beyond[rows] + step, -gradient[rows]
+        end, force = self.beyond[rows] + step, self.force[rows] - drive
         if len(new._steps) > 1:
             by_step = np.diff(np.stack(new._steps, 1), axis=1)
             by_drive = np.diff(np.stack(new._drives, 1), axis=1)

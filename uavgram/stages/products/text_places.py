@@ -21,6 +21,12 @@ _ROOM = 64
 _SQUARE = 8.0
 """Side of a square in which places are looked up, in half the width of the first text."""
 
+_MANY = 100
+"""Places from which on they are looked at square by square."""
+
+_WIDE = 5.0
+"""Side of what is looked at together, in sides of a square."""
+
 _MOST_SQUARES = 1000
 """What reaches into more of them is compared with everything."""
 
@@ -51,7 +57,11 @@ class TextPlaces:
         -------
         Which one; None where all of them are taken.
         """
-        free = np.flatnonzero(~overlaps(candidates, self._near(candidates)).any(axis=1))
+        is_free = np.ones(len(candidates), np.bool_)
+        for rows in self._apart(candidates):
+            some = candidates[rows]
+            is_free[rows] = ~overlaps(some, self._near(some)).any(axis=1)
+        free = np.flatnonzero(is_free)
         if not len(free):
             return None
         self.reserve(candidates[free[0]])
@@ -88,6 +98,16 @@ class TextPlaces:
         for square in squares or ():
             self._in_square.setdefault(square, []).append(self._count)
         self._count += 1
+
+    def _apart(self, candidates: Floats) -> list[Ints]:
+        """Rows of places that lie together: what is near to all of many would be far from most."""
+        every = np.arange(len(candidates))
+        if not self._side or len(candidates) < _MANY:
+            return [every]
+        square = np.floor(candidates[:, :2] / (_WIDE * self._side))
+        order = np.lexsort(square.T)
+        new = np.flatnonzero((np.diff(square[order], axis=0) != 0).any(axis=1)) + 1
+        return np.split(every[order], new)
 
     def _near(self, candidates: Floats) -> Floats:
         """(n, 5) what is taken and may meet some places, in the order in which it was taken."""
