@@ -26,7 +26,7 @@ from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.moved import Asked, moved, moved_alone
 from uavgram.estimation.survey.neighbourhood import Neighbourhood, groups, neighbourhood
-from uavgram.estimation.survey.unknowns import State, advance, unstacked
+from uavgram.estimation.survey.unknowns import advance, unstacked
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
@@ -74,7 +74,6 @@ class _Direction(NamedTuple):
 def curvature(
     adjustment: Adjustment,
     measured: MeasuredValues,
-    requests: tuple[MeasurementRequest, ...],
     frames: Frames,
 ) -> Curvature:
     """Second-order bias and sigma of every measured value.
@@ -83,7 +82,7 @@ def curvature(
     ----------
     adjustment, measured
         The adjusted survey, and what was measured in it.
-    requests, frames
+    frames
         As they were measured.
 
     Notes
@@ -127,9 +126,10 @@ def _curved(
         sources = {source for row in rows for source in measured.rows[row].others}
         for source in sorted(sources):
             errors = (partial(_error_in, source, reach) for reach in (REACH, -REACH))
-            pairs.append(
-                tuple(values_at(near.problem, near.state, (request,), frames, e) for e in errors)
+            one, other = (
+                values_at(near.problem, near.state, (request,), frames, error) for error in errors
             )
+            pairs.append((one, other))
         _collect(np.array(pairs), measured, rows, found)
 
 
@@ -153,30 +153,35 @@ def _adjusted(
     """Values of the observations moved both ways along the directions towards each request."""
     every = np.concatenate([rows for _, rows in some])
     sigma = np.where(measured.sigma[every] > 0, measured.sigma[every], 1.0)
-    gradient = measured.gradient[:, every].toarray()[near.columns] / sigma
-    solved = measured.solved[near.columns[:, None], every] / sigma
-    of = [(k, d) for k, (_, rows) in enumerate(some) for d in range(len(rows))]
-    of = [(k, d) for k, d in of if d < len(directions[k].steps)]
-    first = np.cumsum([0, *(len(rows) for _, rows in some)])
-    asked = np.array([(first[k] <= np.arange(len(every))) & (np.arange(len(every)) < first[k + 1]) for k, _ in of])
-    steps = REACH * np.array([directions[k].steps[d] for k, d in of])
-    both = Asked(gradient.T, solved.T, np.concatenate([asked, asked]))
-    ends = moved(near, adjustment.minimum.factor, np.concatenate([steps, -steps]), both)
+    of_row = np.repeat(np.arange(len(some)), [len(rows) for _, rows in some])
+    # A request has as many directions towards its values as it has values, or fewer.
+    which = [
+        (k, d)
+        for k, (_, rows) in enumerate(some)
+        for d in range(min(len(rows), len(directions[k].steps)))
+    ]
+    steps = REACH * np.array([directions[k].steps[d] for k, d in which])
+    asked = Asked(
+        gradient=(measured.gradient[:, every].toarray()[near.columns] / sigma).T,
+        solved=(measured.solved[near.columns[:, None], every] / sigma).T,
+        of=np.tile(of_row, (2 * len(which), 1)) == np.array(which + which)[:, :1],
+    )
+    ends = moved(near, adjustment.minimum.factor, np.concatenate([steps, -steps]), asked)
 
     def value(row: int, sign: float, k: int, d: int) -> Floats:
         request, rows = some[k]
-        state = ends.states[row]
+        state, own = ends.states[row], of_row == k
         if state is not None:
-            rest = ends.rest[row, first[k] : first[k + 1]] * sigma[first[k] : first[k + 1]]
-            return values_at(near.problem, state, (request,), frames) + rest
-        solved_for, makes = directions[k].whole
-        whole = moved_alone(adjustment, sign * REACH * (solved_for @ makes[:, d]))
+            last = ends.rest[row, own] * sigma[own]
+            return values_at(near.problem, state, (request,), frames) + last
+        solved, makes = directions[k].whole
+        whole = moved_alone(adjustment, sign * REACH * (solved @ makes[:, d]))
         if whole is None:
             return np.full(len(rows), np.nan)
         return values_at(adjustment.problem, whole, (request,), frames)
 
-    for row, (k, d) in enumerate(of):
-        yield value(row, 1.0, k, d), value(row + len(of), -1.0, k, d)
+    for row, (k, d) in enumerate(which):
+        yield value(row, 1.0, k, d), value(row + len(which), -1.0, k, d)
 
 
 def _error_in(one: str, reach: float, source: str) -> float:

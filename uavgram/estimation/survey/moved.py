@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -45,6 +46,12 @@ MOST = 12
 
 HISTORY = 6
 """Steps that are mixed."""
+
+REPEATED = 1e-10
+"""Share of their lengths by which steps that are mixed count as different."""
+
+TINY = 1e-300
+"""Squared length of a step that is none."""
 
 ENTRIES = 2_000_000
 """Numbers in the derivatives of all states that are evaluated together: 16 MB."""
@@ -103,69 +110,80 @@ def moved(near: Neighbourhood, factor: Factor, steps: Floats, asked: Asked) -> M
     assert base is not None  # noqa: S101  (the adjustment stands there)
     found: list[State | None] = [None] * count
     rest = np.full((count, len(asked.gradient)), np.nan)
-    left = np.arange(count)
-    way = _Way(steps.shape)
+    left, way = np.arange(count), Way.from_here(steps.shape)
     for taken in range(MOST):
         states = advance(near.problem.layout, near.state, steps[left] + way.beyond)
         gradient, bent = _unexplained(near, base, states, steps[left], way.beyond)
         ahead = -gradient @ asked.solved.T - way.beyond @ asked.gradient.T
-        # What is nearly straight ends here; what is far from it, or impossible, leads nowhere.
-        is_last = np.full(len(left), False) if taken else bent < STRAIGHT
+        # What is nearly straight ends at once; what is far from it, or impossible, leads nowhere.
+        is_last = (bent < STRAIGHT) & (taken == 0)
         further = np.flatnonzero(~is_last & (bent < CROOKED))
         drive = gradient[further] + way.force[further]
         right = np.zeros((factor.size, len(further)))
         right[near.columns] = -drive.T
         step = factor.solve(right)[near.columns].T
-        if taken:
-            felt = np.abs(np.where(asked.of[left[further]], ahead[further], 0.0)).max(axis=1)
-            rests = (felt < UNFELT) & (-(drive * step).sum(axis=1) < NEAR)
-            is_last[further[rests]] = True
-            further, drive, step = further[~rests], drive[~rests], step[~rests]
+        felt = np.abs(np.where(asked.of[left[further]], ahead[further], 0.0)).max(axis=1)
+        rests = (felt < UNFELT) & (-(drive * step).sum(axis=1) < NEAR) & (taken > 0)
+        is_last[further[rests]] = True
         for row in np.flatnonzero(is_last).tolist():
             found[left[row]] = some(states, row)
         rest[left[is_last]] = ahead[is_last]
-        if not len(further):
+        if rests.all():
             break
-        way, left = way.further(further, drive, step), left[further]
+        way = way.further(further[~rests], drive[~rests], step[~rests])
+        left = left[further[~rests]]
     return Moved(found, rest)
 
 
-class _Way:
-    """The way of m iterations so far, and where each goes next (Anderson 1965; Walker & Ni 2011).
+class Way(NamedTuple):
+    """Where m iterations stand, and how they came there.
 
-    The next state is that mixture of the last steps' ends whose remaining step would be shortest,
-    were all linear, in sigmas. All lengths are found near by: what drives steps is zero elsewhere.
+    Attributes
+    ----------
+    beyond
+        (m, n) by how much each has gone beyond its first step.
+    force
+        (m, n) the normal matrix times that; zero but near by, as the whole step comes from there.
+    past
+        Of the last iterations, oldest first: `beyond`, `force`, what drove the step (the gradient),
+        and the step.
     """
 
-    def __init__(self, shape: tuple[int, ...]) -> None:
-        self.beyond, self.force = np.zeros(shape), np.zeros(shape)
-        self._steps: list[Floats] = []
-        self._drives: list[Floats] = []
-        self._beyond: list[Floats] = []
-        self._force: list[Floats] = []
+    beyond: Floats
+    force: Floats
+    past: tuple[tuple[Floats, Floats, Floats, Floats], ...]
 
-    def further(self, rows: Ints, drive: Floats, step: Floats) -> _Way:
-        new = _Way(step.shape)
-        new._steps = [*(one[rows] for one in self._steps), step][-HISTORY:]
-        new._drives = [*(one[rows] for one in self._drives), drive][-HISTORY:]
-        new._beyond = [*(one[rows] for one in self._beyond), self.beyond[rows]][-HISTORY:]
-        new._force = [*(one[rows] for one in self._force), self.force[rows]][-HISTORY:]
-        end, force = self.beyond[rows] + step, self.force[rows] - drive
-        if len(new._steps) > 1:
-            by_step = np.diff(np.stack(new._steps, 1), axis=1)
-            by_drive = np.diff(np.stack(new._drives, 1), axis=1)
-            by_end = by_step + np.diff(np.stack(new._beyond, 1), axis=1)
-            by_force = np.diff(np.stack(new._force, 1), axis=1) - by_drive
+    @classmethod
+    def from_here(cls, shape: tuple[int, ...]) -> Way:
+        """The first step alone."""
+        return cls(np.zeros(shape), np.zeros(shape), ())
+
+    def further(self, rows: Ints, drive: Floats, step: Floats) -> Way:
+        """Where some of them go next, by their steps (r, n) and what drives these (r, n).
+
+        To that mixture of the last steps' ends whose remaining step would be shortest, in sigmas,
+        were all linear (Anderson 1965, Iterative procedures for nonlinear integral equations;
+        Walker & Ni 2011). Plain steps diverge where the normal matrix has turned.
+        """
+        past = (*(tuple(one[rows] for one in each) for each in self.past),)
+        past = (*past, (self.beyond[rows], self.force[rows], drive, step))[-HISTORY:]
+        beyond, force = self.beyond[rows] + step, self.force[rows] - drive
+        if len(past) > 1:
+            by = [np.diff(np.stack(each, axis=1), axis=1) for each in zip(*past, strict=True)]
+            by_beyond, by_force, by_drive, by_step = by
+            # s^T N s' of steps s = -N^-1 g: -g^T s'
             joint = -by_step @ np.swapaxes(by_drive, 1, 2)
-            joint = 0.5 * (joint + np.swapaxes(joint, 1, 2))
-            right = -(by_drive @ step[:, :, None])
-            scale = 1 / np.sqrt(np.maximum(np.einsum("mii->mi", joint), 1e-300))
-            joint = joint * scale[:, :, None] * scale[:, None, :] + 1e-10 * np.eye(joint.shape[1])
-            part = np.linalg.solve(joint, right * scale[:, :, None]) * scale[:, :, None]
-            end = end - (part * by_end).sum(axis=1)
-            force = force - (part * by_force).sum(axis=1)
-        new.beyond, new.force = end, force
-        return new
+            part = _solved(0.5 * (joint + np.swapaxes(joint, 1, 2)), -by_drive @ step[..., None])
+            beyond = beyond - (part * (by_beyond + by_step)).sum(axis=1)
+            force = force - (part * (by_force - by_drive)).sum(axis=1)
+        return Way(beyond, force, past)
+
+
+def _solved(joint: Floats, right: Floats) -> Floats:
+    """Solutions (m, h, 1) of small systems (m, h, h), also where steps repeat each other."""
+    scale = 1.0 / np.sqrt(np.maximum(np.einsum("mii->mi", joint), TINY))[..., None]
+    scaled = joint * scale * np.swapaxes(scale, 1, 2) + REPEATED * np.eye(joint.shape[1])
+    return np.asarray(np.linalg.solve(scaled, right * scale) * scale)
 
 
 def _unexplained(
@@ -183,19 +201,14 @@ def _unexplained(
     count = len(steps)
     gradient, bent = np.full(steps.shape, np.nan), np.full(count, np.nan)
     at_once = max(1, ENTRIES // sum(block.jacobian.size for block in base.values()))
-    for first in range(0, count, at_once):
-        rows = np.arange(first, min(first + at_once, count))
-        blocks = near.problem.evaluate(some(states, rows))
-        each: list[tuple[Ints, Mapping[str, Block] | None]] = [(rows, blocks)]
-        if blocks is None and len(rows) > 1:  # one of them is impossible: each alone
-            each = [
-                (one, near.problem.evaluate(some(states, one))) for one in rows[:, None]
-            ]
-        for some_rows, there in each:
-            if there is not None:
-                gradient[some_rows], bent[some_rows] = _off_linear(
-                    base, there, steps[some_rows], beyond[some_rows]
-                )
+    waiting = [np.arange(first, min(first + at_once, count)) for first in range(0, count, at_once)]
+    while waiting:
+        rows = waiting.pop()
+        there = near.problem.evaluate(some(states, rows))
+        if there is not None:
+            gradient[rows], bent[rows] = _off_linear(base, there, steps[rows], beyond[rows])
+        elif len(rows) > 1:  # one of them is impossible
+            waiting += [rows[: len(rows) // 2], rows[len(rows) // 2 :]]
     return gradient, bent
 
 

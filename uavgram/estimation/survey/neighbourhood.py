@@ -62,9 +62,7 @@ def neighbourhood(adjustment: Adjustment, label: Ints) -> Neighbourhood:
     near = _frames_around(survey, label)
     if np.count_nonzero(near) > MOST * frames:
         return whole
-    seen = replace(
-        survey, matches=_within(survey.matches, near), ties=_within(survey.ties, near)
-    )
+    seen = replace(survey, matches=_within(survey.matches, near), ties=_within(survey.ties, near))
     return _part(adjustment, select_picks(seen, near[survey.pick_frame]))
 
 
@@ -122,7 +120,7 @@ def _part(adjustment: Adjustment, part: Selection) -> Neighbourhood:
 
 
 def groups(place_m: Floats, most: int) -> list[Ints]:
-    """Places (n, 2) in groups of up to `most` that lie together, by halving along the longer way."""
+    """Rows of places (n, 2) in groups of up to `most`: halved along the longer way, and again."""
     waiting, found = [np.arange(len(place_m))], []
     while waiting:
         rows = waiting.pop()
