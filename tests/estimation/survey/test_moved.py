@@ -11,13 +11,13 @@ from taped_scenes import read_on_tapes
 
 from uavgram.estimation.measuring.propagation import propagate, values_at
 from uavgram.estimation.measuring.second_order import REACH, curvature
-from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.solver.normal_equations import Block, gradient_of
 from uavgram.estimation.survey import moved as of_moved
 from uavgram.estimation.survey import neighbourhood as of_near
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.moved import Asked, moved, times
 from uavgram.estimation.survey.neighbourhood import groups, neighbourhood
-from uavgram.estimation.survey.refit import refit
+from uavgram.estimation.survey.refit import refit, with_errors
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.options import SolveOptions
@@ -68,6 +68,37 @@ def test_values_of_moved_observations_are_those_of_the_survey_adjusted_anew(
         truth = values_at(adjustment.problem, alone, (request,), NO_TIMES)[0]
         sigma = measured.sigma[row]
         assert value + found.rest[row, row] * sigma == pytest.approx(truth, abs=0.01 * sigma)
+
+
+def test_what_the_last_step_leaves_is_told(
+    adjustment: Adjustment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a step of twelve sigmas alone: by how much the next one would move each value."""
+    monkeypatch.setattr(of_moved, "STRAIGHT", np.inf)
+    requests = distances(adjustment.survey, 4)
+    measured = propagate(adjustment, requests, NO_TIMES)
+    sigma, size = measured.sigma, adjustment.problem.layout.size
+    steps = 12.0 * (measured.solved / sigma).T
+    asked = Asked(
+        gradient=np.zeros((len(requests), size)),
+        solved=measured.solved.T / sigma[:, None],
+        of=np.eye(len(requests), dtype=np.bool_),
+    )
+    near = neighbourhood(adjustment, np.arange(4))
+    found = moved(near, adjustment.minimum.factor, steps, asked)
+    for row, state in enumerate(found.states):
+        assert state is not None
+        blocks = adjustment.problem.evaluate(state)
+        assert blocks is not None
+        errors = {
+            name: times(block, steps[row : row + 1])[0]
+            for name, block in adjustment.minimum.blocks.items()
+        }
+        gradient = gradient_of(with_errors(blocks, errors).values(), size)
+        further = -adjustment.minimum.factor.solve(gradient)
+        by_it = measured.gradient[:, [row]].toarray()[:, 0] @ further / sigma[row]
+        assert abs(by_it) > 0.01
+        assert found.rest[row, row] == pytest.approx(by_it, rel=1e-6)
 
 
 def in_a_ring(survey: Survey) -> Survey:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,14 +32,35 @@ _MOST_SQUARES = 1000
 """What reaches into more of them is compared with everything."""
 
 
+class Choice(NamedTuple):
+    """Where a text went: rounds from `first` to before `end` were tried, and the place `which`.
+
+    `is_crowded` where none of all rounds was free, and it covers another.
+    """
+
+    first: int
+    end: int
+    which: int
+    is_crowded: bool
+
+
 class TextPlaces:
     """The places that are taken, while texts are placed one after the other.
 
     A place is a rectangle (x, y, half its width, half its height, angle [rad] counterclockwise),
     x and y of its middle in the units of the drawing.
+
+    Parameters
+    ----------
+    like
+        Which places the same texts took, one after the other, in another drawing of the same
+        things: where such a place is free here too, nothing else is tried, nor where there was
+        none.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, like: Sequence[Choice] = ()) -> None:
+        self._like = iter(like)
+        self.choices: list[Choice] = []
         self._taken = np.zeros((_ROOM, 5))
         self._count = 0
         self._side = 0.0  # of a square; the first text says how large
@@ -79,12 +101,20 @@ class TextPlaces:
         -------
         (5,) the place; after `ROUNDS` without a free one, the first of all.
         """
+        if (like := next(self._like, None)) is not None:
+            places = candidates(np.arange(like.first, like.end))[[like.which]]
+            if like.is_crowded or self.take(places) is not None:
+                self.choices.append(like)
+                return np.asarray(places[0])
         first, count = 0, _AT_ONCE
         while first < ROUNDS:  # more and more at a time: most texts have room at once
             places = candidates(np.arange(first, min(first + count, ROUNDS)))
             if (which := self.take(places)) is not None:
+                end = min(first + count, ROUNDS)
+                self.choices.append(Choice(first, end, which, is_crowded=False))
                 return np.asarray(places[which])
             first, count = first + count, 2 * count
+        self.choices.append(Choice(0, 1, 0, is_crowded=True))
         return np.asarray(candidates(np.zeros(1, np.int64))[0])
 
     def reserve(self, place: Floats) -> None:
