@@ -139,7 +139,7 @@ def adjusted(scene: Scene) -> Adjustment | None:
 def curved(adjustment: Adjustment) -> bool:
     """Whether the program would say that the distance needs more than first order."""
     measured = propagate(adjustment, DISTANCE, NO_TIMES)
-    terms = curvature(adjustment, measured, DISTANCE, NO_TIMES)
+    terms = curvature(adjustment, measured, NO_TIMES)
     within = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= SIGMA_OFF
     return not (within and abs(terms.bias[0] / measured.sigma[0]) <= BIAS_OFF)
 

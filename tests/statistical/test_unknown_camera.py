@@ -125,7 +125,7 @@ def error_of(scene: Scene, refined: Refined) -> tuple[float, bool]:
     """Error of the distance in sigmas, and whether first order is enough for it."""
     adjustment = refined.adjustment
     measured = propagate(adjustment, DISTANCE, NO_TIMES)
-    terms = curvature(adjustment, measured, DISTANCE, NO_TIMES)
+    terms = curvature(adjustment, measured, NO_TIMES)
     enough = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= SIGMA_OFF
     enough &= abs(terms.bias[0] / measured.sigma[0]) <= BIAS_OFF
     world, _ = adjustment.joint_points(np.array(MEASURED))

@@ -68,7 +68,9 @@ def errors(
         true, fitted = _one(planned, truth, rng, world)
         if fitted is None:
             continue
-        found.append(values_at(to_fit, fitted, *asked) - values_at(to_draw, true, *asked))
+        found.append(
+            values_at(to_fit.problem, fitted, *asked) - values_at(to_draw.problem, true, *asked)
+        )
     return np.array(found)
 
 

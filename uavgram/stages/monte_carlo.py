@@ -76,7 +76,7 @@ def sample(
             failed += 1
         else:
             drawn: dict[str, float] = defaultdict(rng.standard_normal)  # one draw a source
-            rows.append(values_at(adjustment, state, requests, frames, drawn.__getitem__))
+            rows.append(values_at(adjustment.problem, state, requests, frames, drawn.__getitem__))
     if len(rows) < 2:
         raise GeometryError(
             f"{failed} of {count} Monte Carlo repetitions did not come to rest: the survey is too "

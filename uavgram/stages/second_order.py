@@ -11,7 +11,6 @@ from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message, Several
 from uavgram.model.result.reliability import SecondOrder
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.survey.observations import MeasurementRequest
 
 SIGMA_OFF = 0.05
 """Difference of second- and first-order sigma, as a share, from which first order is off."""
@@ -25,7 +24,6 @@ def second_order(
     adjustment: Adjustment,
     measured: MeasuredValues,
     results: MeasurementResults,
-    requests: tuple[MeasurementRequest, ...],
     frames: Frames,
 ) -> tuple[SecondOrder | None, tuple[Message, ...]]:
     """Compare second-order with first-order bias and sigma; None where nothing was measured.
@@ -36,12 +34,12 @@ def second_order(
         The adjusted survey.
     measured, results
         What was measured, and its first-order results.
-    requests, frames
+    frames
         As they were measured.
     """
     if not measured.rows:
         return None, ()
-    terms = curvature(adjustment, measured, requests, frames)
+    terms = curvature(adjustment, measured, frames)
     computed = np.isfinite(results.value) & (results.sigma > 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = terms.sigma / results.sigma

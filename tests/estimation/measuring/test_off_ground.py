@@ -97,7 +97,9 @@ def test_gradients_by_the_unknowns_equal_central_differences(*, rough: bool) -> 
     for _ in range(6):
         step = rng.normal(size=layout.size) * 1e-5
         ends = [
-            values_at(adjustment, move(layout, adjustment.state, sign * step), REQUESTS, NO_TIMES)
+            values_at(
+                adjustment.problem, move(layout, adjustment.state, sign * step), REQUESTS, NO_TIMES
+            )
             for sign in (1, -1)
         ]
         numeric = (ends[0] - ends[1]) / 2.0
@@ -182,7 +184,7 @@ def test_sampling_gives_the_sigmas_of_first_and_second_order() -> None:
     assert messages == ()
     # Relative standard deviation of a sampled sigma: sqrt(1 / 2n), and up to four of them.
     np.testing.assert_allclose(sampled.sigma, found.sigma, rtol=4 / np.sqrt(2 * 60))
-    second = curvature(adjustment, found, REQUESTS, NO_TIMES)
+    second = curvature(adjustment, found, NO_TIMES)
     np.testing.assert_allclose(second.sigma, found.sigma, rtol=0.02)
 
 

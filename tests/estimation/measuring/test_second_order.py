@@ -42,7 +42,7 @@ def compared(
     frames = frames_of(survey)
     measured = propagate(adjustment, requests, frames)
     first, _ = measurement_results(measured)
-    second, messages = second_order(adjustment, measured, first, requests, frames)
+    second, messages = second_order(adjustment, measured, first, frames)
     drawn = sample(adjustment, requests, frames, count, 1)[0] if count else None
     return SimpleNamespace(first=first, second=second, messages=messages, sampled=drawn)
 

@@ -115,7 +115,7 @@ def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(kind: s
     for sign in (1.0, -1.0):
         state = refit(adjustment, {kind: sign * error})
         assert state is not None
-        moved.append(values_at(adjustment, state, REQUESTS, NO_TIMES))
+        moved.append(values_at(adjustment.problem, state, REQUESTS, NO_TIMES))
     change = (moved[0] - moved[1]) / 2 / 0.1
     assert np.abs(change / measured.sigma).argmax() == found.measurement[row, axis]
     on = found.measurement[row, axis]

@@ -1,4 +1,4 @@
-"""The likelihood of many states at once is that of each; and so is what is fitted anew."""
+"""The likelihood of many states at once is that of each."""
 
 from __future__ import annotations
 
@@ -14,12 +14,8 @@ from scenes import Scene, make_scene
 from taped_scenes import read_on_tapes
 
 from uavgram.estimation.solver.normal_equations import gradient_of
-from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.refit import refit, refit_many
-from uavgram.estimation.survey.unknowns import State, advance, between, move, stacked
-from uavgram.model.options import SolveOptions
-from uavgram.stages.refine import refine
+from uavgram.estimation.survey.unknowns import State, move, stacked
 
 
 def problem_of(scene: Scene) -> tuple[SurveyProblem, State]:
@@ -79,35 +75,3 @@ def test_one_impossible_state_makes_all_of_them_impossible() -> None:
 
     assert problem.evaluate(stacked([truth, truth])) is not None
     assert problem.evaluate(stacked([truth, flipped])) is None
-
-
-@pytest.fixture(scope="module")
-def adjustment() -> Adjustment:
-    return refine(make_scene(8, frames=5, control=2).survey, SolveOptions())[0].adjustment
-
-
-@pytest.mark.parametrize("sigmas", [0.1, 12.0], ids=["near", "far"])
-def test_states_fitted_together_are_those_fitted_alone(
-    adjustment: Adjustment, sigmas: float
-) -> None:
-    """Near by, a few steps are enough; far off, the normal matrix turns, and they need new ones."""
-    rng, blocks = np.random.default_rng(4), adjustment.minimum.blocks
-    errors = {
-        name: sigmas * rng.normal(size=(4, *blocks[name].residual.shape))
-        for name in ("pixels", "telemetry")
-    }
-    layout = adjustment.problem.layout
-    near = [advance(layout, adjustment.state, s) for s in 1e-3 * rng.normal(size=(4, layout.size))]
-    for begin in (None, near):
-        found = refit_many(adjustment, errors, 1e-3, None if begin is None else stacked(begin))
-        assert any(state is not None for state in found)
-        for row, state in enumerate(found):
-            own = {name: error[row] for name, error in errors.items()}
-            alone = refit(adjustment, own, 1e-3, None if begin is None else begin[row])
-            if alone is None:
-                assert state is None
-                continue
-            assert state is not None
-            apart = between(layout, alone, state)
-            sigma = np.sqrt(np.diag(adjustment.minimum.factor.joint(np.arange(layout.size))))
-            assert np.abs(apart / sigma).max() < 1e-6

@@ -18,6 +18,7 @@ from uavgram.estimation.measuring.kinds import (
     unmeasured,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground.measurable import UnmeasurableError
 from uavgram.model.arrays import Floats, Ints
@@ -193,7 +194,7 @@ def _of_others(rows: list[Measurand]) -> Floats:
 
 
 def values_at(
-    adjustment: Adjustment,
+    problem: SurveyProblem,
     state: State,
     requests: tuple[MeasurementRequest, ...],
     frames: Frames,
@@ -205,7 +206,7 @@ def values_at(
 
     Parameters
     ----------
-    adjustment
+    problem
         Says what the unknowns are.
     state
         Their values.
@@ -214,17 +215,17 @@ def values_at(
     error
         Name of another source of error (friction, a time) to its error, in its sigmas.
     """
-    survey = adjustment.survey
+    survey = problem.survey
     place = survey.row_of_label
     values: list[float] = []
     for request in requests:
         try:
             require_picked(request, place)
             label = np.array([place[p] for p in request.points], dtype=np.int64)
-            world, _, _ = adjustment.problem.world_points(state, label)
+            world, _, _ = problem.world_points(state, label)
             feet = None
             if refers_to_ground(request):
-                feet, _, _ = adjustment.problem.ground_points(state, label)
+                feet, _, _ = problem.ground_points(state, label)
             found = measurands(request, world, survey, frames, error, feet)
         except UnmeasurableError:
             found = unmeasured(request)

@@ -13,41 +13,34 @@ shape: near a coincidence of two points, say, that is what makes a distance too 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import partial
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import helmert
-from scipy.sparse import csc_array, csr_array, hstack
+from scipy.sparse import csc_array, hstack
 
 from uavgram.estimation.measuring.kinds import refers_to_ground
 from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
 from uavgram.estimation.measuring.quadratic import REACH
-from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.refit import ENTRIES, refit_many
-from uavgram.estimation.survey.unknowns import (
-    Layout,
-    State,
-    advance,
-    between,
-    move,
-    stacked,
-    unstacked,
-)
+from uavgram.estimation.survey.moved import Asked, moved, moved_alone
+from uavgram.estimation.survey.neighbourhood import Neighbourhood, groups, neighbourhood
+from uavgram.estimation.survey.unknowns import advance, unstacked
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
 
-AT_REST = 1e-3
-"""Squared length, in sigmas, of the last step of an adjustment anew: curvature needs no more."""
 
 FLAT = 1e-9
 """Variance, as a share of the largest, of directions that do not move the points."""
 
-TOGETHER = 32
-"""Measured values whose observations are moved together: solved for at once."""
+TOGETHER = 16
+"""Requests near each other whose observations are moved together: solved for at once."""
+
+Wanted = Sequence[tuple[MeasurementRequest, Ints]]
+"""Requests, and the rows of their values."""
 
 
 class Curvature(NamedTuple):
@@ -68,10 +61,19 @@ class Curvature(NamedTuple):
     curvature: Floats
 
 
+class _Direction(NamedTuple):
+    """Steps (d, n) of the unknowns near by, the first ones towards the values of a request.
+
+    `whole` is what makes those of all unknowns of columns that were solved for: (size, c), (c, d).
+    """
+
+    steps: Floats
+    whole: tuple[Floats, Floats]
+
+
 def curvature(
     adjustment: Adjustment,
     measured: MeasuredValues,
-    requests: tuple[MeasurementRequest, ...],
     frames: Frames,
 ) -> Curvature:
     """Second-order bias and sigma of every measured value.
@@ -80,7 +82,7 @@ def curvature(
     ----------
     adjustment, measured
         The adjusted survey, and what was measured in it.
-    requests, frames
+    frames
         As they were measured.
 
     Notes
@@ -90,152 +92,96 @@ def curvature(
     variance sum(slope^2 + c^2 / 2).
     """
     found = Curvature(*(np.full(len(measured.rows), np.nan) for _ in range(3)))
-    some: list[tuple[MeasurementRequest, Ints]] = []
-    first = 0
-    for request in requests:
-        count = sum(1 for row in measured.rows[first:] if row.request is request)
-        rows = np.arange(first, first + count, dtype=np.int64)
-        first += len(rows)
-        if np.isfinite(measured.value[rows]).all():
-            some.append((request, rows))
-        if sum(len(rows) for _, rows in some) >= TOGETHER:
-            _curved(adjustment, measured, some, frames, found)
-            some = []
-    if some:
-        _curved(adjustment, measured, some, frames, found)
+    value = measured.value
+    wanted = []
+    for _, same in groupby(range(len(value)), key=lambda row: id(measured.rows[row].request)):
+        rows = np.array(list(same))
+        if np.isfinite(value[rows]).all():
+            wanted.append((measured.rows[rows[0]].request, rows))
+    if not wanted:
+        return found
+    place = adjustment.state.point[:, :2]
+    middle = [place[adjustment.label_rows(one.points)].mean(axis=0) for one, _ in wanted]
+    for group in groups(np.array(middle), TOGETHER):
+        _curved(adjustment, measured, [wanted[k] for k in group], frames, found)
     return found
 
 
 def _curved(
     adjustment: Adjustment,
     measured: MeasuredValues,
-    some: Sequence[tuple[MeasurementRequest, Ints]],
+    some: Wanted,
     frames: Frames,
     found: Curvature,
 ) -> None:
     """Second-order terms of some requests, with their rows: their observations move together."""
-    steps = [REACH * own for own in _directions(adjustment, measured, some)]
-    towards = [own[: len(rows)] for own, (_, rows) in zip(steps, some, strict=True)]
-    every = np.concatenate([rows for _, rows in some])
-    sigma = measured.sigma[every]
-    asked = csr_array(measured.gradient[:, every].T / np.where(sigma > 0, sigma, 1.0)[:, None])
-    adjusted = iter(_adjusted_both_ways(adjustment, np.concatenate(towards), asked))
-    for own, (request, rows) in zip(steps, some, strict=True):
-        ends = [next(adjusted) for _ in rows]
-        pairs = list(_pairs(adjustment, measured, request, frames, rows, ends, own[len(rows) :]))
+    labels = adjustment.label_rows([label for request, _ in some for label in request.points])
+    near = neighbourhood(adjustment, np.unique(labels))
+    directions = list(_directions(adjustment, near, measured, some))
+    ends = iter(_adjusted(adjustment, near, measured, some, directions, frames))
+    for direction, (request, rows) in zip(directions, some, strict=True):
+        pairs = [next(ends) for _ in rows[: len(direction.steps)]]
+        plainly = direction.steps[len(pairs) :]
+        pairs += _plainly(near, request, frames, REACH * plainly)
+        sources = {source for row in rows for source in measured.rows[row].others}
+        for source in sorted(sources):
+            errors = (partial(_error_in, source, reach) for reach in (REACH, -REACH))
+            one, other = (
+                values_at(near.problem, near.state, (request,), frames, error) for error in errors
+            )
+            pairs.append((one, other))
         _collect(np.array(pairs), measured, rows, found)
 
 
-def _pairs(
-    adjustment: Adjustment,
-    measured: MeasuredValues,
-    request: MeasurementRequest,
-    frames: Frames,
-    rows: Ints,
-    adjusted: Sequence[tuple[State | None, State | None]],
-    plainly: Floats,
-) -> Iterator[tuple[Floats, Floats]]:
-    """Values of one request at both ends of each direction; NaN where there is no solution.
-
-    The directions are those with states `adjusted` to them, and the steps `plainly` taken.
-    """
-    layout, columns, state = _ground_alone(adjustment)
-    moved = unstacked(advance(layout, state, _both_ways(plainly[:, columns])))
-    for states in (*adjusted, *zip(moved, moved, strict=True)):
-        ends = [
-            np.full(len(rows), np.nan)
-            if state is None
-            else values_at(adjustment, state, (request,), frames)
-            for state in states
-        ]
-        yield ends[0], ends[1]
-    sources = {source for row in rows for source in measured.rows[row].others}
-    for source in sorted(sources):
-        state = adjustment.state
-        ends = [
-            values_at(adjustment, state, (request,), frames, partial(_error_in, source, reach))
-            for reach in (REACH, -REACH)
-        ]
-        yield ends[0], ends[1]
-
-
-def _ground_alone(adjustment: Adjustment) -> tuple[Layout, Ints, State]:
-    """The unknowns without those of tie points and of all photos but the first; which, and where.
-
-    Values at steps that are plainly taken ask for no photo; the first one may hold the gauge.
-    """
-    whole, state = adjustment.problem.layout, adjustment.state
-    layout = replace(whole, frames=min(1, whole.frames), ties=0)
-    after = whole.first_frame + layout.frames * layout.frame_size
-    columns = np.r_[
-        : whole.first_tie, whole.first_frame : after, whole.first_intrinsic : whole.size
-    ]
-    few = slice(layout.frames)
-    first = replace(
-        state,
-        center=state.center[few],
-        rotation=state.rotation[few],
-        turning=state.turning[few],
-        tie=state.tie[:0],
-    )
-    return layout, columns, first
-
-
-def _both_ways(steps: Floats) -> Floats:
-    """(2n, size) each of n steps, and its opposite behind it."""
-    return np.stack([steps, -steps], axis=1).reshape(-1, steps.shape[1])
-
-
-def _adjusted_both_ways(
-    adjustment: Adjustment, steps: Floats, asked: csr_array
-) -> list[tuple[State | None, State | None]]:
-    """The states that fit observations moved as `steps`, and as their opposites, would move them.
-
-    What parts the one from a plain step, in second order parts the other as well: it begins there.
-    """
-    layout, state = adjustment.problem.layout, adjustment.state
-    ahead = _adjusted(adjustment, steps, asked)
-    behind: list[State | None] = [None] * len(steps)
-    there = [row for row, end in enumerate(ahead) if end is not None]
-    if there:
-        ends = stacked([end for end in ahead if end is not None])
-        bent = between(layout, advance(layout, state, steps[there]), ends)
-        begin = move(layout, advance(layout, state, -steps[there]), bent)
-        back = _adjusted(adjustment, -steps[there], asked[there], begin)
-        for row, end in zip(there, back, strict=True):
-            behind[row] = end
-    alone = [row for row, end in enumerate(behind) if end is None]
-    if alone:
-        back = _adjusted(adjustment, -steps[alone], asked[alone])
-        for row, end in zip(alone, back, strict=True):
-            behind[row] = end
-    return list(zip(ahead, behind, strict=True))
+def _plainly(
+    near: Neighbourhood, request: MeasurementRequest, frames: Frames, steps: Floats
+) -> list[tuple[Floats, Floats]]:
+    """Values of a request at both ends of steps that are taken as they are."""
+    states = unstacked(advance(near.problem.layout, near.state, np.concatenate([steps, -steps])))
+    values = [values_at(near.problem, state, (request,), frames) for state in states]
+    return list(zip(values[: len(steps)], values[len(steps) :], strict=True))
 
 
 def _adjusted(
-    adjustment: Adjustment, steps: Floats, asked: csr_array, begin: State | None = None
-) -> list[State | None]:
-    """The states that fit observations moved as `steps` would move them; None where there is none.
+    adjustment: Adjustment,
+    near: Neighbourhood,
+    measured: MeasuredValues,
+    some: Wanted,
+    directions: Sequence[_Direction],
+    frames: Frames,
+) -> Iterator[tuple[Floats, Floats]]:
+    """Values of the observations moved both ways along the directions towards each request."""
+    every = np.concatenate([rows for _, rows in some])
+    sigma = np.where(measured.sigma[every] > 0, measured.sigma[every], 1.0)
+    of_row = np.repeat(np.arange(len(some)), [len(rows) for _, rows in some])
+    # A request has as many directions towards its values as it has values, or fewer.
+    which = [
+        (k, d)
+        for k, (_, rows) in enumerate(some)
+        for d in range(min(len(rows), len(directions[k].steps)))
+    ]
+    steps = REACH * np.array([directions[k].steps[d] for k, d in which])
+    asked = Asked(
+        gradient=(measured.gradient[:, every].toarray()[near.columns] / sigma).T,
+        solved=(measured.solved[near.columns[:, None], every] / sigma).T,
+        of=np.tile(of_row, (2 * len(which), 1)) == np.array(which + which)[:, :1],
+    )
+    ends = moved(near, adjustment.minimum.factor, np.concatenate([steps, -steps]), asked)
 
-    The gauge is no observation, and stays.
-    """
-    errors = {
-        name: _moved(block, steps)
-        for name, block in adjustment.minimum.blocks.items()
-        if name != "gauge"
-    }
-    return refit_many(adjustment, errors, AT_REST, begin, asked)
+    def value(row: int, sign: float, k: int, d: int) -> Floats:
+        request, rows = some[k]
+        state, own = ends.states[row], of_row == k
+        if state is not None:
+            last = ends.rest[row, own] * sigma[own]
+            return values_at(near.problem, state, (request,), frames) + last
+        solved, makes = directions[k].whole
+        whole = moved_alone(adjustment, sign * REACH * (solved @ makes[:, d]))
+        if whole is None:
+            return np.full(len(rows), np.nan)
+        return values_at(adjustment.problem, whole, (request,), frames)
 
-
-def _moved(block: Block, steps: Floats) -> Floats:
-    """(m, n, r) by which whitened observations would move with m steps; some rows at a time."""
-    n, r, k = block.jacobian.shape
-    moved = np.empty((len(steps), n, r))
-    at_once = max(1, ENTRIES // (k * len(steps)))
-    for first in range(0, n, at_once):
-        rows = slice(first, first + at_once)
-        moved[:, rows] = np.moveaxis(block.times(rows, steps.T), 2, 0)
-    return moved
+    for row, (k, d) in enumerate(which):
+        yield value(row, 1.0, k, d), value(row + len(which), -1.0, k, d)
 
 
 def _error_in(one: str, reach: float, source: str) -> float:
@@ -244,17 +190,19 @@ def _error_in(one: str, reach: float, source: str) -> float:
 
 
 def _directions(
-    adjustment: Adjustment,
-    measured: MeasuredValues,
-    some: Sequence[tuple[MeasurementRequest, Ints]],
-) -> Iterator[Floats]:
-    """(d, size) steps of the unknowns by observations that move by one sigma each, by request.
+    adjustment: Adjustment, near: Neighbourhood, measured: MeasuredValues, some: Wanted
+) -> Iterator[_Direction]:
+    """Steps of the unknowns by observations that move by one sigma each, by request.
 
     The observations move along J s, which moves the unknowns by s, and s^T N s = 1: orthogonal
     directions of the observations' space, the first ones towards the measured values.
     """
+    factor = adjustment.minimum.factor
     spreads = [_spread_of(adjustment, request) for request, _ in some]
-    together = adjustment.minimum.factor.solve(hstack(spreads, format="csc"))
+    if factor.sparse:
+        together = factor.solve(hstack(spreads, format="csc"))
+    else:
+        together = factor.solve(np.concatenate([one.toarray() for one in spreads], axis=1))
     ends = np.cumsum([spread.shape[1] for spread in spreads])[:-1]
     for spread, solved, (_, rows) in zip(
         spreads, np.split(together, ends, axis=1), some, strict=True
@@ -265,10 +213,10 @@ def _directions(
         variance, axes = np.linalg.eigh(joint / np.outer(sigma, sigma))
         kept = variance > FLAT * variance.max()
         whitened = (axes[:, kept] / np.sqrt(variance[kept])) / sigma[:, None]
-        steps = solved @ whitened
-        towards = steps.T @ measured.gradient[:, rows]
+        towards = whitened.T @ (solved.T @ measured.gradient[:, rows])
         turned, _ = np.linalg.qr(np.concatenate([towards, np.eye(len(towards))], axis=1))
-        yield np.asarray((steps @ turned).T)
+        makes = whitened @ turned
+        yield _Direction((solved[near.columns] @ makes).T, (solved, makes))
 
 
 def _spread_of(adjustment: Adjustment, request: MeasurementRequest) -> csc_array:

@@ -23,13 +23,19 @@ class Selection:
     survey
         Without the picks left out, and without frames, labels, lines, known things and control
         points that lost all of theirs.
-    pick_index, line_index
-        (P',), (L',) into the whole survey.
+    pick_index, line_index, frame_index, label_index
+        (P',), (L',), (F',), (K',) into the whole survey.
+    chain_index, tie_index
+        (T',), (T'',) points of its matches, and of its tie points.
     """
 
     survey: Survey
     pick_index: Ints
     line_index: Ints
+    frame_index: Ints
+    label_index: Ints
+    chain_index: Ints
+    tie_index: Ints
 
 
 def select_picks(survey: Survey, keep: Bools) -> Selection:
@@ -46,6 +52,8 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
     start, end = new_label[survey.line_start], new_label[survey.line_end]
     lines = np.flatnonzero((start >= 0) & (end >= 0))
     control = np.flatnonzero(new_label[survey.control_label] >= 0)
+    matches, chains = _some_sightings(survey.matches, new_frame, new_pick)
+    ties, tied = _some_sightings(_near(survey.ties, new_label), new_frame, new_pick)
     reduced = replace(
         survey,
         frame_id=tuple(survey.frame_id[i] for i in frames),
@@ -57,14 +65,14 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
         **rows_of(survey, picks, "p")
         | {"pick_frame": new_frame[survey.pick_frame[picks]], "pick_label": pick_label},
         target_pick=new_pick[survey.target_pick][new_pick[survey.target_pick] >= 0],
-        matches=_some_sightings(survey.matches, new_frame, new_pick),
-        ties=_some_sightings(_near(survey.ties, new_label), new_frame, new_pick),
+        matches=matches,
+        ties=ties,
         **_some_lines(survey, lines) | {"line_start": start[lines], "line_end": end[lines]},
         known=tuple(one for old in survey.known if (one := old.relabelled(new_label)) is not None),
         **rows_of(survey, control, "c")
         | {"control_label": new_label[survey.control_label[control]]},
     )
-    return Selection(reduced, picks, lines)
+    return Selection(reduced, picks, lines, frames, labels, chains, tied)
 
 
 def _tied_only(survey: Survey) -> Ints:
@@ -78,15 +86,20 @@ def _near(ties: Sightings, new_label: Ints) -> Sightings:
     return replace(ties, near=np.where(ties.near < 0, -1, np.append(new_label, -1)[ties.near]))
 
 
-def _some_sightings(sightings: Sightings, new_frame: Ints, new_pick: Ints) -> Sightings:
-    """Those in frames that stay, of chains whose pick stays; with new indices (-1: left out)."""
+def _some_sightings(
+    sightings: Sightings, new_frame: Ints, new_pick: Ints
+) -> tuple[Sightings, Ints]:
+    """Those in frames that stay, of chains whose pick stays; with new indices (-1: left out).
+
+    And which points are left.
+    """
     if not sightings.points:
-        return sightings
+        return sightings, np.zeros(0, dtype=np.int64)
     pick = np.where(sightings.pick < 0, -1, new_pick[sightings.pick])
     gone = (sightings.pick >= 0) & (pick < 0)
     out = (new_frame[sightings.frame] < 0) | gone[sightings.point]
-    some, _ = replace(sightings, pick=pick).without(out)
-    return replace(some, frame=new_frame[some.frame])
+    some, points = replace(sightings, pick=pick).without(out)
+    return replace(some, frame=new_frame[some.frame]), points
 
 
 def select_lines(survey: Survey, keep: Bools) -> Survey:

@@ -20,7 +20,7 @@ from uavgram.io.exports.dxf_profiles import draw_profiles
 from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Place, Sheet, Words, half_size
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.maps.layers import HIDDEN, Features, Layer
-from uavgram.stages.products.text_places import around
+from uavgram.stages.products.text_places import Choice, TextPlaces, around
 
 METRIC = Words()
 """Numbers in metres, as the drawing itself."""
@@ -44,7 +44,9 @@ _TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters,
 _CROWD = 0.2  # or, of many points, what leaves three quarters of an evenly filled sheet empty
 
 
-def write_local_dxf(features: Features, path: Path, words: Words = METRIC) -> None:
+def write_local_dxf(
+    features: Features, path: Path, words: Words = METRIC, room: list[Choice] | None = None
+) -> None:
     """Write the drawing in local metres: every distance in it is the distance on the ground.
 
     Parameters
@@ -55,14 +57,18 @@ def write_local_dxf(features: Features, path: Path, words: Words = METRIC) -> No
         The file.
     words
         By which texts and dimensions are written.
+    room
+        Where texts went in another drawing of the same features, if there was one; then here.
     """
     note = "local metres: x east, y north, z up; distances are true ground distances"
     if features.origin is None:
         note = "local metres; position and direction of north are arbitrary, distances are true"
-    _write(features, path, lambda enu: enu, note, words)
+    _write(features, path, lambda enu: enu, note, words, room)
 
 
-def write_map_dxf(features: Features, path: Path, words: Words = METRIC) -> None:
+def write_map_dxf(
+    features: Features, path: Path, words: Words = METRIC, room: list[Choice] | None = None
+) -> None:
     """Write the drawing in the projected coordinate system of the survey, which it must have.
 
     The texts of dimensions are ground values; what CAD measures is longer or shorter by the
@@ -76,6 +82,8 @@ def write_map_dxf(features: Features, path: Path, words: Words = METRIC) -> None
         The file.
     words
         By which texts and dimensions are written.
+    room
+        Where texts went in another drawing of the same features, if there was one; then here.
     """
     if features.origin is None or features.crs is None:
         raise ValueError("a drawing on the map needs a survey that lies on the earth")
@@ -84,17 +92,25 @@ def write_map_dxf(features: Features, path: Path, words: Words = METRIC) -> None
         f"{crs}; map distance = ground distance x {map_scale(origin, crs):.6f}; "
         "texts of dimensions are ground values"
     )
-    _write(features, path, lambda enu: projected_from_enu(enu, origin, crs), note, words)
+    _write(features, path, lambda enu: projected_from_enu(enu, origin, crs), note, words, room)
 
 
-def _write(features: Features, path: Path, place: Place, note: str, words: Words) -> None:
+def _write(
+    features: Features,
+    path: Path,
+    place: Place,
+    note: str,
+    words: Words,
+    room: list[Choice] | None,
+) -> None:
     document = new("R2010", setup=["linetypes", "styles"], units=units.M)
     for name, colour in (*LAYERS.values(), (LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
         document.layers.add(name, color=colour)
     for hidden in HIDDEN:
         document.layers.get(LAYERS[hidden][0]).freeze()  # some programs do not know "off"
     text_m = _text_height(features)
-    sheet = Sheet(document, document.modelspace(), place, text_m, words)
+    places = TextPlaces(room or ())
+    sheet = Sheet(document, document.modelspace(), place, text_m, words, places)
     add_point_block(document, text_m)
     _dimension_style(document, text_m)
     _keep_free_below(sheet, _below(sheet, features))
@@ -104,6 +120,8 @@ def _write(features: Features, path: Path, place: Place, note: str, words: Words
     draw_profiles(document, features.profiles, _below(sheet, features), text_m, words)
     _note(sheet, features, note)
     _look_at_points(sheet, features)
+    if room is not None:
+        room[:] = places.choices
     document.saveas(path)
 
 

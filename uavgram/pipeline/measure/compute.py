@@ -282,7 +282,7 @@ def _measured(
         table = replace(table, sigma_stated=stated.sigma)
     curvature: SecondOrder | None = None
     if curved:
-        curvature, more = second_order(refined.adjustment, values, table, inputs.requests, frames)
+        curvature, more = second_order(refined.adjustment, values, table, frames)
         messages += more
     others = tuple(
         tuple(measure(other, inputs.requests, frames)[0].value) for other in refined.alternatives

@@ -194,7 +194,9 @@ class LiveSurvey:
         update = linear_update(base.adjustment, picks.pixel_px[rows], lines.length_m[taken])
         return Linearised(
             base=base,
-            value=values_at(base.adjustment, update.state, observed.requests, self.posed.frames),
+            value=values_at(
+                base.adjustment.problem, update.state, observed.requests, self.posed.frames
+            ),
             length_m=_lengths(base.adjustment, lines, update.state),
             residual_px=update.residual_px,
             world_m=update.world_m,

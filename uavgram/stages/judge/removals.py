@@ -38,7 +38,7 @@ def judge_removals(
     at = {int(index): i for i, index in enumerate(line_index) if index >= 0}
     steps = [removal.before for removal in refined.removals] + [refined]
     values = [
-        None if r is None else values_at(r.adjustment, r.adjustment.state, requests, frames)
+        None if r is None else values_at(r.adjustment.problem, r.adjustment.state, requests, frames)
         for r in steps
     ]
     records = []

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,12 @@ _ROOM = 64
 _SQUARE = 8.0
 """Side of a square in which places are looked up, in half the width of the first text."""
 
+_MANY = 100
+"""Places from which on they are looked at square by square."""
+
+_WIDE = 5.0
+"""Side of what is looked at together, in sides of a square."""
+
 _MOST_SQUARES = 1000
 """What reaches into more of them is compared with everything."""
 
@@ -28,14 +35,35 @@ _FEW = 400
 """So many places are sooner compared with all than looked up."""
 
 
+class Choice(NamedTuple):
+    """Where a text went: rounds from `first` to before `end` were tried, and the place `which`.
+
+    `is_crowded` where none of all rounds was free, and it covers another.
+    """
+
+    first: int
+    end: int
+    which: int
+    is_crowded: bool
+
+
 class TextPlaces:
     """The places that are taken, while texts are placed one after the other.
 
     A place is a rectangle (x, y, half its width, half its height, angle [rad] counterclockwise),
     x and y of its middle in the units of the drawing.
+
+    Parameters
+    ----------
+    like
+        Which places the same texts took, one after the other, in another drawing of the same
+        things: where such a place is free here too, nothing else is tried, nor where there was
+        none.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, like: Sequence[Choice] = ()) -> None:
+        self._like = iter(like)
+        self.choices: list[Choice] = []
         self._taken = np.zeros((_ROOM, 5))
         self._count = 0
         self._side = 0.0  # of a square; the first text says how large
@@ -54,7 +82,11 @@ class TextPlaces:
         -------
         Which one; None where all of them are taken.
         """
-        free = np.flatnonzero(~overlaps(candidates, self._near(candidates)).any(axis=1))
+        is_free = np.ones(len(candidates), np.bool_)
+        for rows in self._apart(candidates):
+            some = candidates[rows]
+            is_free[rows] = ~overlaps(some, self._near(some)).any(axis=1)
+        free = np.flatnonzero(is_free)
         if not len(free):
             return None
         self.reserve(candidates[free[0]])
@@ -72,12 +104,20 @@ class TextPlaces:
         -------
         (5,) the place; after `ROUNDS` without a free one, the first of all.
         """
+        if (like := next(self._like, None)) is not None:
+            places = candidates(np.arange(like.first, like.end))[[like.which]]
+            if like.is_crowded or self.take(places) is not None:
+                self.choices.append(like)
+                return np.asarray(places[0])
         first, count = 0, _AT_ONCE
         while first < ROUNDS:  # more and more at a time: most texts have room at once
             places = candidates(np.arange(first, min(first + count, ROUNDS)))
             if (which := self.take(places)) is not None:
+                end = min(first + count, ROUNDS)
+                self.choices.append(Choice(first, end, which, is_crowded=False))
                 return np.asarray(places[which])
             first, count = first + count, 2 * count
+        self.choices.append(Choice(0, 1, 0, is_crowded=True))
         return np.asarray(candidates(np.zeros(1, np.int64))[0])
 
     def reserve(self, place: Floats) -> None:
@@ -91,6 +131,16 @@ class TextPlaces:
         for square in squares or ():
             self._in_square.setdefault(square, []).append(self._count)
         self._count += 1
+
+    def _apart(self, candidates: Floats) -> list[Ints]:
+        """Rows of places that lie together: what is near to all of many would be far from most."""
+        every = np.arange(len(candidates))
+        if not self._side or len(candidates) < _MANY:
+            return [every]
+        square = np.floor(candidates[:, :2] / (_WIDE * self._side))
+        order = np.lexsort(square.T)
+        new = np.flatnonzero((np.diff(square[order], axis=0) != 0).any(axis=1)) + 1
+        return np.split(every[order], new)
 
     def _near(self, candidates: Floats) -> Floats:
         """(n, 5) what is taken and may meet some places, in the order in which it was taken."""

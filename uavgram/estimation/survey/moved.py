@@ -1,0 +1,251 @@
+"""The adjustment of observations that moved a little: where it ends near some points.
+
+Gauss-Newton steps with the factor of the first adjustment ("simplified Newton"), of many such
+movements at once. Near by the likelihood is evaluated at every step; of what lies farther away the
+linear model is kept. With x = x0 + s + d, where s is what first order makes of the movement,
+
+    d = - N^-1 sum over rows near by of  J(x)^T (r(x) - e) - J0^T (r0 + J0 d).
+
+What is asked sees the next step without a solution of the normal equations: S g, the columns of
+the covariance behind its gradient g, are known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.solver.normal_equations import Block, Factor, gradient_of
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.neighbourhood import Neighbourhood
+from uavgram.estimation.survey.refit import refit
+from uavgram.estimation.survey.unknowns import State, advance, some
+from uavgram.model.arrays import Bools, Floats, Ints
+
+STRAIGHT = 0.01
+"""Squared length, in sigmas, of what observations depart from the linear model, up to which the
+first step is the last: what the next would change is of the order of a third of it."""
+
+UNFELT = 0.005
+"""By how many of its sigmas a step that is the last may still move what is asked."""
+
+NEAR = 0.1
+"""Squared length, in sigmas, of a step that may be the last."""
+
+AT_REST = 1e-3
+"""Squared length, in sigmas, of the last step of the whole survey's adjustment anew."""
+
+CROOKED = 1.0
+"""The same, from which on such steps lead nowhere: what is so far from linear is adjusted whole."""
+
+MOST = 12
+"""Steps that are taken at most."""
+
+HISTORY = 6
+"""Steps that are mixed."""
+
+REPEATED = 1e-10
+"""Share of their lengths by which steps that are mixed count as different."""
+
+TINY = 1e-300
+"""Squared length of a step that is none."""
+
+ENTRIES = 2_000_000
+"""Numbers in the derivatives of all states that are evaluated together: 16 MB."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moved:
+    """Where m adjustments of moved observations end.
+
+    Attributes
+    ----------
+    states
+        Unknowns near by; None where no end was found.
+    rest
+        (m, r) by how much the last step moves what is asked, which is not taken in `states`.
+    """
+
+    states: list[State | None]
+    rest: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """What is asked of the unknowns near by.
+
+    Attributes
+    ----------
+    gradient
+        (r, n) in sigmas of each.
+    solved
+        (r, n) the covariance of the unknowns times it.
+    of
+        (m, r) which of it is asked of each movement.
+    """
+
+    gradient: Floats
+    solved: Floats
+    of: Bools
+
+
+def moved(near: Neighbourhood, factor: Factor, steps: Floats, asked: Asked) -> Moved:
+    """Adjust observations that moved as `steps` would move them.
+
+    Parameters
+    ----------
+    near
+        The unknowns near by.
+    factor
+        Of the whole survey.
+    steps
+        (m, n) of the unknowns near by.
+    asked
+        What has to come to rest.
+    """
+    count, base = len(steps), near.problem.evaluate(near.state)
+    assert base is not None  # noqa: S101  (the adjustment stands there)
+    found: list[State | None] = [None] * count
+    rest = np.full((count, len(asked.gradient)), np.nan)
+    left, way = np.arange(count), Way.from_here(steps.shape)
+    for taken in range(MOST):
+        states = advance(near.problem.layout, near.state, steps[left] + way.beyond)
+        gradient, bent = _unexplained(near, base, states, steps[left], way.beyond)
+        ahead = -gradient @ asked.solved.T - way.beyond @ asked.gradient.T
+        # What is nearly straight ends at once; what is far from it, or impossible, leads nowhere.
+        is_last = (bent < STRAIGHT) & (taken == 0)
+        further = np.flatnonzero(~is_last & (bent < CROOKED))
+        drive = gradient[further] + way.force[further]
+        right = np.zeros((factor.size, len(further)))
+        right[near.columns] = -drive.T
+        step = factor.solve(right)[near.columns].T
+        felt = np.abs(np.where(asked.of[left[further]], ahead[further], 0.0)).max(axis=1)
+        rests = (felt < UNFELT) & (-(drive * step).sum(axis=1) < NEAR) & (taken > 0)
+        is_last[further[rests]] = True
+        for row in np.flatnonzero(is_last).tolist():
+            found[left[row]] = some(states, row)
+        rest[left[is_last]] = ahead[is_last]
+        if rests.all():
+            break
+        way = way.further(further[~rests], drive[~rests], step[~rests])
+        left = left[further[~rests]]
+    return Moved(found, rest)
+
+
+class Way(NamedTuple):
+    """Where m iterations stand, and how they came there.
+
+    Attributes
+    ----------
+    beyond
+        (m, n) by how much each has gone beyond its first step.
+    force
+        (m, n) the normal matrix times that; zero but near by, as the whole step comes from there.
+    past
+        Of the last iterations, oldest first: `beyond`, `force`, what drove the step (the gradient),
+        and the step.
+    """
+
+    beyond: Floats
+    force: Floats
+    past: tuple[tuple[Floats, Floats, Floats, Floats], ...]
+
+    @classmethod
+    def from_here(cls, shape: tuple[int, ...]) -> Way:
+        """The first step alone."""
+        return cls(np.zeros(shape), np.zeros(shape), ())
+
+    def further(self, rows: Ints, drive: Floats, step: Floats) -> Way:
+        """Where some of them go next, by their steps (r, n) and what drives these (r, n).
+
+        To that mixture of the last steps' ends whose remaining step would be shortest, in sigmas,
+        were all linear (Anderson 1965, Iterative procedures for nonlinear integral equations;
+        Walker & Ni 2011). Plain steps diverge where the normal matrix has turned.
+        """
+        past = (*(tuple(one[rows] for one in each) for each in self.past),)
+        past = (*past, (self.beyond[rows], self.force[rows], drive, step))[-HISTORY:]
+        beyond, force = self.beyond[rows] + step, self.force[rows] - drive
+        if len(past) > 1:
+            by = [np.diff(np.stack(each, axis=1), axis=1) for each in zip(*past, strict=True)]
+            by_beyond, by_force, by_drive, by_step = by
+            # s^T N s' of steps s = -N^-1 g: -g^T s'
+            joint = -by_step @ np.swapaxes(by_drive, 1, 2)
+            part = _solved(0.5 * (joint + np.swapaxes(joint, 1, 2)), -by_drive @ step[..., None])
+            beyond = beyond - (part * (by_beyond + by_step)).sum(axis=1)
+            force = force - (part * (by_force - by_drive)).sum(axis=1)
+        return Way(beyond, force, past)
+
+
+def _solved(joint: Floats, right: Floats) -> Floats:
+    """Solutions (m, h, 1) of small systems (m, h, h), also where steps repeat each other."""
+    scale = 1.0 / np.sqrt(np.maximum(np.einsum("mii->mi", joint), TINY))[..., None]
+    scaled = joint * scale * np.swapaxes(scale, 1, 2) + REPEATED * np.eye(joint.shape[1])
+    return np.asarray(np.linalg.solve(scaled, right * scale) * scale)
+
+
+def _unexplained(
+    near: Neighbourhood,
+    base: Mapping[str, Block],
+    states: State,
+    steps: Floats,
+    beyond: Floats,
+) -> tuple[Floats, Floats]:
+    """What the linear model does not say of m states: gradients (m, n), and how much it is (m,).
+
+    That is the squared length of what the residuals depart from it; NaN where a state is
+    impossible.
+    """
+    count = len(steps)
+    gradient, bent = np.full(steps.shape, np.nan), np.full(count, np.nan)
+    at_once = max(1, ENTRIES // sum(block.jacobian.size for block in base.values()))
+    waiting = [np.arange(first, min(first + at_once, count)) for first in range(0, count, at_once)]
+    while waiting:
+        rows = waiting.pop()
+        there = near.problem.evaluate(some(states, rows))
+        if there is not None:
+            gradient[rows], bent[rows] = _off_linear(base, there, steps[rows], beyond[rows])
+        elif len(rows) > 1:  # one of them is impossible
+            waiting += [rows[: len(rows) // 2], rows[len(rows) // 2 :]]
+    return gradient, bent
+
+
+def _off_linear(
+    base: Mapping[str, Block], there: Mapping[str, Block], steps: Floats, beyond: Floats
+) -> tuple[Floats, Floats]:
+    """Gradients (m, n) of what the linear model does not say, and its squared length (m,)."""
+    gradient, bent = np.zeros(steps.shape), np.zeros(len(steps))
+    size = steps.shape[1]
+    for name, block in base.items():
+        expected = block.residual + times(block, beyond)
+        found = there[name].residual
+        if name != "gauge":  # which is no observation, and stays
+            found = found - times(block, steps)
+        off = found - expected
+        bent += (off * off).reshape(len(steps), -1).sum(axis=1)
+        gradient += gradient_of([Block(found, block.columns, there[name].jacobian)], size)
+        gradient -= gradient_of([Block(expected, block.columns, block.jacobian)], size)
+    return gradient, bent
+
+
+def times(block: Block, steps: Floats) -> Floats:
+    """(m, n, r) by which whitened observations move with (m, size) steps; some rows at a time."""
+    n, r, k = block.jacobian.shape
+    moved_by = np.empty((len(steps), n, r))
+    at_once = max(1, ENTRIES // (k * len(steps)))
+    for first in range(0, n, at_once):
+        rows = slice(first, first + at_once)
+        moved_by[:, rows] = np.moveaxis(block.times(rows, steps.T), 2, 0)
+    return moved_by
+
+
+def moved_alone(adjustment: Adjustment, step: Floats) -> State | None:
+    """The whole survey adjusted to observations that moved as a step (size,) would move them."""
+    errors = {
+        name: times(block, step[None])[0]
+        for name, block in adjustment.minimum.blocks.items()
+        if name != "gauge"
+    }
+    return refit(adjustment, errors, AT_REST)
