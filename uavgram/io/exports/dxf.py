@@ -88,7 +88,7 @@ def write_map_dxf(features: Features, path: Path, words: Words = METRIC) -> None
 
 
 def _write(features: Features, path: Path, place: Place, note: str, words: Words) -> None:
-    document = new("R2010", setup=["linetypes", "styles"], units=units.M)
+    document = new("R2010", units=units.M)
     for name, colour in (*LAYERS.values(), (LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
         document.layers.add(name, color=colour)
     for hidden in HIDDEN:
