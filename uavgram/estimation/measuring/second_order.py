@@ -32,7 +32,6 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
 
-
 FLAT = 1e-9
 """Variance, as a share of the largest, of directions that do not move the points."""
 

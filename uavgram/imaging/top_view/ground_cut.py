@@ -34,13 +34,16 @@ def cut_ground(texture: GroundTexture, low_m: Floats, high_m: Floats) -> GroundP
     covered = texture.covered[top:bottom, left:right]
     if not covered.any():
         return None
-    shown = np.where(covered[..., None], texture.rgb[top:bottom, left:right], 255).astype(np.uint8)
+    white = np.where(covered, np.uint8(0), np.uint8(255))  # where no photo shows anything
+    shown = cv2.bitwise_or(
+        texture.rgb[top:bottom, left:right], cv2.cvtColor(white, cv2.COLOR_GRAY2RGB)
+    )
     share = min(1.0, MOST_PX / max(shown.shape[:2]))
     if share < 1.0:
         wanted = [max(1, round(side * share)) for side in shown.shape[1::-1]]
-        shown = np.asarray(cv2.resize(shown, wanted, interpolation=cv2.INTER_AREA), np.uint8)
+        shown = cv2.resize(shown, wanted, interpolation=cv2.INTER_AREA)
     quality = [int(cv2.IMWRITE_JPEG_QUALITY), QUALITY]
-    encoded = cv2.imencode(".jpg", np.ascontiguousarray(shown[..., ::-1]), quality)[1]
+    encoded = cv2.imencode(".jpg", cv2.cvtColor(shown, cv2.COLOR_RGB2BGR), quality)[1]
     return GroundPicture(
         jpeg=bytes(encoded.tobytes()),
         west_m=float(texture.west_m + left * size),

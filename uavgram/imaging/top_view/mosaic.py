@@ -40,7 +40,7 @@ CHOICE_BUDGET = 4_000_000
 CELL_PX = 16
 # Photos are compared in brightness at so many places along the longer side, or a few more.
 NODES = 64
-# Width to which a photo is reduced for that.
+# A photo is halved for that until it is not much wider than this.
 LIGHT_PX = 200
 # Of the pixels that say whether the ground is too dark to be seen.
 TONE_STEP_PX = 4
@@ -142,7 +142,8 @@ class Mosaic:
         """How bright a preview is at the nodes that it shows."""
         pixel = self._grid.pixels_in(self._cameras, frame, self._nodes)
         at = np.flatnonzero(np.isfinite(pixel[:, 0]))
-        reduction = max(pixels.shape[1] // LIGHT_PX, 1)  # a node stands for what is around it
+        # a node stands for what is around it, how much is no matter; halving is quick
+        reduction = 1 << int(np.log2(max(pixels.shape[1] / LIGHT_PX, 1.0)))
         sampled = _Sampled(pixels, reduction, self._size_px)
         return light_at(at, sampled.at(pixel[at].T[..., None])[:, 0])
 
@@ -223,7 +224,7 @@ class _Sampled:
         """Of a photo of (2,) such a size: width and height."""
         height, width = pixels.shape[:2]
         self._step = size_px / [width, height] * reduction
-        while reduction % 2 == 0 and not (pixels.shape[0] % 2 or pixels.shape[1] % 2):
+        while reduction % 2 == 0:
             pixels, reduction = half(pixels), reduction // 2
         height, width = pixels.shape[:2]
         if reduction > 1:  # of whole blocks, for which OpenCV is ten times faster

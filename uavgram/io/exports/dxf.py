@@ -103,7 +103,7 @@ def _write(
     words: Words,
     room: list[Choice] | None,
 ) -> None:
-    document = new("R2010", setup=["linetypes", "styles"], units=units.M)
+    document = new("R2010", units=units.M)
     for name, colour in (*LAYERS.values(), (LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
         document.layers.add(name, color=colour)
     for hidden in HIDDEN:

@@ -57,4 +57,4 @@ class Paper:
 
 def svg_points(drawn: Floats) -> str:
     """Points (n, 2) as an SVG polygon or polyline has them."""
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn)
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn.tolist())

@@ -177,4 +177,4 @@ def _common_prefix(names: tuple[str, ...]) -> str:
 
 
 def _svg(drawn: Floats) -> str:
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn)
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn.tolist())

@@ -181,7 +181,7 @@ def top_view(result: Result, most_height: float = MOST_HEIGHT) -> TopView | None
 
 
 def _points(drawn: Floats) -> str:
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn)
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn.tolist())
 
 
 def _lines(result: Result, sheet: Sheet) -> list[Stroke]:
