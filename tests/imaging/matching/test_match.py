@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from scipy.stats import chi2
 from textures import Texture
 
@@ -44,11 +45,11 @@ def truth(source: Floats, affine: Floats) -> Floats:
     return np.asarray((source - MIDDLE) @ affine.T + MIDDLE + SHIFT)
 
 
-def sought(source: Floats, affine: Floats, sigma: float = 2.0, off: Floats | float = 0.0) -> Sought:
+def sought(source: Floats, affine: Floats, sigma: float = 2.0, off: ArrayLike = 0.0) -> Sought:
     n = len(source)
     return Sought(
         source_px=source,
-        target_px=truth(source, affine) + off,
+        target_px=truth(source, affine) + np.asarray(off),
         covariance_px2=np.tile(sigma**2 * np.eye(2), (n, 1, 1)),
         affine=np.tile(affine, (n, 1, 1)),
     )
@@ -146,6 +147,22 @@ def test_a_repetition_is_seen_in_the_source_where_the_target_hides_the_true_plac
     hide[v - 16 : v + 17, u + 8 : u + 41] = False  # one repetition is left, not the true place
     far[hide] = hidden[hide]
     found = matched(near, far, sought(SOURCE[:1], LEVEL, 30.0 / REGION**0.5))
+    assert found.refused[0] == Refused.NOT_UNIQUE
+
+
+def test_so_it_is_where_the_next_one_lies_beyond_a_large_region() -> None:
+    near, far = photos(Texture.random(5), LEVEL)
+    hidden, _ = photos(Texture.random(9), LEVEL)
+    near, far = near.copy(), far.copy()
+    apart, reach, place = 92, 58.0, np.array([[80.0, 100.0]])
+    # The source shows the same thing twice; the target the wrong one of both alone.
+    thing = near[60:141, 40:121].copy()
+    near[60:141, 40 + apart : 121 + apart] = thing
+    u, v = np.round(truth(place, LEVEL)[0]).astype(int)
+    shown = far[v - 32 : v + 33, u - 32 : u + 33].copy()
+    far[v - 32 : v + 33, u + apart - 32 : u + apart + 33] = shown
+    far[v - 34 : v + 35, u - 40 : u + 41] = hidden[v - 34 : v + 35, u - 40 : u + 41]
+    found = matched(near, far, sought(place, LEVEL, reach / REGION**0.5, [apart / 2, 0.0]))
     assert found.refused[0] == Refused.NOT_UNIQUE
 
 

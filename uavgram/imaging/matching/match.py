@@ -180,7 +180,7 @@ class _Search:
         cut = likely[~inside].sum() > _MOST_OUTSIDE * likely.sum()
         second = peak.second
         if alone:
-            second = max(second, self._like_itself(i, patch, near, spread))
+            second = max(second, self._like_itself(i, patch, near, (distance, peak.place)))
         near_second = 1 - peak.likeness + _ALIKE > options.second_peak * (1 - second)
         one = np.array([i])
         unlike = np.array([peak.likeness < options.search_likeness])
@@ -191,18 +191,28 @@ class _Search:
         self._refuse(one, np.array([peak.at_edge]), Refused.NOT_UNIQUE)
         return np.asarray(center + frame @ peak.place)
 
-    def _like_itself(self, i: int, patch: Grey, frame: Floats, spread: Floats) -> float:
+    def _like_itself(
+        self, i: int, patch: Grey, frame: Floats, found: tuple[Floats, Floats]
+    ) -> float:
         """Likeness of the patch and the most like place about it in its own photo.
 
-        The target may hide the true one of two places, the source shows both; between the two
-        lies at most twice the region. A large region holds the next repetition anyway.
+        The target may hide the true one of two places, the source shows both: if the true one is q
+        and p was found, what lies there is p - q from the point. That is the region about p.
+
+        Parameters
+        ----------
+        i
+            Of the point.
+        patch, frame
+            What is looked for, and its steps in the source.
+        found
+            Squared distances in sigmas of places by steps, and the place that was found (2,).
         """
-        large = np.trace(spread) * REGION > _LARGE**2
-        distance = _squared_distance(spread if large else 4.0 * spread)
-        reach, center = len(distance) // 2, self._sought.source_px[i]
+        distance, place = found
+        center = self._sought.source_px[i] + frame @ np.round(place)  # the point is on the grid
+        reach = len(distance) // 2
         allowed = self._in_photo(self._source, center, frame, reach) & (distance <= REGION)
-        half = self._patch.search_half + reach
-        around = window(self._source, center, frame, half, exact=False)
+        around = window(self._source, center, frame, self._patch.search_half + reach, exact=False)
         return best_place(patch, around, allowed).second
 
     def _in_photo(self, photo: Image, center: Floats, frame: Floats, reach: int) -> Bools:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -144,7 +143,7 @@ def test_the_way_from_photo_to_photo_is_the_motion() -> None:
 TAKEN_S = 1.7e9 + np.array([0.0, 1.3, 2.1, 4.0, 5.2, 6.0, 7.7, 9.0])
 
 
-def flown(survey: Survey, center: Floats, time_s: Sequence[float], sigma_s: float) -> Survey:
+def flown(survey: Survey, center: Floats, time_s: Floats, sigma_s: float) -> Survey:
     """The survey with photos at places, level cameras, and times; its shutter is known."""
     poses = tuple(
         CandidatePoses(
@@ -159,7 +158,7 @@ def flown(survey: Survey, center: Floats, time_s: Sequence[float], sigma_s: floa
         survey,
         calibration=replace(survey.calibration, readout=Readout(value_s=0.03, sigma_s=0.003)),
         candidate_poses=poses,
-        time_s=np.array(time_s),
+        time_s=time_s,
         time_sigma_s=np.full(len(time_s), sigma_s),
     )
 
