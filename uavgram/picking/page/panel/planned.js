@@ -41,6 +41,7 @@ export function plannedPlatesPart() {
   const found = rows.filter(({ photos }) => photos).length;
   fillIfNew(plateTitle, `${found} ${rows.length}`, () => [`Planned plates: ${found} of ${rows.length} found`]);
   if (why.textContent !== store.planned.why) why.textContent = store.planned.why;
+  why.hidden = !store.planned.why;
   fillIfNew(plateList, JSON.stringify(rows), () => rows.map(plateItem));
   return plateBox;
 }
