@@ -38,10 +38,13 @@ NEAR = 0.1
 AT_REST = 1e-3
 """Squared length, in sigmas, of the last step of the whole survey's adjustment anew."""
 
-CROOKED = 1.0
+CROOKED = 2.0
 """The same, from which on such steps lead nowhere: what is so far from linear is adjusted whole."""
 
-MOST = 12
+LOST = 100.0
+"""The same on the way: steps may lead astray once, and mixed with others back."""
+
+MOST = 20
 """Steps that are taken at most."""
 
 HISTORY = 6
@@ -117,7 +120,7 @@ def moved(near: Neighbourhood, factor: Factor, steps: Floats, asked: Asked) -> M
         ahead = -gradient @ asked.solved.T - way.beyond @ asked.gradient.T
         # What is nearly straight ends at once; what is far from it, or impossible, leads nowhere.
         is_last = (bent < STRAIGHT) & (taken == 0)
-        further = np.flatnonzero(~is_last & (bent < CROOKED))
+        further = np.flatnonzero(~is_last & (bent < (LOST if taken else CROOKED)))
         drive = gradient[further] + way.force[further]
         right = np.zeros((factor.size, len(further)))
         right[near.columns] = -drive.T
