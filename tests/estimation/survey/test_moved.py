@@ -118,7 +118,7 @@ def dense(block: Block, columns: Ints, size: int) -> Floats:
     """(n, r, size) derivatives by all unknowns."""
     found = np.zeros((*block.residual.shape, size))
     for row, (own, jacobian) in enumerate(zip(columns, block.jacobian, strict=True)):
-        np.add.at(found[row], (slice(None), own), jacobian)
+        np.add.at(found[row].T, own, jacobian.T)
     return found
 
 

@@ -172,7 +172,7 @@ def _adjusted(
         state, own = ends.states[row], of_row == k
         if state is not None:
             last = ends.rest[row, own] * sigma[own]
-            return values_at(near.problem, state, (request,), frames) + last
+            return np.asarray(values_at(near.problem, state, (request,), frames) + last)
         solved, makes = directions[k].whole
         whole = moved_alone(adjustment, sign * REACH * (solved @ makes[:, d]))
         if whole is None:

@@ -32,16 +32,19 @@ first step is the last: what the next would change is of the order of a third of
 UNFELT = 0.005
 """By how many of its sigmas a step that is the last may still move what is asked."""
 
-NEAR = 0.1
+NEAR = 0.01
 """Squared length, in sigmas, of a step that may be the last."""
 
 AT_REST = 1e-3
 """Squared length, in sigmas, of the last step of the whole survey's adjustment anew."""
 
-CROOKED = 1.0
+CROOKED = 2.0
 """The same, from which on such steps lead nowhere: what is so far from linear is adjusted whole."""
 
-MOST = 12
+LOST = 100.0
+"""The same on the way: steps may lead astray once, and mixed with others back."""
+
+MOST = 20
 """Steps that are taken at most."""
 
 HISTORY = 6
@@ -110,14 +113,14 @@ def moved(near: Neighbourhood, factor: Factor, steps: Floats, asked: Asked) -> M
     assert base is not None  # noqa: S101  (the adjustment stands there)
     found: list[State | None] = [None] * count
     rest = np.full((count, len(asked.gradient)), np.nan)
-    left, way = np.arange(count), Way.from_here(steps.shape)
+    left, way = np.arange(count), _Way.from_here(steps.shape)
     for taken in range(MOST):
         states = advance(near.problem.layout, near.state, steps[left] + way.beyond)
         gradient, bent = _unexplained(near, base, states, steps[left], way.beyond)
         ahead = -gradient @ asked.solved.T - way.beyond @ asked.gradient.T
         # What is nearly straight ends at once; what is far from it, or impossible, leads nowhere.
         is_last = (bent < STRAIGHT) & (taken == 0)
-        further = np.flatnonzero(~is_last & (bent < CROOKED))
+        further = np.flatnonzero(~is_last & (bent < (LOST if taken else CROOKED)))
         drive = gradient[further] + way.force[further]
         right = np.zeros((factor.size, len(further)))
         right[near.columns] = -drive.T
@@ -135,7 +138,7 @@ def moved(near: Neighbourhood, factor: Factor, steps: Floats, asked: Asked) -> M
     return Moved(found, rest)
 
 
-class Way(NamedTuple):
+class _Way(NamedTuple):
     """Where m iterations stand, and how they came there.
 
     Attributes
@@ -151,22 +154,22 @@ class Way(NamedTuple):
 
     beyond: Floats
     force: Floats
-    past: tuple[tuple[Floats, Floats, Floats, Floats], ...]
+    past: tuple[tuple[Floats, ...], ...]
 
     @classmethod
-    def from_here(cls, shape: tuple[int, ...]) -> Way:
+    def from_here(cls, shape: tuple[int, ...]) -> _Way:
         """The first step alone."""
         return cls(np.zeros(shape), np.zeros(shape), ())
 
-    def further(self, rows: Ints, drive: Floats, step: Floats) -> Way:
+    def further(self, rows: Ints, drive: Floats, step: Floats) -> _Way:
         """Where some of them go next, by their steps (r, n) and what drives these (r, n).
 
         To that mixture of the last steps' ends whose remaining step would be shortest, in sigmas,
         were all linear (Anderson 1965, Iterative procedures for nonlinear integral equations;
         Walker & Ni 2011). Plain steps diverge where the normal matrix has turned.
         """
-        past = (*(tuple(one[rows] for one in each) for each in self.past),)
-        past = (*past, (self.beyond[rows], self.force[rows], drive, step))[-HISTORY:]
+        before = (tuple(one[rows] for one in each) for each in self.past)
+        past = (*before, (self.beyond[rows], self.force[rows], drive, step))[-HISTORY:]
         beyond, force = self.beyond[rows] + step, self.force[rows] - drive
         if len(past) > 1:
             by = [np.diff(np.stack(each, axis=1), axis=1) for each in zip(*past, strict=True)]
@@ -176,7 +179,7 @@ class Way(NamedTuple):
             part = _solved(0.5 * (joint + np.swapaxes(joint, 1, 2)), -by_drive @ step[..., None])
             beyond = beyond - (part * (by_beyond + by_step)).sum(axis=1)
             force = force - (part * (by_force - by_drive)).sum(axis=1)
-        return Way(beyond, force, past)
+        return _Way(beyond, force, past)
 
 
 def _solved(joint: Floats, right: Floats) -> Floats:
