@@ -181,7 +181,8 @@ class _Search:
         second = peak.second
         if alone:
             second = max(second, self._like_itself(i, patch, near, (distance, peak.place)))
-        near_second = 1 - peak.likeness + _ALIKE > options.second_peak * (1 - second)
+        most = options.second_peak_far if coarse > 1 else options.second_peak
+        near_second = 1 - peak.likeness + _ALIKE > most * (1 - second)
         one = np.array([i])
         unlike = np.array([peak.likeness < options.search_likeness])
         self._refuse(one, unlike & (patch.std() < options.noisy_contrast), Refused.WEAK)

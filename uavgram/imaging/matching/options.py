@@ -79,8 +79,9 @@ class MatchOptions:
         Tried one after the other.
     search_likeness
         Least correlation after the search.
-    second_peak
-        Most that 1 - correlation may be of that of the next best place.
+    second_peak, second_peak_far
+        Most that 1 - correlation may be of that of the next best place; in large regions, where
+        every other pixel is compared, and chance alone makes one of two alike the better.
     back, agree
         Most distance from the point after matching back, and between sizes [steps].
     change, shift, gain
@@ -100,6 +101,7 @@ class MatchOptions:
     patches: tuple[Patch, ...] = PATCHES
     search_likeness: float = 0.75
     second_peak: float = 0.75
+    second_peak_far: float = 0.5
     back: float = 0.3
     agree: float = 0.35
     change: float = 0.2
