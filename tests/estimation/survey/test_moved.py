@@ -10,7 +10,8 @@ from scenes import NO_TIMES, make_scene
 from taped_scenes import read_on_tapes
 
 from uavgram.estimation.measuring.propagation import propagate, values_at
-from uavgram.estimation.measuring.second_order import REACH, curvature
+from uavgram.estimation.measuring.quadratic import REACH
+from uavgram.estimation.measuring.second_order import curvature
 from uavgram.estimation.solver.normal_equations import Block, gradient_of
 from uavgram.estimation.survey import moved as of_moved
 from uavgram.estimation.survey import neighbourhood as of_near

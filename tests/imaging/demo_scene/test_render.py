@@ -129,7 +129,7 @@ def test_photos_read_row_after_row_show_marks_and_plates_where_each_row_saw_them
     )
     survey = simulate(scenario)
     photo = next(render_photos(survey))
-    gray = cv2.cvtColor(photo, cv2.COLOR_BGR2GRAY)
+    gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_BGR2GRAY), np.uint8)
     seen = {plate.plate: plate.corner_px for plate in sight_plates(gray, FAMILY)}
     assert set(seen) == {0, 1}
     rows = {label: row for row, label in enumerate(survey.truth.label)}
