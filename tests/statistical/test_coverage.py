@@ -54,9 +54,10 @@ Plant = Callable[[pytest.MonkeyPatch], None]
 pytestmark = pytest.mark.statistical
 
 AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
-SCENES = max(1000, AT_LEAST)
+SCENES = max(2000, AT_LEAST)
 """The mean squares of a scene's distances have a variance of 0.2 to 1.3, where that of one distance
-has 2: by those of so many, sigmas of distances that are off by 2 to 6 % show, and of points by 5 %.
+has 2: by those of so many, sigmas of distances that are off by 1.5 to 4 % show, and of points by
+3.5 %.
 """
 JUDGED = max(12, AT_LEAST // 10)
 """Scenes that are judged by sampling, each of them adjusted anew some hundred times."""

@@ -8,6 +8,8 @@ import threading
 import time
 from pathlib import Path
 
+import distributed
+
 from uavgram.errors import InputError
 
 
@@ -98,12 +100,14 @@ def misread(number: int) -> int:
 
 STOPPED = threading.Event()
 """Set once the work below began, of workers in this very process."""
+HELD_BY: list[str] = []
 GO_ON = threading.Event()
 
 
 def hang_once(number: int) -> int:
     """Of the first item, the first time: wait, as a worker does that was stopped."""
     if number == 0 and not STOPPED.is_set():
+        HELD_BY.append(distributed.get_worker().address)
         STOPPED.set()
         GO_ON.wait(60.0)
     return number

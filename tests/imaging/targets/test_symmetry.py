@@ -26,7 +26,7 @@ def chequer(center_px: Floats, angles: Floats, blur_px: float) -> Floats:
 
 
 def errors(noise: float) -> tuple[Floats, Floats]:
-    """(n, 2) errors of centres anywhere in a pixel, and their sigmas (n,)."""
+    """(n, 2) errors of centres anywhere in a pixel, and their sigmas (n,) by noise alone."""
     rng = np.random.default_rng(3)
     off, sigma = [], []
     for k in range(90):
@@ -38,7 +38,7 @@ def errors(noise: float) -> tuple[Floats, Floats]:
         found = centre_of_symmetry(photo, center + rng.uniform(-0.7, 0.7, 2), 9.0 * np.eye(2))
         assert found is not None
         off.append(found.pixel_px - center)
-        sigma.append(found.sigma_px)
+        sigma.append(np.sqrt(np.trace(found.covariance_px2) / 2.0))
     return np.array(off), np.array(sigma)
 
 

@@ -134,8 +134,10 @@ def test_numbers_follow_a_drag_while_an_older_state_is_adjusted_in_full(worker: 
     live.submit(Task(1, state(1), final=True))
     wait_for(answers, 1)
     survey.go_on.clear()  # the next full adjustment takes as long as this test wants
+    survey.begun.clear()
     live.submit(Task(2, state(1), final=True))
     wait_for(answers, 2)
+    assert survey.begun.wait(LONGEST_WAIT_S)
     assert answers[1] == (2, {"mode": "linearised"})  # it has not ended, but it has moved
     for version in (3, 4, 5):
         live.submit(Task(version, state(1), final=False))
