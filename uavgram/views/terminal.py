@@ -69,9 +69,12 @@ def measurement_table(result: Result, most: int = 0) -> str:
 
 
 def light_line(result: Result) -> str:
-    """The verdict's colour, and what the scale rests on, which no misfit shows: below the table."""
+    """The verdict's colour, and what the scale rests on, which no misfit shows: below the table.
+
+    Two lines: the scale is not why the verdict is what it is.
+    """
     level = LEVEL_WORDS[result.verdict.level]
-    return " ".join(filter(None, [f"Verdict: {level}.", scale_sentence(result)]))
+    return "\n".join(filter(None, [f"Verdict: {level}.", scale_sentence(result)]))
 
 
 def unshown_rows(result: Result, most: int, folder: Path) -> list[str]:

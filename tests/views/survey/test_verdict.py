@@ -108,5 +108,5 @@ def test_maps_tell_the_status_too(mixed: Result) -> None:
 def test_the_scale_stands_beside_the_light(mixed: Result) -> None:
     green = replace(mixed, verdict=Verdict(level="green"))
 
-    assert light_line(green) == f"Verdict: green, in order. {SCALE}"
+    assert light_line(green) == f"Verdict: green, in order.\n{SCALE}"
     assert SCALE in render_report(green).split("</header>")[0]
