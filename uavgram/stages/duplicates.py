@@ -14,6 +14,7 @@ import numpy as np
 
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
+from uavgram.model.naming import listed
 from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, Picks
 
@@ -177,7 +178,8 @@ def _photo_message(
     parts = []
     for name, kept in copies.items():
         lost = sorted(picked[name].keys() - picked[kept].keys())
-        more = f" (picks of {_listed(lost)} are in the copy alone: pick them in {kept})"
+        alone = listed(map(repr, lost), _MOST_NAMED)
+        more = f" (picks of {alone} are in the copy alone: pick them in {kept})"
         parts.append(f"{name} is {what} {kept}{more if lost else ''}")
     count = f"{len(copies)} photo{'s are' if len(copies) > 1 else ' is'}"
     text = (
@@ -193,7 +195,9 @@ def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message,
         return ()
     parts = []
     for kept in dict.fromkeys(same.values()):
-        others = _listed([lines.name[i] for i, one in same.items() if one == kept])
+        others = listed(
+            [repr(lines.name[i]) for i, one in same.items() if one == kept], _MOST_NAMED
+        )
         ends = f"{lines.start[kept]!r} to {lines.end[kept]!r}"
         parts.append(
             f"{lines.length_m[kept]:.10g} m from {ends} (counted: {lines.name[kept]!r}; not "
@@ -206,10 +210,6 @@ def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message,
     )
     lengths = tuple(lines.name[i] for i in same)
     return (Message("warning", "line-duplicate", text, lengths=lengths),)
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(map(repr, names[:_MOST_NAMED])) + _rest(names)
 
 
 def _rest(parts: list[str]) -> str:

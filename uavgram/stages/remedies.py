@@ -8,10 +8,10 @@ from math import isclose
 
 from uavgram.estimation.reliability.wrong_units import UNITS
 from uavgram.model.message import Message
+from uavgram.model.naming import listed, listed_photos
 from uavgram.model.remedy import Correction, Remedy
 from uavgram.model.survey.mend import Mend
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.naming import listed, listed_photos
 
 
 def with_remedies(message: Message, survey: Survey, mends: Sequence[Mend | None]) -> Message:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 
+from uavgram.model.naming import counted, listed
 from uavgram.stages.match.found import Pair
 from uavgram.stages.match.outcome import Matches
 
@@ -24,12 +25,12 @@ def match_lines(done: Matches) -> list[str]:
     lines += _reasons(missed)
     if done.not_sought:
         lines.append(
-            f"not looked for: {_named(done.not_sought)}: what is picked of them takes no part in "
+            f"not looked for: {listed(done.not_sought, MOST_NAMED)}: what is picked of them takes no part in "
             "the adjustment; `uavgram run` says why"
         )
     if done.unplaced:
         lines.append(
-            f"not looked in: {_named(done.unplaced)}: nobody knows from where it shows the scene; "
+            f"not looked in: {listed(done.unplaced, MOST_NAMED)}: nobody knows from where it shows the scene; "
             "pick three points or more there"
         )
     return lines + _to_ask(done)
@@ -37,7 +38,7 @@ def match_lines(done: Matches) -> list[str]:
 
 def _found(found: int, looked: int, done: Matches) -> str:
     if looked:
-        return f"{found} of {looked} places, of {_count(len(done.labels), 'label')}"
+        return f"{found} of {looked} places, of {counted(len(done.labels), 'label')}"
     if done.kept:
         return "nothing else was looked for: what was found earlier stays as it is"
     return "nothing was looked for: no other photo should show these labels"
@@ -67,7 +68,7 @@ def _reasons(missed: dict[Pair, str]) -> list[str]:
     ordered = sorted(by_reason.items(), key=lambda one: -len(one[1]))
     return [
         "not found:",
-        *(f"  {len(places):>4}  {why}: {_named(places)}" for why, places in ordered),
+        *(f"  {len(places):>4}  {why}: {listed(places, MOST_NAMED)}" for why, places in ordered),
     ] * bool(by_reason)
 
 
@@ -79,17 +80,7 @@ def _to_ask(done: Matches) -> list[str]:
     few = sorted(image for image in looked if there[image] < ENOUGH)
     lines = []
     if alone:
-        lines.append(f"  labels that one photo alone shows: {_named(alone)}")
+        lines.append(f"  labels that one photo alone shows: {listed(alone, MOST_NAMED)}")
     if few:
-        lines.append(f"  photos with fewer than {ENOUGH} points: {_named(few)}")
+        lines.append(f"  photos with fewer than {ENOUGH} points: {listed(few, MOST_NAMED)}")
     return ["better picked by you (`uavgram pick`):", *lines] if lines else []
-
-
-def _named(names: Iterable[str]) -> str:
-    every = list(names)
-    more = f" and {len(every) - MOST_NAMED} more" if len(every) > MOST_NAMED else ""
-    return ", ".join(every[:MOST_NAMED]) + more
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" + ("" if number == 1 else "s")

@@ -38,6 +38,7 @@ def find(
     undo
         Take all picks of targets out again.
     """
+    from uavgram.model.naming import counted
     from uavgram.pipeline.targets import find_targets, undo_targets
     from uavgram.views.terminal import message_lines
 
@@ -57,7 +58,8 @@ def find(
                 f"{min(sides):.0f} to {max(sides):.0f} px"
             )
     for label, others in found.uncoded.found.items():
-        say(f"{label}: a {found.uncoded.kinds[label]}, found in {len(others)} more photos")
+        where = counted(len(others), "more photo")
+        say(f"{label}: a {found.uncoded.kinds[label]}, found in {where}")
     done = "nothing is written (--dry-run)" if dry_run else str(found.path)
     more = f" and {len(found.uncoded.found)} other targets" if found.uncoded.found else ""
     say(f"{found.rows} picks of {len(found.plates)} plates{more}, {found.removed} before: {done}")

@@ -11,6 +11,7 @@ import numpy as np
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.camera.calibration import parameter_names
+from uavgram.model.naming import listed
 from uavgram.model.survey.known import KnownThing
 
 FACTORS = {"deg": float(np.rad2deg(1.0)), "ppm": 1e6, "%": 100.0}
@@ -197,7 +198,7 @@ class Names:
             by_frame.setdefault(frame, []).append(repr(survey.label[survey.pick_label[m.row]]))
         for frame, labels in by_frame.items():
             picks = "pick" if len(labels) == 1 else "picks"
-            parts.append(f"{picks} of {_listed(labels)} in {frame!r}")
+            parts.append(f"{picks} of {listed(labels, None)} in {frame!r}")
         return " or the ".join(parts)
 
     def look(self, suspicion: Suspicion) -> str:
@@ -277,7 +278,3 @@ def named_thing(kind: str, name: str, points: Sequence[str]) -> str:
     return (
         f"{KNOWN_WORDS.get(kind, kind.replace('_', ' '))} {name!r} ({', '.join(map(repr, points))})"
     )
-
-
-def _listed(words: list[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

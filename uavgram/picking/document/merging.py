@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from uavgram.io.tables.measure import points_fault
+from uavgram.model.naming import listed
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.labels import all_labels, with_label
 from uavgram.picking.document.refused import RefusedError
@@ -81,8 +82,8 @@ def _with_one_pick_each(state: State, do: c.Merge) -> State:
     both = {image for image, label in keys if label == do.label and (image, do.into) in keys}
     if both and do.keep not in {do.label, do.into}:
         raise RefusedError(
-            f"{do.label!r} and {do.into!r} are both picked in {_some(sorted(both))}: say whose "
-            "picks stay there, or remove one of them"
+            f"{do.label!r} and {do.into!r} are both picked in {listed(sorted(both), _MOST_NAMED)}: "
+            "say whose picks stay there, or remove one of them"
         )
     going = do.label if do.keep == do.into else do.into
     lost = [pick for pick in state.picks if pick.label == going and pick.image in both]
@@ -97,8 +98,8 @@ def _refuse_what_has_no_length(before: State, after: State, do: c.Merge) -> None
     lost += [new.name for old, new in asked if points_fault(new) and not points_fault(old)]
     if lost:
         raise RefusedError(
-            f"{do.label!r} and {do.into!r} stand as two points in {_some(lost)}: as one they leave "
-            "nothing to measure there. Remove that first, if they are one point"
+            f"{do.label!r} and {do.into!r} stand as two points in {listed(lost, _MOST_NAMED)}: as "
+            "one they leave nothing to measure there. Remove that first, if they are one point"
         )
 
 
@@ -151,8 +152,3 @@ def _by_hand(pick: Pick) -> Pick:
 
 
 _MOST_NAMED = 3
-
-
-def _some(names: list[str]) -> str:
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    return f"{', '.join(names[:_MOST_NAMED])}{more}"

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
+from uavgram.model.naming import listed
 from uavgram.model.result.reliability import WeakestLinks
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
@@ -177,8 +178,7 @@ def unseen_errors(result: Result) -> str:
     ]
     if not weak:
         return ""
-    shown = weak[:MOST_NAMES] + [f"{len(weak) - MOST_NAMES} more"][: len(weak) > MOST_NAMES]
-    names = f"{', '.join(shown[:-1])} and {shown[-1]}" if len(shown) > 1 else shown[0]
+    names = listed(weak, MOST_NAMES)
     return f"A tape read 0.10 m wrong would not show in {names}: tape one more length near it."
 
 

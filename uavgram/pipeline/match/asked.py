@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
 from uavgram.model.arrays import Bools, Floats
+from uavgram.model.naming import listed
 from uavgram.model.survey.observations import SAME_PLACE_PX, Picks
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.stages.match.found import Pair
@@ -70,23 +70,20 @@ def check_undone(inputs: Inputs, asked: Asked) -> None:
     _check_names(inputs, asked, tuple(dict.fromkeys(inputs.picks.label)))
 
 
+_MOST_NAMED = 8
+
+
 def _check_names(inputs: Inputs, asked: Asked, labels: tuple[str, ...]) -> None:
     """Refuse labels that are none of these, and photos that the project does not have."""
     for label in asked.labels:
         if label not in labels:
-            hint = near_miss(label, labels) or f"picked are {_some(labels)}"
+            hint = near_miss(label, labels) or f"picked are {listed(labels, _MOST_NAMED)}"
             raise InputError(inputs.project.picks, f"no label {label!r} is picked: {hint}")
     for photo in asked.photos:
         if photo not in inputs.photos.frame_id:
             names = inputs.photos.frame_id
-            hint = near_miss(photo, names) or f"it has {_some(names)}"
+            hint = near_miss(photo, names) or f"it has {listed(names, _MOST_NAMED)}"
             raise InputError(inputs.project_path, f"the project has no photo {photo!r}: {hint}")
-
-
-def _some(names: Iterable[str], most: int = 8) -> str:
-    every = list(names)
-    more = f" and {len(every) - most} more" if len(every) > most else ""
-    return ", ".join(every[:most]) + more
 
 
 def labels_by_hand(picks: Picks) -> tuple[str, ...]:

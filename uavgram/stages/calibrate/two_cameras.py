@@ -15,6 +15,7 @@ from uavgram.estimation.calibration.systematics import rolling_shutter
 from uavgram.estimation.calibration.two_cameras import Split, best_split
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
+from uavgram.model.naming import listed
 from uavgram.stages.calibrate.assessed import PHOTO_FACTOR_SIGNIFICANCE, AssessedCalibration
 from uavgram.stages.calibrate.choice import extended
 from uavgram.stages.calibrate.remarks_on_photos import shows_rolling_shutter
@@ -161,6 +162,4 @@ def _names(files: list[str], chosen: Bools) -> str:
     rows = np.flatnonzero(chosen)
     if np.ptp(rows) == len(rows) - 1:
         return f"{files[rows[0]]} to {files[rows[-1]]} ({len(rows)} photos)"
-    shown = ", ".join(files[i] for i in rows[:MOST_NAMES])
-    more = len(rows) - MOST_NAMES
-    return shown + (f" and {more} more" if more > 0 else "")
+    return listed((files[i] for i in rows), MOST_NAMES)

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.model.message import Message
+from uavgram.model.naming import listed
 from uavgram.model.result.sources import only_by_program
 from uavgram.model.result.tables import MeasurementResults, PickResults
-from uavgram.stages.judge.unchecked import listed
 
 
 def judge_makers(picks: PickResults, measured: MeasurementResults) -> Iterator[Message]:
@@ -29,7 +29,7 @@ def judge_makers(picks: PickResults, measured: MeasurementResults) -> Iterator[M
     names = tuple(measured.name[i] for i in rows)
     labels = tuple(dict.fromkeys(label for i in rows for label in measured.points[i]))
     text = (
-        f"No person picked any point of {listed(names)}: the program found all of them. Look at "
-        "them in the photos before you use the value."
+        f"No person picked any point of {listed(map(repr, names))}: the program found all of them. "
+        "Look at them in the photos before you use the value."
     )
     yield Message("info", "only-program-picks", text, labels=labels, measurements=names)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from uavgram.model.message import SUBJECTS, Message
-from uavgram.stages.naming import listed, listed_photos
+from uavgram.model.naming import listed, listed_photos
 
 ONE_OR_MORE: dict[str, tuple[str, str]] = {
     # Causes that were found.

@@ -14,6 +14,7 @@ from uavgram.estimation.reliability.external import UNCHECKED, largest_unseen
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
+from uavgram.model.naming import listed
 from uavgram.model.remedy import Remedy
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.remedies import to_tape
@@ -48,7 +49,7 @@ def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
     for own in alike.values():
         names = tuple(examined.measured.name[i] for i in own)
         text = (
-            f"Nothing checks {listed(names)}: {_why(examined, own[0])}. "
+            f"Nothing checks {listed(map(repr, names))}: {_why(examined, own[0])}. "
             f"{_what_to_do(examined, weakest[own[0]].reading)}"
         )
         mend = _to_tape(examined, weakest[own[0]].reading)
@@ -57,14 +58,6 @@ def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
 
 def _is_pick(member: Member | None) -> bool:
     return member is not None and member.kind == "pixels"
-
-
-def listed(names: tuple[str, ...]) -> str:
-    """``'a', 'b' and 3 more``."""
-    shown = [repr(name) for name in names[:MOST_NAMED]]
-    if more := len(names) - len(shown):
-        return f"{', '.join(shown)} and {more} more"
-    return " and ".join(filter(None, (", ".join(shown[:-1]), shown[-1])))
 
 
 def _why(examined: TestedSurvey, row: int) -> str:

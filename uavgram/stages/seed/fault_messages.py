@@ -10,9 +10,9 @@ import numpy as np
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.second_opinions import FaultKind, FlightEvidence, LogFault
 from uavgram.model.message import Message, Several
+from uavgram.model.naming import listed
 from uavgram.stages.seed.freed_frames import Faults, freed_by, unsure_s
 
-_MOST_NAMED = 5
 _RESET = "estimator-reset"
 _LOOK = (
     "Pick points that these photos share with the others, and known lengths or points in them, or "
@@ -140,10 +140,8 @@ def _effect(names: tuple[str, ...]) -> str:
     """What follows for which photos, and what to do."""
     if not names:
         return " No photo depends on that, so nothing was changed."
-    listed = ", ".join(names[:_MOST_NAMED])
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
     return (
-        f" So the log is believed only that far in {len(names)} of the photos ({listed}{more}), "
+        f" So the log is believed only that far in {len(names)} of the photos ({listed(names)}), "
         f"and what was picked places them. {_LOOK}"
     )
 

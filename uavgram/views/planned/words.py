@@ -8,6 +8,7 @@ import numpy as np
 
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
+from uavgram.model.naming import counted, listed
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.views.planned.numbers import centimetres, metres
 
@@ -31,12 +32,12 @@ LOGS = {
 def headline(planned: FlightPlanned) -> str:
     """What to do, in one sentence."""
     lines, photos = len(planned.lines.name), len(planned.frames.name)
-    lay = f"Lay and tape {_count(lines, 'line')}, then take" if lines else "Take"
+    lay = f"Lay and tape {counted(lines, 'line')}, then take" if lines else "Take"
     if planned.plates.name:
-        plates = _count(len(planned.plates.name), "plate")
+        plates = counted(len(planned.plates.name), "plate")
         lay = f"Lay {plates} of {plate_side(planned)}, then take"
     height = metres(planned.flight.height_m)
-    return f"{lay} {_count(photos, 'photo')} from {height} above the ground."
+    return f"{lay} {counted(photos, 'photo')} from {height} above the ground."
 
 
 def plate_side(planned: FlightPlanned) -> str:
@@ -52,7 +53,7 @@ def outcome(planned: FlightPlanned) -> tuple[str, ...]:
     missed = asked & (wanted.sigma > wanted.wanted_sigma)
     if missed.any():
         names = [name for name, misses in zip(wanted.name, missed, strict=True) if misses]
-        told.append(f"Not as good as you wish, even if all goes well: {_and(names)}.")
+        told.append(f"Not as good as you wish, even if all goes well: {listed(names, None)}.")
     elif asked.any():
         told.append("Everything will be as good as you wish, if all goes as planned.")
     sigma = planned.grid.sigma_m[np.isfinite(planned.grid.sigma_m)]
@@ -153,8 +154,8 @@ def if_a_line_is_lost(planned: FlightPlanned) -> tuple[str, ...]:
     fatal = [name for name, sigma in zip(lines.name, without, strict=True) if math.isnan(sigma)]
     if fatal:
         told.append(
-            f"Without {_and(fatal)} nothing holds the survey to its true size: if it cannot be "
-            "laid, and nothing in its place, do not fly."
+            f"Without {listed(fatal, None)} nothing holds the survey to its true size: if it cannot "
+            "be laid, and nothing in its place, do not fly."
         )
     worst = int(np.nanargmax(without)) if np.isfinite(without).any() else 0
     if without[worst] <= WORTH_SAYING * planned.mean_sigma:
@@ -206,11 +207,3 @@ def _span(degrees: Floats) -> str:
 
 def _minutes(seconds: float) -> str:
     return f"{seconds / 60:.1f} min"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-def _and(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

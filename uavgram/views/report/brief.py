@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.model.case import case_from_options
+from uavgram.model.naming import listed
 from uavgram.model.result.result import Result
 from uavgram.views.report.checks import checks_summary
 from uavgram.views.survey.accuracy import accuracy_words
@@ -116,14 +116,8 @@ def _limits(result: Result) -> list[str]:
             name for name, alone in zip(rows.name, measured_alone(result), strict=True) if alone
         ],
     }
-    told = [f"{words}: {_listed(names)}." for words, names in several.items() if names]
+    told = [f"{words}: {listed(names, MOST_NAMES)}." for words, names in several.items() if names]
     checks = checks_summary(result)
     if checks is None:
         return [*told, "No length and no point was withheld, with which to compare the result."]
     return [*told, f"Of the lengths and points that were withheld as checks, {checks.inside}"]
-
-
-def _listed(names: Iterable[str]) -> str:
-    every = list(names)
-    more = len(every) - MOST_NAMES
-    return ", ".join(every[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")

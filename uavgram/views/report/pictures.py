@@ -10,6 +10,7 @@ import numpy as np
 
 from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.naming import counted
 from uavgram.model.result.pictures import Picture, Pictures, Region
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
@@ -244,10 +245,10 @@ def _words(result: Result, drawn: _Drawn, region: Region, picks: Sequence[int]) 
         ]
         sources = [result.picks.source[i] for i in made]
         who = PICKED_BY["hand" if "hand" in sources else sources[0]] if sources else ""
-        count = len(result.points.frames[region.row])
+        used = counted(len(result.points.frames[region.row]), "photo")
         sigma = float(result.points.neighbour_sigma_m[region.row])
         near = f"; ± {size_text(sigma)} to its neighbours" if np.isfinite(sigma) else ""
-        return label, f"{who}; used in {count} photo{'' if count == 1 else 's'}{near}"
+        return label, f"{who}; used in {used}{near}"
     row = measurement_text(result.measurements, region.row, units_of(result))
     alone = drawn.alone[region.row]
     status = status_text(result.measurements, region.row)

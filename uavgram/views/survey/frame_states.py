@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import Literal
 
+from uavgram.model.naming import counted
 from uavgram.model.result.result import Result
 from uavgram.views.survey.verdict import named_picks
 from uavgram.views.wording import FRAME_STATE_WORDS
@@ -43,5 +44,4 @@ def frame_counts(result: Result) -> str:
     ]
     if not status["rejected"]:
         parts.append("none rejected")
-    total = len(result.frames.frame_id)
-    return f"{total} frame{'' if total == 1 else 's'}: " + ", ".join(parts)
+    return f"{counted(len(result.frames.frame_id), 'frame')}: {', '.join(parts)}"

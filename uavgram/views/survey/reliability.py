@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.model.naming import listed
 from uavgram.model.result.reliability import Effects, PriorResults, RemovalRecord
 from uavgram.model.result.result import Result
 from uavgram.views.survey.limits import prior_limits
@@ -42,10 +43,8 @@ def weakest_links(result: Result) -> list[dict[str, str]]:
                 f"an undetected error of {_amount(links.bias[i], links.unit[i])} in the "
                 f"{links.what[i]} would move it by {number(abs(links.change[i]))} {unit}"
             )
-        unchecked = links.unchecked[i][:MOST_UNCHECKED]
-        more = len(links.unchecked[i]) - len(unchecked)
-        others = f" and {more} more" if more else ""
-        table.append({"name": name, "weakest": weakest, "unchecked": ", ".join(unchecked) + others})
+        unchecked = listed(links.unchecked[i], MOST_UNCHECKED)
+        table.append({"name": name, "weakest": weakest, "unchecked": unchecked})
     return table
 
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.model.naming import counted, listed
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
@@ -86,7 +87,7 @@ def verdict_sentence(result: Result) -> str:
     if verdict.level == "green":
         why = [ALL_IS_WELL]
     if (more := len(verdict.reasons) - 1) > 0:
-        why.append(f"(And {_count(more, 'other reason')}.)")
+        why.append(f"(And {counted(more, 'other reason')}.)")
     return " ".join([f"Verdict: {LEVEL_WORDS[verdict.level]}.", *why])
 
 
@@ -119,8 +120,7 @@ def _unchecked(result: Result) -> str:
     rows = result.measurements
     named = zip(rows.name, rows.status, rows.value.tolist(), strict=True)
     names = [repr(n) for n, status, value in named if status == "not-checked" and isfinite(value)]
-    shown = names[:MOST_NAMES] + [f"{len(names) - MOST_NAMES} more"][: len(names) > MOST_NAMES]
-    return f"{', '.join(shown[:-1])} and {shown[-1]}" if len(shown) > 1 else "".join(shown)
+    return listed(names, MOST_NAMES)
 
 
 def named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:
@@ -150,7 +150,3 @@ def counts_sentence(result: Result) -> str:
         f"{used} of {len(lines)} known lengths used{checks}, {known if result.known.name else ''}"
         f"{computed} of {len(result.measurements.name)} measurements computed."
     )
-
-
-def _count(count: int, what: str) -> str:
-    return f"{count} {what}" if count == 1 else f"{count} {what}s"

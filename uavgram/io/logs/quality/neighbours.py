@@ -19,6 +19,7 @@ from uavgram.io.logs.quality.samples import rows_of
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Boot, PositionSamples
 from uavgram.model.flight.second_opinions import TurnRateSamples
+from uavgram.model.naming import listed
 
 _FEWEST_ROWS = 5
 _NAMED = 4  # rows in one remark
@@ -156,10 +157,9 @@ def _remark(source: str, time_s: Floats, off: Floats, unit: str) -> list[str]:
     rows = np.flatnonzero(off)
     if not len(rows):
         return []
-    named = ", ".join(f"by {off[k]:.3g} {unit} at {time_s[k]:.2f} s" for k in rows[:_NAMED])
-    more = f" and {len(rows) - _NAMED} more" if len(rows) > _NAMED else ""
+    named = listed((f"by {off[k]:.3g} {unit} at {time_s[k]:.2f} s" for k in rows), _NAMED)
     what = "1 row lies" if len(rows) == 1 else f"{len(rows)} rows lie"
     return [
-        f"{what} off the rows before and after ({source}: {named}{more}, since boot): taken for "
+        f"{what} off the rows before and after ({source}: {named}, since boot): taken for "
         "damaged and left out"
     ]

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from uavgram.model.naming import counted
 from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment, units_shown
@@ -172,9 +173,5 @@ def messages_page(result: Result) -> str:
 def messages_title(result: Result) -> str:
     """``Messages: 1 error, 2 warnings``."""
     counts = Counter(message.level for message in result.messages)
-    loud = [
-        f"{counts[level]} {level}{'' if counts[level] == 1 else 's'}"
-        for level in ("error", "warning")
-        if counts[level]
-    ]
+    loud = [counted(counts[level], level) for level in ("error", "warning") if counts[level]]
     return "Messages" + (f": {', '.join(loud)}" if loud else "")

@@ -10,8 +10,8 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import Explained
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, Several
+from uavgram.model.naming import photo_name
 from uavgram.model.survey.mend import Mend
-from uavgram.stages.naming import photo_name
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import labels_of, strays
 

@@ -14,8 +14,8 @@ from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.reliability.wrong_units import CONVERSIONS, DECIMALS, UNITS
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
+from uavgram.model.naming import listed
 from uavgram.model.survey.mend import Mend
-from uavgram.stages.naming import listed
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.lengths.doubted import FARTHEST, Doubted, Told, doubted
 
