@@ -109,4 +109,4 @@ def test_a_length_is_counted_once_for_each_of_its_readings() -> None:
     )
     assert found.lines == {0: 1, 2: 1}
     (message,) = found.messages
-    assert "12.34 m from 'A' to 'B' (counted: 'L1'; not counted: 'L0', 'L2')" in message.text
+    assert "12.34 m from 'A' to 'B' (counted: 'L1'; not counted: 'L0' and 'L2')" in message.text

@@ -25,13 +25,13 @@ def match_lines(done: Matches) -> list[str]:
     lines += _reasons(missed)
     if done.not_sought:
         lines.append(
-            f"not looked for: {listed(done.not_sought, MOST_NAMED)}: what is picked of them takes no part in "
-            "the adjustment; `uavgram run` says why"
+            f"not looked for: {listed(done.not_sought, MOST_NAMED)}: what is picked of them takes "
+            "no part in the adjustment; `uavgram run` says why"
         )
     if done.unplaced:
         lines.append(
-            f"not looked in: {listed(done.unplaced, MOST_NAMED)}: nobody knows from where it shows the scene; "
-            "pick three points or more there"
+            f"not looked in: {listed(done.unplaced, MOST_NAMED)}: nobody knows from where it shows "
+            "the scene; pick three points or more there"
         )
     return lines + _to_ask(done)
 

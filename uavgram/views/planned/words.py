@@ -154,8 +154,8 @@ def if_a_line_is_lost(planned: FlightPlanned) -> tuple[str, ...]:
     fatal = [name for name, sigma in zip(lines.name, without, strict=True) if math.isnan(sigma)]
     if fatal:
         told.append(
-            f"Without {listed(fatal, None)} nothing holds the survey to its true size: if it cannot "
-            "be laid, and nothing in its place, do not fly."
+            f"Without {listed(fatal, None)} nothing holds the survey to its true size: if it "
+            "cannot be laid, and nothing in its place, do not fly."
         )
     worst = int(np.nanargmax(without)) if np.isfinite(without).any() else 0
     if without[worst] <= WORTH_SAYING * planned.mean_sigma:
