@@ -11,8 +11,9 @@ import synthetic_survey
 
 from uavgram.imaging.photos.preview import Preview, decode_preview
 from uavgram.imaging.top_view import mosaic
+from uavgram.imaging.top_view.gains import Light, gains_between
 from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
-from uavgram.imaging.top_view.mosaic_grid import Box, Cameras, Grid, choose
+from uavgram.imaging.top_view.mosaic_grid import Box, Cameras, Grid, boxes_below, choose
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 
@@ -169,6 +170,46 @@ def test_a_frame_that_shows_all_of_a_cell_goes_before_one_that_shows_some() -> N
     assert whole[choice[i, j], i, j].all()
     # what only a part of some photo shows is shown too
     assert ((choice >= 0) & ~whole.any(axis=0)).any()
+
+
+def test_of_a_large_survey_each_cell_is_looked_at_by_the_frames_about_it_only() -> None:
+    result = synthetic_survey.build(clean=True)
+    poses = result.frames.refined
+    forward = np.array([[1.0, 0, 0], [0, 0.6, 0.8], [0, -0.8, 0.6]])  # by 53 degrees: to the limit
+    turned = poses.world_from_camera @ forward
+    everywhere = Cameras(poses.center_world_m, turned, result.frames.sweep)
+    for grid in (
+        Grid(result, -60.0, 50.0, 0.15, 64, (10, 12)),
+        Grid(result, -600.0, 500.0, 0.15, 64, (100, 120)),
+    ):
+        edges = [np.arange(n + 1.0) * grid.cell_px for n in grid.shape]
+        row, column = np.meshgrid(*edges, indexing="ij")
+        world = grid.world(column, row)
+        boxes = boxes_below(grid, everywhere)
+        for frame, box in enumerate(boxes):
+            seen = np.isfinite(grid.pixels_in(everywhere, frame, world)[..., 0])
+            within = np.zeros_like(seen)
+            within[box.top : box.bottom + 1, box.left : box.right + 1] = True
+            assert seen.any()
+            assert not (seen & ~within).any()
+    assert sum((b.bottom - b.top) * (b.right - b.left) for b in boxes) < 0.2 * 12_000 * len(boxes)
+
+
+def test_photos_that_show_nothing_together_keep_their_brightness() -> None:
+    place, grey = np.arange(20), np.full(20, 5.0)
+    seen = {
+        2: Light(place, grey),
+        0: Light(place + 15, grey + 0.2),
+        5: Light(place + 4, grey + 0.1),
+    }
+    empty = {4: Light(np.zeros(0, np.int64), np.zeros(0))}
+
+    gains = gains_between(seen | empty, 7)
+
+    # 2 and 5 show 16 places together, 0 and 5 nine: too few
+    pair = np.linalg.solve([[17.0, -16.0], [-16.0, 17.0]], [1.6, -1.6])
+    np.testing.assert_allclose(gains, np.exp([0, 0, pair[0], 0, 0, pair[1], 0]), rtol=1e-12)
+    np.testing.assert_array_equal(gains_between(empty, 2), 1.0)
 
 
 def test_a_mosaic_much_coarser_than_the_photos_does_not_flicker() -> None:

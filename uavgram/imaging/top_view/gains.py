@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_array, triu
+from scipy.sparse.linalg import spsolve
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats, Ints
@@ -48,18 +49,34 @@ def gains_between(seen: Mapping[int, Light], count: int) -> Floats:
     count
         N, of all photos.
     """
-    normal, right = np.eye(count), np.zeros(count)
-    for a, b in combinations(seen, 2):
+    photos = list(seen)
+    normal: dict[tuple[int, int], float] = {(k, k): 1.0 for k in range(count)}
+    right = np.zeros(count)
+    for one, other in _overlapping([seen[photo].place for photo in photos]):
+        a, b = photos[one], photos[other]
         _, in_a, in_b = np.intersect1d(
             seen[a].place, seen[b].place, assume_unique=True, return_indices=True
         )
-        if len(in_a) < LEAST_PLACES:
-            continue
         difference = float(np.median(seen[b].log_grey[in_b] - seen[a].log_grey[in_a]))
         weight = float(len(in_a))
-        normal[[a, b], [a, b]] += weight
-        normal[[a, b], [b, a]] -= weight
+        normal[a, a] += weight
+        normal[b, b] += weight
+        normal[a, b] = normal[b, a] = -weight
         right[a] += weight * difference
         right[b] -= weight * difference
-    gains = np.exp(np.linalg.solve(normal, right))
+    row, column = np.array(list(normal)).T.reshape(2, -1)
+    whole = coo_array((list(normal.values()), (row, column)), shape=(count, count))
+    gains = np.exp(spsolve(whole.tocsc(), right))
     return np.asarray(np.clip(gains, 1.0 / MOST_GAIN, MOST_GAIN))
+
+
+def _overlapping(places: list[Ints]) -> list[tuple[int, int]]:
+    """Pairs of photos that show enough places together: of thousands of photos, few."""
+    photo = np.repeat(np.arange(len(places)), [len(each) for each in places])
+    place = np.concatenate([np.zeros(0, np.int64), *places])
+    size = len(places), int(place.max(initial=0)) + 1
+    shows = coo_array((np.ones(len(photo)), (photo, place)), shape=size).tocsr()
+    common = triu(shows @ shows.T, 1).tocoo()
+    is_enough = common.data >= LEAST_PLACES
+    pairs = np.column_stack([common.row, common.col])[is_enough]
+    return [(int(a), int(b)) for a, b in pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]]

@@ -21,6 +21,7 @@ from uavgram.imaging.top_view.mosaic_grid import (
     Values,
     bands,
     box_of,
+    boxes_below,
     choose,
     corner_weights,
     gain_field,
@@ -180,12 +181,14 @@ def _lay_grid(result: Result, cameras: Cameras, preview_scale: float, max_size_p
     )
     pixel_size = max(coarsest, finest)
     size = (high - low) / pixel_size
-    cell = CELL_PX
-    while float(size.prod()) / cell**2 * len(cameras.center_m) > CHOICE_BUDGET:
+    grid, cell = replace(grid, pixel_size_m=pixel_size), CELL_PX // 2
+    looks = np.inf
+    while looks > CHOICE_BUDGET:
         cell *= 2
-    columns, lines = np.maximum(np.ceil(size / cell), 1).astype(int)
-    shape = (int(lines), int(columns))
-    return replace(grid, pixel_size_m=pixel_size, cell_px=cell, shape=shape)
+        columns, lines = np.maximum(np.ceil(size / cell), 1).astype(int)
+        grid = replace(grid, cell_px=cell, shape=(int(lines), int(columns)))
+        looks = sum((b.bottom - b.top) * (b.right - b.left) for b in boxes_below(grid, cameras))
+    return grid
 
 
 def _nodes(grid: Grid) -> Floats:

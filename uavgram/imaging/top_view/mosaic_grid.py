@@ -203,14 +203,44 @@ def choose(grid: Grid, cameras: Cameras) -> Ints:
     middle = (world[:-1, :-1] + world[1:, 1:]) / 2
     best = np.zeros(grid.shape)
     choice = np.full(grid.shape, -1, dtype=np.int64)
-    for frame in range(len(cameras.center_m)):
-        corner = np.isfinite(grid.pixels_in(cameras, frame, world)[..., 0]).astype(np.int64)
+    for frame, box in enumerate(boxes_below(grid, cameras)):
+        if box.bottom <= box.top or box.right <= box.left:
+            continue
+        inside = slice(box.top, box.bottom), slice(box.left, box.right)
+        corners = world[box.top : box.bottom + 1, box.left : box.right + 1]
+        corner = np.isfinite(grid.pixels_in(cameras, frame, corners)[..., 0]).astype(np.int64)
         seen = corner[:-1, :-1] + corner[1:, :-1] + corner[:-1, 1:] + corner[1:, 1:]
         # a sine is at most 1: what shows all of a cell goes before what shows some of it
-        score = (seen > 0) * (_sine(middle - cameras.center_m[frame]) + 2.0 * (seen == CORNERS))
-        better = score > best
-        best[better], choice[better] = score[better], frame
+        sine = _sine(middle[inside] - cameras.center_m[frame])
+        score = (seen > 0) * (sine + 2.0 * (seen == CORNERS))
+        better = score > best[inside]
+        best[inside][better], choice[inside][better] = score[better], frame
     return choice
+
+
+def boxes_below(grid: Grid, cameras: Cameras) -> list[Box]:
+    """Of each frame, the cells to which its rays are not too flat: it shows none but these.
+
+    Of a large survey they are few, whatever its size.
+    """
+    east, north = (np.array([0.0, count * grid.cell_px]) for count in grid.shape[::-1])
+    lowest = float(grid.world(*np.meshgrid(east, north))[..., 2].min())
+    drop = np.maximum(cameras.center_m[:, 2] - lowest, 0.0)
+    reach = drop * np.sqrt(1.0 - LEAST_SINE**2) / LEAST_SINE
+    cell_m = grid.cell_px * grid.pixel_size_m
+    across, down = (
+        (sign * (cameras.center_m[:, axis] - edge) / cell_m, reach / cell_m, count)
+        for sign, axis, edge, count in (
+            (1.0, 0, grid.west_m, grid.shape[1]),
+            (-1.0, 1, grid.north_m, grid.shape[0]),
+        )
+    )
+    ends = [
+        np.clip(edge, 0, count).astype(np.int64).tolist()
+        for at, far, count in (down, across)
+        for edge in (np.floor(at - far) - 1, np.ceil(at + far) + 1)
+    ]
+    return [Box(*each) for each in zip(*ends, strict=True)]
 
 
 def corner_weights(grid: Grid, chosen: Bools) -> Floats:

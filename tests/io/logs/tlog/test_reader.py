@@ -417,6 +417,7 @@ def test_checksums_equal_pymavlinks() -> None:
     rng = np.random.default_rng(4)
     data = rng.integers(0, 256, 5000, dtype=np.uint8)
     start, length = rng.integers(0, 4700, 300), rng.integers(0, 290, 300)
+    start[:4], length[:4] = (0, 0, 3, 1), (0, 5, 9, 17)  # at the beginning of the file
     extra = rng.integers(0, 256, 300)
     found = checksums(data, start, length, extra)
     for k in range(300):

@@ -2,18 +2,30 @@
 
 https://mavlink.io/en/guide/serialization.html#checksum: over the frame without its first byte,
 followed by one byte that ties it to the message's definition.
+
+A frame is a polynomial over GF(2), its first bit the highest; its checksum is the remainder modulo
+P(x) = x^16 + x^12 + x^5 + 1. As P(x)^n = P(x^n) for every power of two n, modulo P x^16n is
+x^12n + x^5n + 1: a few shifts take 64 bits from each of thousands of frames, where a table is
+looked up for every byte. Checksums are reflected: in a little-endian word the lowest bit is that of
+the highest power, and what multiplies by x^k shifts right.
 """
 
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.model.arrays import Ints
 
-_ROWS = 16384  # at a time: what a processor's cache holds
+Words = NDArray[np.integer[Any]]  # not signed
+
+_ROWS = 8192  # at a time: what a processor's cache holds
+_WORD = 8  # bytes
+_LEAST = 2  # words that shifts of whole words leave of each frame
+_INITIAL = 0xFFFF  # of the register
 
 
 def _byte_table() -> NDArray[np.uint16]:
@@ -53,26 +65,68 @@ def checksums(
     -------
     (N,)
     """
-    result = np.full(len(start), 0xFFFF, dtype=np.uint16)
-    order = np.argsort(length.astype(np.uint16), kind="stable")  # 16 bits: a radix sort
-    edges = np.append(0, np.cumsum(np.bincount(length))).tolist() if len(length) else [0]
-    for size, (begin, end) in enumerate(itertools.pairwise(edges)):
-        for low in range(begin, end, _ROWS):
-            rows = order[low : min(low + _ROWS, end)]
-            result[rows] = _of_one_length(data, start[rows], size)
-    return _step(result, extra.astype(np.uint8))
-
-
-def _of_one_length(data: NDArray[np.uint8], start: Ints, length: int) -> NDArray[np.uint16]:
-    crc = np.full(len(start), 0xFFFF, dtype=np.uint16)
-    if not length:
+    crc = np.zeros(len(start), dtype=np.uint16)
+    if not len(start):
         return crc
-    ranges = np.lib.stride_tricks.sliding_window_view(data, length)[start]
-    even = length - length % 2
-    for word in np.ascontiguousarray(np.ascontiguousarray(ranges[:, :even]).view("<u2").T):
-        # every register has its place in the table: `clip` only saves the test
-        crc = _BY_WORD.take(crc ^ word, mode="clip")
-    return crc if even == length else _step(crc, ranges[:, -1])
+    end = start + length
+    words = np.maximum((length + (_WORD - 1)) // _WORD, _LEAST).astype(np.uint16)
+    before = int((_WORD * words - end).max())
+    if before > 0:  # the words of a range at the beginning of the file reach beyond it
+        data, end = np.concatenate([np.zeros(before, np.uint8), data]), end + before
+    order = np.argsort(words, kind="stable")  # 16 bits: a radix sort
+    edges = np.append(0, np.cumsum(np.bincount(words))).tolist()
+    for count, (begin, stop) in enumerate(itertools.pairwise(edges)):
+        for low in range(begin, stop, _ROWS):
+            rows = order[low : min(low + _ROWS, stop)]
+            crc[rows] = _remainders(_words(data, end[rows], length[rows], count))
+    # times x^16, and what the register held before the first byte
+    crc = _BY_WORD.take(crc, mode="clip") ^ _of_zeros(int(length.max())).take(length, mode="clip")
+    return _step(crc, extra.astype(np.uint8))
+
+
+def _words(data: NDArray[np.uint8], end: Ints, length: Ints, count: int) -> NDArray[np.uint64]:
+    """(count, N) the words up to the ends of ranges, zero before their beginnings."""
+    size = _WORD * count
+    # as one item each, which are copied at once
+    items = np.ndarray((len(data) - size + 1,), f"V{size}", data, strides=(1,))[end - size]
+    words = np.ascontiguousarray(items.view("<u8").reshape(-1, count).T)
+    outside = (8 * (size - length)).astype(np.uint64)  # bits; of 64 and more nothing is left
+    words[0] = (words[0] >> outside) << outside
+    if count == _LEAST:
+        outside = np.maximum(outside, np.uint64(64)) - np.uint64(64)
+        words[1] = (words[1] >> outside) << outside
+    return words
+
+
+def _remainders(words: NDArray[np.uint64]) -> NDArray[np.uint16]:
+    """(N,) of polynomials in (count, N) words, which are used up."""
+    for k in range(len(words) - _LEAST):
+        first = words[k]
+        first ^= first << 32  # x^128 is x^96 + x^40 + 1: x^96 of its upper half is x^128 again
+        words[k + 1] ^= (first >> 32) ^ (first << 24)
+        words[k + 2] ^= first ^ (first >> 40)
+    both = _low_half(words[-2], words[-1], 4).view(np.uint32)
+    both = _low_half(both[::2].copy(), both[1::2].copy(), 2).view(np.uint16)
+    return _low_half(both[::2].copy(), both[1::2].copy(), 1).view(np.uint16)
+
+
+def _low_half(high: Words, low: Words, n: int) -> Words:
+    """(N,) remainders modulo P(x^n), of 16n bits, of polynomials of twice as many.
+
+    The quotient is that of the upper half by 1 + x^-4n + x^-11n + x^-16n, whose inverse is
+    1 + x^-4n + x^-8n + x^-11n + x^-12n as far as there are bits.
+    """
+    quotient = high ^ (high << 4 * n) ^ (high << 8 * n) ^ (high << 11 * n) ^ (high << 12 * n)
+    rest: Words = low ^ quotient ^ (quotient >> 5 * n) ^ (quotient >> 12 * n)
+    return rest
+
+
+def _of_zeros(most: int) -> NDArray[np.uint16]:
+    """(most + 1,) the register after so many zero bytes."""
+    by_byte, register = _BY_BYTE.tolist(), [_INITIAL]
+    for _ in range(most):
+        register.append(register[-1] >> 8 ^ by_byte[register[-1] & 0xFF])
+    return np.array(register, dtype=np.uint16)
 
 
 def _step(crc: NDArray[np.uint16], byte: NDArray[np.uint8]) -> NDArray[np.uint16]:

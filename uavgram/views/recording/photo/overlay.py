@@ -35,6 +35,7 @@ from uavgram.views.style import (
 )
 from uavgram.views.survey.drawing import in_photo, project_from, sampled, visible_runs
 from uavgram.views.survey.frame_states import frame_states
+from uavgram.views.survey.in_sight import InSight
 from uavgram.views.survey.off_ground import OffGround
 from uavgram.views.survey.verdict import named_picks
 from uavgram.views.wording import BRIGHTENED, FRAME_STATE_WORDS, worst_first
@@ -201,11 +202,14 @@ def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) ->
     Per frame the texts that belong to them.
     """
     frames, shapes = range(len(result.frames.frame_id)), _shapes(result)
+    in_sight = InSight(result, [shape.samples_m for shape in shapes])
     words: list[list[Word]] = [[] for _ in frames]
-    runs: dict[str, list[list[Floats]]] = {s.entity: [[] for _ in frames] for s in shapes}
+    kinds = {shape.entity: shape for shape in shapes}
+    runs: dict[str, list[list[Floats]]] = {entity: [[] for _ in frames] for entity in kinds}
     for frame in np.flatnonzero(result.has_refined):
         picked = {result.picks.label[row] for row in picks.rows[frame]}
-        shown = [shape for shape in shapes if shape.ends <= picked]
+        near = (shapes[row] for row in in_sight.of(int(frame)))
+        shown = [shape for shape in near if shape.ends <= picked]
         if not shown:
             continue
         samples = np.concatenate([shape.samples_m for shape in shown])
@@ -219,7 +223,7 @@ def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) ->
                 )
                 longest = max(pieces, key=len)
                 words[frame].append((longest[len(longest) // 2], shape.text))
-    for shape in {shape.entity: shape for shape in shapes}.values():
+    for shape in kinds.values():
         per_frame = runs[shape.entity]
         width = line_width(max(map(len, per_frame))) if shape.ends else line_width(0)
         log_polylines(recorder, f"{photo}/{shape.entity}", per_frame, shape.colour, width)
