@@ -15,9 +15,20 @@ NEVER = frozenset({"pandas"})
 """No command needs it, but Arrow, in which recordings are written, loads it where it is: a third of
 a second. Where the search for a module fails, it is not installed."""
 
-LATE = frozenset({"numpy.ctypeslib", "numpy.f2py", "numpy.polynomial", "numpy.testing"})
-"""scipy loads all of numpy, down to its compiler of Fortran. These are executed when somebody asks
-for something in them, which nobody does."""
+LATE = frozenset(
+    {
+        "numpy.ctypeslib",
+        "numpy.f2py",
+        "numpy.ma",
+        "numpy.polynomial",
+        "numpy.testing",
+        "rerun.experimental",
+        "rerun.server",
+        "rerun.urdf",
+    }
+)
+"""scipy loads all of numpy, down to its compiler of Fortran, and Rerun all that one can do with its
+viewer. These are executed when somebody asks for something in them, which hardly anybody does."""
 
 
 def seldom_look_for_cycles() -> None:

@@ -135,7 +135,7 @@ class TextPlaces:
     def _apart(self, candidates: Floats) -> list[Ints]:
         """Rows of places that lie together: what is near to all of many would be far from most."""
         every = np.arange(len(candidates))
-        if not self._side or len(candidates) < _MANY:
+        if self._count <= _FEW or len(candidates) < _MANY:
             return [every]
         square = np.floor(candidates[:, :2] / (_WIDE * self._side))
         order = np.lexsort(square.T)

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.ties import TiePicks
@@ -65,6 +64,8 @@ def _untied(photo: str) -> Message:
 
 def _apart(ties: TiePicks, photos: Sequence[str]) -> Iterator[Message]:
     """Groups of photos that no tie point joins."""
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415 - slow to load
+
     at = {name: k for k, name in enumerate(photos)}
     photo = np.array([at[name] for name in ties.image])
     point = np.unique(np.array(ties.tie), return_inverse=True)[1] + len(at)

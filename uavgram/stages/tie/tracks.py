@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from uavgram.model.arrays import Floats, Ints
 
@@ -70,6 +69,8 @@ def tracks_of(matches: Matches, photo: Ints) -> Tracks:
     """
     if not len(matches.feature):
         return Tracks(np.empty(0, np.int64), np.empty(0, np.int64))
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415 - slow to load
+
     one, other = matches.feature.T
     graph = coo_array((np.ones(len(one), np.int8), (one, other)), shape=(len(photo),) * 2)
     _, component = connected_components(graph, directed=False)

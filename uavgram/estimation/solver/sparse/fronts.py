@@ -9,7 +9,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from uavgram.estimation.solver.sparse.block_matrix import TABLES, BlockMatrix, Pattern
-from uavgram.estimation.solver.sparse.nested_dissection import dissect
 from uavgram.estimation.solver.sparse.structure import BLOCK, POINT
 from uavgram.model.arrays import Floats, Ints
 
@@ -71,6 +70,9 @@ class Ordering:
     """
 
     def __init__(self, pattern: Pattern) -> None:
+        # small surveys have none, and scipy's functions of graphs load all its sparse solvers
+        from uavgram.estimation.solver.sparse.nested_dissection import dissect  # noqa: PLC0415
+
         self._pattern = pattern
         structure = pattern.structure
         points, blocks = structure.counts
