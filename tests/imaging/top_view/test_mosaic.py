@@ -11,7 +11,7 @@ import synthetic_survey
 
 from uavgram.imaging.photos.preview import Preview, decode_preview
 from uavgram.imaging.top_view import mosaic
-from uavgram.imaging.top_view.gains import Light, gains_between
+from uavgram.imaging.top_view.gains import DENSE, Light, gains_between
 from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
 from uavgram.imaging.top_view.mosaic_grid import Box, Cameras, Grid, boxes_below, choose
 from uavgram.model.arrays import Floats
@@ -210,6 +210,8 @@ def test_photos_that_show_nothing_together_keep_their_brightness() -> None:
     pair = np.linalg.solve([[17.0, -16.0], [-16.0, 17.0]], [1.6, -1.6])
     np.testing.assert_allclose(gains, np.exp([0, 0, pair[0], 0, 0, pair[1], 0]), rtol=1e-12)
     np.testing.assert_array_equal(gains_between(empty, 2), 1.0)
+    many = gains_between(seen | empty, DENSE + 7)  # solved in another way
+    np.testing.assert_allclose(many, np.append(gains, np.ones(DENSE)), rtol=1e-12)
 
 
 def test_a_mosaic_much_coarser_than_the_photos_does_not_flicker() -> None:

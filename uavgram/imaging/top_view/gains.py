@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array, triu
-from scipy.sparse.linalg import spsolve
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats, Ints
@@ -19,6 +18,9 @@ LEAST_PLACES = 12
 """Two photos are compared where they show so many places together."""
 
 MOST_GAIN = 2.5
+
+DENSE = 500
+"""Photos up to which their factors are solved for as a full matrix."""
 
 
 class Light(NamedTuple):
@@ -66,8 +68,17 @@ def gains_between(seen: Mapping[int, Light], count: int) -> Floats:
         right[b] -= weight * difference
     row, column = np.array(list(normal)).T.reshape(2, -1)
     whole = coo_array((list(normal.values()), (row, column)), shape=(count, count))
-    gains = np.exp(spsolve(whole.tocsc(), right))
+    gains = np.exp(_solved(whole, right))
     return np.asarray(np.clip(gains, 1.0 / MOST_GAIN, MOST_GAIN))
+
+
+def _solved(whole: coo_array, right: Floats) -> Floats:
+    """(N,) solution of a symmetric system."""
+    if len(right) <= DENSE:
+        return np.asarray(np.linalg.solve(whole.toarray(), right))
+    from scipy.sparse.linalg import spsolve  # noqa: PLC0415 - slow to load
+
+    return np.asarray(spsolve(whole.tocsc(), right))
 
 
 def _overlapping(places: list[Ints]) -> list[tuple[int, int]]:
