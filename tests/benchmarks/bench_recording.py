@@ -1,13 +1,14 @@
 """The review of a long flight: what it costs beside decoding the photos' previews alone.
 
-    python tests/benchmarks/bench_recording.py [FRAMES] [ROUNDS]
+    python tests/benchmarks/bench_recording.py [FRAMES] [ROUNDS] [WIDTH_PX]
     python tests/benchmarks/bench_recording.py --large RECORDING.rrd
 
-One photo of 20 megapixels, made here, stands for all FRAMES (1,000): hard links, so every one is
-read and decoded. Rounds go in turn, each in its own process: decode and encode the previews, on all
-cores; write the recording with the same previews, the ground, and everything else. The ratio is the
-median of neighbouring runs, of wall and of processor time. Demanded: at most 1.3 times the wall
-time, 0.3 MB a frame, 1.5 GB of memory.
+One photo of 20 megapixels (5,472 wide), made here, stands for all FRAMES (1,000): hard links, so
+every one is read and decoded. WIDTH_PX stores it smaller, which is sooner decoded. Rounds go in
+turn, each in its own process: decode and encode the previews, on all cores; write the recording
+with the same previews, the ground, and everything else. The ratio is the median of neighbouring
+runs, of wall and of processor time. Demanded: at most 1.3 times the wall time, 0.3 MB a frame,
+1.5 GB of memory.
 
 --large writes 5,000 frames and 100,000 points without photos, says what it took, and leaves the
 file for a look at it in the viewer.
@@ -42,8 +43,8 @@ DEMAND_RATIO, DEMAND_MB, DEMAND_GB = 1.3, 0.3, 1.5
 QUALITY = 92
 
 
-def make_photo(path: Path) -> None:
-    """Grass-like noise of every size: some 5 MB, as a drone's camera writes."""
+def make_photo(path: Path, width_px: int) -> None:
+    """Grass-like noise of every size: of 20 megapixels some 5 MB, as a drone's camera writes."""
     rng = np.random.default_rng(1)
     total = np.zeros((HEIGHT_PX, WIDTH_PX), np.float32)
     for grain, weight in ((400, 30), (60, 20), (8, 12), (2, 9)):
@@ -51,13 +52,16 @@ def make_photo(path: Path) -> None:
         total += weight * cv2.resize(small, (WIDTH_PX, HEIGHT_PX), interpolation=cv2.INTER_CUBIC)
     bgr = np.stack([70 + 0.5 * total, 120 + total, 90 + 0.7 * total], axis=-1)
     picture = np.clip(bgr, 0, 255).astype(np.uint8)
+    if width_px < WIDTH_PX:
+        size = width_px, round(width_px * HEIGHT_PX / WIDTH_PX)
+        picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.uint8)
     cv2.imwrite(str(path), picture, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
 
 
-def lay_out(folder: Path, frames: int) -> None:
+def lay_out(folder: Path, frames: int, width_px: int) -> None:
     """One photo under many names."""
     first = folder / "photo.jpg"
-    make_photo(first)
+    make_photo(first, width_px)
     (folder / "photos").mkdir()
     for path in large_result(frames, 30, str(folder / "photos")).frames.path:
         Path(path).hardlink_to(first)
@@ -85,12 +89,12 @@ def peak_gb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024**2
 
 
-def side_by_side(frames: int, rounds: int) -> bool:
+def side_by_side(frames: int, rounds: int, width_px: int) -> bool:
     """Both sides in turn; whether all demands are met."""
     ratios, peak = [], 0.0
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        lay_out(folder, frames)
+        lay_out(folder, frames, width_px)
         print(f"photo: {(folder / 'photo.jpg').stat().st_size / 1e6:.1f} MB, {frames} frames")
         for turn in range(rounds):
             took = {}
@@ -127,8 +131,7 @@ def main(arguments: list[str]) -> int:
         large(Path(arguments[1]))
     else:
         numbers = [int(a) for a in arguments]
-        frames, rounds = numbers + [FRAMES, ROUNDS][len(numbers) :]
-        return 0 if side_by_side(frames, rounds) else 1
+        return 0 if side_by_side(*numbers, *(FRAMES, ROUNDS, WIDTH_PX)[len(numbers) :]) else 1
     return 0
 
 
