@@ -9,7 +9,7 @@ load_little()
 import sys
 import numpy
 from scipy.special import chdtri
-was = vars(sys.modules["numpy.ma"]).get("masked_array")
+was = type(sys.modules["numpy.ma"]).__name__
 print(was, numpy.ma.masked_array([1, 2], [0, 1]).sum(), round(float(chdtri(1, 0.05)), 6))
 print("Parameters" in chdtri.__doc__)
 """
@@ -20,4 +20,4 @@ def test_what_is_loaded_late_is_whole_once_it_is_asked_for() -> None:
         [sys.executable, "-c", _ASKED], capture_output=True, text=True, check=True
     )
 
-    assert told.stdout.split() == ["None", "1", "3.841459", "False"]
+    assert told.stdout.split() == ["_LazyModule", "1", "3.841459", "False"]
