@@ -24,6 +24,7 @@ from uavgram.geometry.ground.measurable import UnmeasurableError
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.survey.survey import Survey
 
 CANCELLED = 1e-12
 """Share of its parts below which a derivative is their rounding."""
@@ -215,19 +216,66 @@ def values_at(
     error
         Name of another source of error (friction, a time) to its error, in its sigmas.
     """
-    survey = problem.survey
-    place = survey.row_of_label
     values: list[float] = []
     for request in requests:
         try:
-            require_picked(request, place)
-            label = np.array([place[p] for p in request.points], dtype=np.int64)
-            world, _, _ = problem.world_points(state, label)
-            feet = None
-            if refers_to_ground(request):
-                feet, _, _ = problem.ground_points(state, label)
-            found = measurands(request, world, survey, frames, error, feet)
+            where = _places(problem, state, request)
         except UnmeasurableError:
-            found = unmeasured(request)
-        values += [row.value for row in found]
+            values += [row.value for row in unmeasured(request)]
+        else:
+            values += _values(request, *where, problem.survey, frames, error)
     return np.array(values)
+
+
+def values_of_each(
+    problem: SurveyProblem, states: State, request: MeasurementRequest, frames: Frames
+) -> Floats:
+    """(m, M) values of one request, all points of which are picked, under each of m states.
+
+    Parameters
+    ----------
+    problem
+        Says what the unknowns are.
+    states
+        Their values, with a leading axis.
+    request, frames
+        What to measure; times of the exposures, for ``speed``.
+    """
+    world, feet = _places(problem, states, request)
+    below = [None] * len(world) if feet is None else feet
+    return np.array(
+        [
+            _values(request, one, under, problem.survey, frames, exact)
+            for one, under in zip(world, below, strict=True)
+        ]
+    )
+
+
+def _places(
+    problem: SurveyProblem, state: State, request: MeasurementRequest
+) -> tuple[Floats, Floats | None]:
+    """(..., k, 3) the points of a request, and what lies below them where it is asked."""
+    place = problem.survey.row_of_label
+    require_picked(request, place)
+    label = np.array([place[p] for p in request.points], dtype=np.int64)
+    world, _, _ = problem.world_points(state, label)
+    if not refers_to_ground(request):
+        return world, None
+    feet, _, _ = problem.ground_points(state, label)
+    return world, feet
+
+
+def _values(
+    request: MeasurementRequest,
+    world: Floats,
+    feet: Floats | None,
+    survey: Survey,
+    frames: Frames,
+    error: Callable[[str], float],
+) -> list[float]:
+    """Values of a request whose points stand there; NaN where there is none."""
+    try:
+        found = measurands(request, world, survey, frames, error, feet)
+    except UnmeasurableError:
+        found = unmeasured(request)
+    return [row.value for row in found]

@@ -22,12 +22,17 @@ from scipy.linalg import helmert
 from scipy.sparse import csc_array, hstack
 
 from uavgram.estimation.measuring.kinds import refers_to_ground
-from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
+from uavgram.estimation.measuring.propagation import MeasuredValues, values_at, values_of_each
 from uavgram.estimation.measuring.quadratic import REACH
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.moved import Asked, moved, moved_alone
-from uavgram.estimation.survey.neighbourhood import Neighbourhood, groups, neighbourhood
-from uavgram.estimation.survey.unknowns import advance, unstacked
+from uavgram.estimation.survey.neighbourhood import (
+    Neighbourhood,
+    groups,
+    is_small,
+    neighbourhood,
+)
+from uavgram.estimation.survey.unknowns import advance
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
@@ -37,6 +42,9 @@ FLAT = 1e-9
 
 TOGETHER = 16
 """Requests near each other whose observations are moved together: solved for at once."""
+
+TOGETHER_IN_SMALL = 256
+"""The same of a small survey, all of which is near: to be near each other gains nothing there."""
 
 Wanted = Sequence[tuple[MeasurementRequest, Ints]]
 """Requests, and the rows of their values."""
@@ -101,7 +109,8 @@ def curvature(
         return found
     place = adjustment.state.point[:, :2]
     middle = [place[adjustment.label_rows(one.points)].mean(axis=0) for one, _ in wanted]
-    for group in groups(np.array(middle), TOGETHER):
+    most = TOGETHER_IN_SMALL if is_small(adjustment.survey) else TOGETHER
+    for group in groups(np.array(middle), most):
         _curved(adjustment, measured, [wanted[k] for k in group], frames, found)
     return found
 
@@ -136,8 +145,8 @@ def _plainly(
     near: Neighbourhood, request: MeasurementRequest, frames: Frames, steps: Floats
 ) -> list[tuple[Floats, Floats]]:
     """Values of a request at both ends of steps that are taken as they are."""
-    states = unstacked(advance(near.problem.layout, near.state, np.concatenate([steps, -steps])))
-    values = [values_at(near.problem, state, (request,), frames) for state in states]
+    states = advance(near.problem.layout, near.state, np.concatenate([steps, -steps]))
+    values = values_of_each(near.problem, states, request, frames)
     return list(zip(values[: len(steps)], values[len(steps) :], strict=True))
 
 

@@ -57,13 +57,18 @@ def neighbourhood(adjustment: Adjustment, label: Ints) -> Neighbourhood:
     frames = len(survey.frame_id)
     every = np.arange(adjustment.problem.layout.size)
     whole = Neighbourhood(adjustment.problem, every, adjustment.state)
-    if frames <= FEW or survey.gauge == "plane":
+    if is_small(survey):
         return whole
     near = _frames_around(survey, label)
     if np.count_nonzero(near) > MOST * frames:
         return whole
     seen = replace(survey, matches=_within(survey.matches, near), ties=_within(survey.ties, near))
     return _part(adjustment, select_picks(seen, near[survey.pick_frame]))
+
+
+def is_small(survey: Survey) -> bool:
+    """Whether the whole survey is the neighbourhood of any of its points."""
+    return len(survey.frame_id) <= FEW or survey.gauge == "plane"
 
 
 def _frames_around(survey: Survey, label: Ints) -> Bools:

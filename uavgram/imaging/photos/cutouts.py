@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import cv2
 
 from uavgram.imaging.photos.preview import Pixels, read_reduced
-from uavgram.imaging.photos.shrink import shrunk
+from uavgram.imaging.photos.shrink import half, shrunk
 from uavgram.imaging.photos.tone import automatic_tone, toned
 from uavgram.model.result.pictures import Picture, Region
 
@@ -36,11 +36,15 @@ def cut_out(path: str | os.PathLike[str], regions: Sequence[Region]) -> tuple[Pi
         The file cannot be read, or is no photo.
     """
     pixels, _ = read_reduced(path, lambda _: 1)
-    tone = automatic_tone(pixels)
+    # Many parts of a photo overlap: what all are reduced by is done to the photo, once.
+    halved = half(pixels)
+    tone = automatic_tone(pixels if pixels.shape[0] % 2 or pixels.shape[1] % 2 else halved)
     stretch = None if tone.is_identity else (tone.black, tone.white, tone.gamma)
     pictures = []
     for region in regions:
-        part = shrunk(_part(pixels, region), LONGEST_PX[region.subject])
+        longest = LONGEST_PX[region.subject]
+        step = 2 if _is_halved(region, longest) else 1
+        part = shrunk(_part(halved if step == 2 else pixels, region, step), longest)
         shown = toned(part, tone)
         encoded = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
         pictures.append(
@@ -49,6 +53,16 @@ def cut_out(path: str | os.PathLike[str], regions: Sequence[Region]) -> tuple[Pi
     return tuple(pictures)
 
 
-def _part(pixels: Pixels, region: Region) -> Pixels:
-    rows = slice(region.top_px, region.top_px + region.height_px)
-    return pixels[rows, region.left_px : region.left_px + region.width_px]
+def _is_halved(region: Region, longest_px: int) -> bool:
+    """Whether a part is shown at half its size or less, and its edges are edges of 2 x 2 pixels."""
+    size = region.width_px, region.height_px
+    return max(size) >= 2 * longest_px and not any(
+        edge % 2 for edge in (region.left_px, region.top_px, *size)
+    )
+
+
+def _part(pixels: Pixels, region: Region, step: int) -> Pixels:
+    """A part of a photo whose pixels are `step` wide."""
+    left, top = region.left_px // step, region.top_px // step
+    height, width = region.height_px // step, region.width_px // step
+    return pixels[top : top + height, left : left + width]

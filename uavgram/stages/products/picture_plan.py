@@ -197,9 +197,10 @@ def _around(result: Result, subject: Subject, row: int, frame: int, pixel_px: Fl
     room = ROOM * extent.max()
     size = np.maximum(extent + 2 * room, least)
     size = np.maximum(size, [size[1], FLATTEST * size[0]])
-    even = 2.0 * np.ceil(size / 2.0)  # is reduced at a fraction of the cost
+    # parts between even edges are reduced at a fraction of the cost
+    even = 2.0 * np.ceil(size / 2.0)
     size = np.minimum(even, photo).astype(int)
-    start = np.round((low + high) / 2 - size / 2).astype(int)
+    start = 2 * np.round((low + high - size) / 4).astype(int)
     left, top = np.clip(start, 0, photo - size).tolist()
     width, height = size.tolist()
     return Region(
