@@ -124,7 +124,7 @@ def iterate(
     slack
         Damping of what nothing determines, as a share of the normal matrix's diagonal.
     at_rest
-        Predicted fall of the sum of squares that is not worth a step, where that is more than usual.
+        Predicted fall of the sum of squares that is not worth a step, where it is more than usual.
 
     Raises
     ------
