@@ -185,8 +185,9 @@ def study(
     """Errors in `trials` scenes of a kind, or in `draws` observations of each of fewer scenes."""
     distance, distances, points, flagged, unsettled = [], [], [], 0, 0
     for trial in range(trials):
-        own, number = (seed, trial // draws), trial % draws
-        scene = random_scene(own, kind, OneOfDraws(own, draws, number) if draws > 1 else None)
+        of_scene, number = (seed, trial // draws), trial % draws
+        noise = OneOfDraws(of_scene, draws, number) if draws > 1 else None
+        scene = random_scene(of_scene, kind, noise)
         adjustment = adjusted(scene if change is None else change(scene))
         if adjustment is None:
             unsettled += 1

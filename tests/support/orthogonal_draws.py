@@ -45,7 +45,7 @@ class OneOfDraws:
         """The next group of numbers."""
         self._group += 1
         drawn = _orthogonal((*self._seed, self._group), self._draws, int(np.prod(size)))
-        return drawn[self._number].reshape(size)
+        return np.asarray(drawn[self._number]).reshape(size)
 
 
 @lru_cache(maxsize=256)
