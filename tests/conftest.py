@@ -34,6 +34,19 @@ for ignored, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal
 ROOT = Path(__file__).parents[1]
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--cpu", action="store_true", help="tell what tests cost, by folder and by test"
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if config.getoption("--cpu"):
+        from cpu_of_tests import CpuOfTests
+
+        config.pluginmanager.register(CpuOfTests())
+
+
 @pytest.fixture(autouse=True)
 def _logging_as_before() -> Iterator[None]:
     """A command sets up logging for its process: take that back, for its stream is closed then."""

@@ -77,8 +77,10 @@ ALPHA = 0.001
 AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
 REPETITIONS = max(400, AT_LEAST)
 NAMED = max(400, AT_LEAST)
-TAKEN_OUT = max(200, AT_LEAST)
-SEVERAL, SWAPPED = max(200, AT_LEAST), max(40, AT_LEAST)
+TAKEN_OUT, SEVERAL, SWAPPED = max(80, AT_LEAST), max(80, AT_LEAST), max(40, AT_LEAST)
+MISSED = 0.01
+"""Share that may go wrong: none of 80 at all, which a fault in 4 of 100 surveys passes less often
+than 196 right ones of 200 (0.04 and 0.10), and so does one in 3, 5 or 6."""
 TAIL = 1e-4 / 2
 """Probability with which a bound of a binomial distribution is crossed by chance."""
 
@@ -277,8 +279,8 @@ def test_a_wrong_length_is_taken_out_without_harm(
         without.append(check_errors(refined))
     record_property("taken out first", float(right / TAKEN_OUT))
     record_property("RMSE over that without the line", float(rms(after) / rms(without)))
-    assert right >= 0.90 * TAKEN_OUT
-    assert rms(after) <= 1.15 * rms(without)
+    assert TAKEN_OUT - right <= MISSED * TAKEN_OUT
+    assert rms(after) <= 1.05 * rms(without)
 
 
 def test_a_length_is_named_where_its_error_leads_to_another_pose(
@@ -335,7 +337,7 @@ def test_a_pick_15_px_off_is_located_where_three_frames_see_every_point(
         first = next(suspicions(adjustment, observed(adjustment), ALPHA))
         located += (first.accused.kind, first.accused.row) == ("pixels", pick)
     record_property("located", float(located / SEVERAL))
-    assert located >= 0.98 * SEVERAL
+    assert SEVERAL - located <= MISSED * SEVERAL
 
 
 def test_two_swapped_labels_are_swapped_back_where_three_frames_see_every_point(

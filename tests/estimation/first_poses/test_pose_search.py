@@ -92,9 +92,8 @@ def relative_errors(
 @pytest.mark.statistical
 def test_the_right_plane_is_found_in_999_of_1000_scenes_of_four_to_ten_lines() -> None:
     rng = np.random.default_rng(4)
-    wrong, missed, total = 0, 0, 0
+    count, wrong, missed = 500, 0, 0
     for lines in range(4, 11):
-        count = 1432 if lines < 10 else 1408  # 10,000 together
         scenes = RandomScenes(rng, count, 2 * lines)
         start, end = np.arange(lines), np.arange(lines, 2 * lines)
         length = scenes.lengths(start, end)
@@ -103,11 +102,10 @@ def test_the_right_plane_is_found_in_999_of_1000_scenes_of_four_to_ten_lines() -
         best, nearest = relative_errors(found, scenes.plane)
         wrong += int((best > 1e-6).sum())
         missed += int((nearest > 1e-6).sum())
-        total += count
-    assert total == 10_000
-    # Where the truth is not the best, another plane explains four lengths exactly too.
-    assert missed <= total // 1000
-    assert wrong <= total // 1000
+    # None of 3,500: a search that fails once in 1,000 scenes passes that once in 33 times, and up
+    # to ten of 10,000 it would pass every other time.
+    assert missed == 0
+    assert wrong == 0
 
 
 def every_exact_solution(

@@ -8,6 +8,7 @@ of one kind at once, O(rows * k^2) for rows of k unknowns: no library assembles 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -175,7 +176,7 @@ def gradient_of(blocks: Iterable[Block], size: int) -> Floats:
     for block in blocks:
         product = (block.residual[..., None, :] @ block.jacobian)[..., 0, :]
         many = product.shape[:-2]
-        first = size * np.arange(int(np.prod(many)))[:, None]
+        first = size * np.arange(math.prod(many))[:, None]
         at = (first + block.columns.ravel()).ravel()
         found = np.bincount(at, product.ravel(), minlength=size * len(first))
         gradient = gradient + found.reshape(*many, size)

@@ -108,7 +108,9 @@ def _softer(survey: Survey) -> Iterator[Survey]:
         yield replace(survey, length_sigma_m=np.where(to_free, soft, survey.length_sigma_m))
 
 
-def iterate(problem: SurveyProblem, state: State, most: int, slack: float = 0.0) -> Minimum[State]:
+def iterate(
+    problem: SurveyProblem, state: State, most: int, slack: float = 0.0, at_rest: float = 0.0
+) -> Minimum[State]:
     """The minimum that iterations from a state lead to.
 
     Parameters
@@ -121,6 +123,8 @@ def iterate(problem: SurveyProblem, state: State, most: int, slack: float = 0.0)
         Iterations.
     slack
         Damping of what nothing determines, as a share of the normal matrix's diagonal.
+    at_rest
+        Predicted fall of the sum of squares that is not worth a step, where it is more than usual.
 
     Raises
     ------
@@ -135,5 +139,6 @@ def iterate(problem: SurveyProblem, state: State, most: int, slack: float = 0.0)
         layout.size,
         layout.structure,
         most,
+        at_rest=at_rest,
         slack=slack,
     )

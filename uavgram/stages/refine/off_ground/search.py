@@ -59,6 +59,10 @@ MOST_AT_ONCE = 300
 ROUNDS, EACH, FIRST = 10, 10, 30
 """Rounds of the search, iterations of each, and of the first."""
 
+NEAR = 1e-4
+"""Predicted fall of the sum of squares, a hundredth of a sigma squared, from which on a round is at
+rest: the next one changes the weights, and the adjustment after the search starts from it anew."""
+
 STRAY = 2.5
 """Residual of a pick, in sigmas of the others, beyond which the search gives it less weight."""
 
@@ -141,7 +145,7 @@ class Search:
         )
         now = self.adjustment
         problem = SurveyProblem(survey, now.problem.pivot_m, lines_used(now))
-        minimum = iterate(problem, carried(now, problem), most)
+        minimum = iterate(problem, carried(now, problem), most, at_rest=NEAR)
         after = Adjustment(problem, minimum, minimum.factor.covariance())
         return replace(self, adjustment=after, is_first=False)
 
