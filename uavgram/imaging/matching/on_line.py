@@ -40,7 +40,7 @@ PHOTOS = 2
 SURE = 0.6, 3.0
 """Least support of the best window on average, 1 where photos are equal, and of all together."""
 
-NEXT_BEST = 0.7
+NEXT_BEST = 0.75
 """Most support of another place, in that of the best."""
 
 ANOTHER_PX = 4.0
@@ -131,8 +131,8 @@ def found_on_line(
         refused[:] = why
         return OnLine(refused, pixel, covariance, score)
     score = like[_about(place, len(like)), :, support].max(axis=0).clip(0.0, 1.0)
-    for i in np.flatnonzero(score > ALIKE):
-        one = _fitted(source, targets[i], line, (place, int(i), support), options or MatchOptions())
+    for i in np.flatnonzero(score > ALIKE).tolist():
+        one = _fitted(source, targets[i], line, (place, i, support), options or MatchOptions())
         if one is None:
             refused[i] = Refused.UNSTABLE
         else:

@@ -1,4 +1,4 @@
-"""Points off the ground that one photo alone shows so far: looked for along their lines of sight."""
+"""Points off the ground that one photo alone shows so far: found along their lines of sight."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def look_up(
         if not sure:
             continue
         others = np.array([frame[pairs[k][0]] for k in sure])
-        line = _line(
+        line = line_of_sight(
             adjustment, (frame[picks.image[pick]], label[picks.label[pick]]), others,
             picks.pixel_px[pick],
         )  # fmt: skip
@@ -92,7 +92,9 @@ def look_up(
     return results
 
 
-def _line(adjustment: Adjustment, of: tuple[int, int], others: Ints, pixel_px: Floats) -> Line:
+def line_of_sight(
+    adjustment: Adjustment, of: tuple[int, int], others: Ints, pixel_px: Floats
+) -> Line:
     """A picked pixel's line of sight as other photos show it.
 
     Parameters
