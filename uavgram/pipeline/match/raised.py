@@ -10,12 +10,13 @@ from uavgram.imaging.matching.matched import REASON, Refused
 from uavgram.imaging.matching.on_line import Line, found_on_line
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.observations import Picks
+from uavgram.pipeline.match.adjusting import LEAST_HEIGHT_M
 from uavgram.pipeline.match.looking import Photos
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.match.found import Found, Missed, Pair, pick_sigmas
 from uavgram.stages.match.plan import Candidates, radii
 
-HEIGHTS_M = -0.5, 0.25, 10.0
+HEIGHTS_M = -0.5, LEAST_HEIGHT_M, 10.0
 """Above the ground: looked at from, up to which a find would be the ground beside an edge, and up
 to the ridge of a house."""
 
@@ -54,41 +55,51 @@ def look_up(
     progress
         Shows long loops.
     """
-    spread = np.linalg.eigvalsh(candidates.places.covariance_px2[rows])
-    radius = radii(candidates.places.covariance_px2[rows])
-    frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
-    label = adjustment.survey.row_of_label
+    covariance = candidates.places.covariance_px2[rows]
+    known = np.linalg.eigvalsh(covariance)[:, 0] < ASIDE_PX**2
+    known &= np.isin([candidates.pair[row][0] for row in rows], adjustment.survey.frame_id)
     results: dict[Pair, Found | Missed] = {}
-    chosen = np.unique(candidates.pick[rows])
-    for pick in progress(iter(chosen.tolist()), "looking along lines of sight", len(chosen)):
-        own = np.flatnonzero(candidates.pick[rows] == pick)
-        pairs = [candidates.pair[rows[i]] for i in own]
-        sure = [
-            k
-            for k, (i, pair) in enumerate(zip(own, pairs, strict=True))
-            if spread[i, 0] < ASIDE_PX**2 and pair[0] in frame
-        ]
-        poor = Missed(pick, 0.0, REASON[Refused.TOO_FAR])
-        results |= dict.fromkeys(pairs, poor)
-        if not sure:
-            continue
-        others = np.array([frame[pairs[k][0]] for k in sure])
-        line = line_of_sight(
-            adjustment, (frame[picks.image[pick]], label[picks.label[pick]]), others,
-            picks.pixel_px[pick],
-        )  # fmt: skip
-        images = [photos.get(pairs[k][0]) for k in sure]
-        found = found_on_line(photos.get(picks.image[pick]), images, line)
-        sigma = pick_sigmas(found.covariance_px2, np.ones(len(sure), np.bool_))
-        for n, k in enumerate(sure):
-            far = float(radius[own[k]])
-            if found.refused[n]:
-                why = REASON[Refused(int(found.refused[n]))]
-                results[pairs[k]] = Missed(pick, far, why)
-            else:
-                u, v = np.round(found.pixel_px[n], 3).tolist()
-                score = round(float(found.score[n]), 3)
-                results[pairs[k]] = Found(pick, (u, v), round(float(sigma[n]), 4), score, far)
+    for row, far in zip(rows[~known].tolist(), radii(covariance[~known]).tolist(), strict=True):
+        too_far = Missed(int(candidates.pick[row]), far, REASON[Refused.TOO_FAR])
+        results[candidates.pair[row]] = too_far
+    rows = rows[known]
+    chosen = np.unique(candidates.pick[rows]).tolist()
+    for pick in progress(iter(chosen), "looking along lines of sight", len(chosen)):
+        own = rows[candidates.pick[rows] == pick]
+        results |= _of_pick(photos, picks, adjustment, candidates, own)
+    return results
+
+
+def _of_pick(
+    photos: Photos, picks: Picks, adjustment: Adjustment, candidates: Candidates, rows: Ints
+) -> dict[Pair, Found | Missed]:
+    """What is found of one pick.
+
+    Parameters
+    ----------
+    photos, picks, adjustment, candidates
+        As of `look_up`.
+    rows
+        Its places, in adjusted photos.
+    """
+    pick, pairs = int(candidates.pick[rows[0]]), [candidates.pair[row] for row in rows]
+    frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
+    of = frame[picks.image[pick]], adjustment.label_index(picks.label[pick])
+    others = np.array([frame[image] for image, _ in pairs])
+    line = line_of_sight(adjustment, of, others, picks.pixel_px[pick])
+    source, targets = photos.get(picks.image[pick]), [photos.get(image) for image, _ in pairs]
+    found = found_on_line(source, targets, line)
+    sigma = pick_sigmas(found.covariance_px2, np.ones(len(rows), np.bool_))
+    radius = radii(candidates.places.covariance_px2[rows]).tolist()
+    results: dict[Pair, Found | Missed] = {}
+    for k, pair in enumerate(pairs):
+        if found.refused[k]:
+            why = REASON[Refused(int(found.refused[k]))]
+            results[pair] = Missed(pick, radius[k], why)
+        else:
+            u, v = np.round(found.pixel_px[k], 3).tolist()
+            stated, score = round(float(sigma[k]), 4), round(float(found.score[k]), 3)
+            results[pair] = Found(pick, (u, v), stated, score, radius[k])
     return results
 
 
