@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.stats import norm
 from textures import BLUR_PX, Texture
 
 from uavgram.imaging.matching.matched import Refused
-from uavgram.imaging.matching.on_line import Line, OnLine, found_on_line
+from uavgram.imaging.matching.on_line import Line, OnLine, best_of, found_on_line
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
 
@@ -92,3 +93,17 @@ def test_what_repeats_along_the_line_is_refused() -> None:
     level = np.array([[11.0, 0.0], [-11.0, 0.0]])
 
     assert why(found_on_line(source, others, line(level))) == [Refused.NOT_UNIQUE] * 2
+
+
+@pytest.mark.parametrize(("higher", "reason"), [(0.9, Refused.NOT_UNIQUE), (0.5, Refused.NONE)])
+def test_where_a_window_sees_a_higher_thing_too_the_corner_may_be_that_ones(
+    higher: float, reason: Refused
+) -> None:
+    like = np.full((len(HEIGHT), 3, 9), 0.1)
+    like[80, :, :5] = 0.99  # most windows speak for what lies behind
+    like[130, :, 6] = 0.8 + 0.2 * higher * 0.95
+
+    place, support, why_not = best_of(like, line())
+
+    assert (place, why_not) == (80, reason)
+    assert support < 5

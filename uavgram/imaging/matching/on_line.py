@@ -37,11 +37,16 @@ ALIKE = 0.8
 PHOTOS = 2
 """That must speak for it, besides the source: any one agrees with it somewhere on the line."""
 
-SURE = 0.6, 3.0
-"""Least support of the best window on average, 1 where photos are equal, and of all together."""
+SURE = 0.6, 2.0
+"""Least support of the best window, and of all together, by a photo: 1 where it equals the source
+in a window."""
 
 NEXT_BEST = 0.75
 """Most support of another place, in that of the best."""
+
+BEFORE = 0.75
+"""Most support of a window for a higher place, in that of the best: what lies before hides what
+lies behind, so a corner that is seen at two heights is likelier the higher thing's."""
 
 ANOTHER_PX = 4.0
 """From which distance in some photo a place is another one."""
@@ -126,7 +131,7 @@ def found_on_line(
     pixel, covariance = np.full((t, 2), np.nan), np.full((t, 2, 2), np.nan)
     score = np.zeros(t)
     like = _likeness(source, targets, line)
-    place, support, why = _best(like, line)
+    place, support, why = best_of(like, line)
     if why != Refused.NONE:
         refused[:] = why
         return OnLine(refused, pixel, covariance, score)
@@ -185,8 +190,16 @@ def _about(place: int, count: int) -> slice:
     return slice(max(place - 1, 0), min(place + 2, count))
 
 
-def _best(like: Floats, line: Line) -> tuple[int, int, Refused]:
-    """Number of the place and of the window that most photos are alike in, or why there is none."""
+def best_of(like: Floats, line: Line) -> tuple[int, int, Refused]:
+    """Number of the place, and of the window that most photos are alike in, or why there is none.
+
+    Parameters
+    ----------
+    like
+        (k, t, windows) correlation at each place of the line in each photo; -1 where not compared.
+    line
+        The line.
+    """
     beside = np.pad(like, ((1, 1), (0, 0), (0, 0)), constant_values=-1.0)
     near = np.maximum(np.maximum(beside[:-2], beside[2:]), like)  # poses err
     votes = np.clip((near - ALIKE) / (1.0 - ALIKE), 0.0, None)
@@ -197,14 +210,16 @@ def _best(like: Floats, line: Line) -> tuple[int, int, Refused]:
     raised = np.where(np.arange(len(total)) >= line.lowest, total, 0.0)
     place = int(raised.argmax())
     support = int(most[place].argmax())
-    enough, together = SURE
-    if most[place, support] < enough * speak[place, support] or raised[place] < together:
+    enough, together = np.array(SURE) * max(int(speak[place, support]), 1)
+    if most[place, support] < enough or raised[place] < together:
         return place, support, Refused.NOT_LIKE
     ends = place <= line.lowest or place >= len(total) - 2
     gap = np.linalg.norm(line.pixel_px - line.pixel_px[place], axis=2)
     apart = np.nan_to_num(gap).max(axis=1) > ANOTHER_PX
     second = raised[apart].max(initial=0.0)
-    if ends or second > NEXT_BEST * raised[place]:
+    before = most[place:][apart[place:]].max(initial=0.0)
+    hides = before > BEFORE * most[place, support]
+    if ends or hides or second > NEXT_BEST * raised[place]:
         return place, support, Refused.NOT_UNIQUE
     return place, support, Refused.NONE
 
