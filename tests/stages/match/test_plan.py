@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.estimation.measuring.transferred_pixels import Transferred
 from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record
-from uavgram.stages.match.plan import REGION, Candidates, next_places, radii
+from uavgram.stages.match.plan import REGION, Candidates, lines_left, next_places, radii
 
 A, B = ("a.jpg", "P"), ("b.jpg", "P")
 
@@ -30,7 +30,9 @@ def chosen(
 ) -> list[int]:
     n = len(pairs)
     is_raised = np.array([label.startswith("roof") for _, label in pairs], dtype=np.bool_)
-    candidates = Candidates(places(sigma_px, stretch), tuple(pairs), np.arange(n), is_raised)
+    candidates = Candidates(
+        places(sigma_px, stretch), tuple(pairs), np.arange(n), is_raised, np.zeros(n, np.bool_)
+    )
     rows: list[int] = next_places(candidates, np.ones(n, np.bool_), record or Record()).tolist()
     return rows
 
@@ -80,3 +82,15 @@ def test_what_stands_off_the_ground_waits_until_the_ground_is_done() -> None:
 
     done = Record().with_results({A: Found(0, (1.0, 2.0), 0.05, 0.9, 20.0)})
     assert chosen([2.0, 2.0], [1.0, 1.0], [A, roof], done) == [1]
+
+
+def test_what_one_photo_alone_shows_at_any_height_is_looked_at_once_along_its_line() -> None:
+    pairs = (("b.jpg", "roof"), ("c.jpg", "roof"), ("d.jpg", "roof"), A)
+    is_alone = np.array([True, True, True, False])
+    candidates = Candidates(places([3.0] * 4, [1.0] * 4), pairs, np.arange(4), is_alone, is_alone)
+    every = np.ones(4, np.bool_)
+    record = Record().with_results({pairs[0]: Missed(0, 9.0, "nothing there looks like it")})
+
+    assert next_places(candidates, every, Record()).tolist() == [3]
+    assert lines_left(candidates, every, Record()).tolist() == [0, 1, 2]
+    assert lines_left(candidates, every, record).tolist() == [1, 2]

@@ -63,7 +63,13 @@ class _System(NamedTuple):
 
 
 def fitted(
-    fixed: Grey, moving: Grey, start: Floats, linear: Floats, half: int, steps: int
+    fixed: Grey,
+    moving: Grey,
+    start: Floats,
+    linear: Floats,
+    half: int,
+    steps: int,
+    bell: tuple[Floats, float] | None = None,
 ) -> Fitted:
     """Match the middle of fixed windows in moving ones.
 
@@ -76,11 +82,14 @@ def fitted(
     linear
         (m, 2, 2) first maps.
     half
-        Of the patch's side; the weights are a bell that has 0.14 at the sides' middles.
+        Of the patch's side.
     steps
         At most so many.
+    bell
+        Middle (2,) of the weights in the patch, and how far from it they have fallen to 0.14; left
+        out, the patch's own middle and half.
     """
-    system = _system(fixed, half)
+    system = _system(fixed, half, *(bell or (np.zeros(2), float(half))))
     everyone = np.arange(len(start))
     place, linear = start.copy(), linear.copy()
     value, _ = _sampled(moving, everyone, place, linear, system)
@@ -135,10 +144,10 @@ def _inverse(system: _System, noise: Floats) -> tuple[Floats, Floats]:
     return np.asarray(np.linalg.inv(normal), np.float64), pull
 
 
-def _system(fixed: Grey, half: int) -> _System:
+def _system(fixed: Grey, half: int, middle: Floats, wide: float) -> _System:
     side = np.arange(-half, half + 1.0)
     grid = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    weight: Floats = np.exp(-2.0 * (grid**2).sum(axis=1) / half**2)
+    weight: Floats = np.exp(-2.0 * ((grid - middle) ** 2).sum(axis=1) / wide**2)
     middle = fixed.shape[1] // 2
     cut = slice(middle - half - 1, middle + half + 2)
     patch = fixed[:, cut, cut].astype(np.float64)

@@ -38,8 +38,8 @@ the ground to the roof of a van."""
 LEAST_HEIGHT_M = 0.25
 """Of a point off the ground, below which what was found is taken for the ground behind its edge."""
 
-ENOUGH = 4
-"""Photos that must agree on a height of which nothing is known."""
+ENOUGH = 3
+"""Photos that must agree on a height of which nothing is known: any two agree on one."""
 
 BESIDE = "what looks like it is the ground beside it"
 ALONE = "its height is not known, and too few photos show it to be sure"
@@ -124,6 +124,12 @@ class Base:
             unfit &= asked
         picks = with_found(self.inputs.picks, {}, keep=~unfit)
         return replace(self, inputs=replace(self.inputs, picks=picks)), unfit
+
+    def of_unknown_height(self, survey: Survey) -> Bools:
+        """(K,) labels of a survey off the ground, anywhere, which one photo alone shows."""
+        picks = self.inputs.picks
+        free = {picks.label[i] for i in np.flatnonzero(picks.is_free).tolist()}
+        return np.isin(survey.label, sorted(free)) & (_photos_of_labels(survey) < 2)
 
     def adjusted(self, found: Mapping[Pair, Found]) -> tuple[Adjustment, dict[Pair, str]]:
         """The adjustment with what was found, and what of that it contradicts, with the reason.

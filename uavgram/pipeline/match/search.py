@@ -14,10 +14,11 @@ from uavgram.imaging.matching.matched import Sought
 from uavgram.model.arrays import Ints
 from uavgram.pipeline.match.adjusting import Base
 from uavgram.pipeline.match.looking import Photos, look, reason, tasks
+from uavgram.pipeline.match.raised import look_up
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.match.agreement import contradicted
 from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record, pick_sigmas
-from uavgram.stages.match.plan import REGION, Candidates, next_places, radii
+from uavgram.stages.match.plan import REGION, Candidates, lines_left, next_places, radii
 
 MOST_ROUNDS = 10
 """Rounds of looking and adjusting."""
@@ -55,11 +56,16 @@ def searched(
         candidates = _candidates(base, adjustment)
         asked = np.array([wanted(pair) for pair in candidates.pair], dtype=np.bool_)
         rows = next_places(candidates, asked, record)
-        if not rows.size:
-            break
-        looked = _looked(photos, base, candidates, rows, progress)
-        looked = _agreeing_in_photos(adjustment, candidates, rows, looked)
-        looked = _not_again(candidates, rows, looked, record)
+        if rows.size:
+            looked = _looked(photos, base, candidates, rows, progress)
+            looked = _agreeing_in_photos(adjustment, candidates, rows, looked)
+            looked = _not_again(candidates, rows, looked, record)
+        else:  # the poses are as good as the ground makes them
+            rows = lines_left(candidates, asked, record)
+            if not rows.size:
+                break
+            picks = base.inputs.picks
+            looked = look_up(photos, picks, adjustment, candidates, rows, progress)
         before, record = record, record.with_results(looked)
         if record.found != before.found:
             adjustment, record = _agreeing(base, record)
@@ -90,6 +96,7 @@ def _candidates(base: Base, adjustment: Adjustment) -> Candidates:
         tuple((name, project.label[i]) for name, i in zip(places.frame_id, pick, strict=True)),
         pick,
         survey.off_ground[clicked.label[places.click]],
+        base.of_unknown_height(survey)[clicked.label[places.click]],
     )
 
 

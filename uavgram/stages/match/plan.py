@@ -58,12 +58,15 @@ class Candidates:
     is_raised
         (n,) whether the label stands off the ground: what is seen behind its edges changes from
         photo to photo, so it waits for the poses that the ground gives.
+    is_alone
+        (n,) whether one photo alone shows such a label, so that nothing says how high it stands.
     """
 
     places: Transferred
     pair: tuple[Pair, ...]
     pick: Ints
     is_raised: Bools
+    is_alone: Bools
 
 
 def next_places(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
@@ -83,7 +86,8 @@ def next_places(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
     best: dict[Pair, int] = {}
     for row in np.argsort(stretch, kind="stable").tolist():
         pair = pairs[row]
-        if wanted[row] and pair not in record.found and pair not in best:
+        open_ = wanted[row] and pair not in record.found and pair not in best
+        if open_ and not candidates.is_alone[row]:
             tried = [m.radius_px for m in record.missed.get(pair, ()) if m.pick == picks[row]]
             if not tried or radius[row] < NARROWED * min(tried):
                 best[pair] = row
@@ -94,3 +98,20 @@ def next_places(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
         return rows
     limit = max(FINE_PX, ALIKE * float(np.quantile(radius[rows], BEST)))
     return rows[radius[rows] <= limit]
+
+
+def lines_left(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
+    """Places of labels of unknown height to look at along their lines of sight, each pick once.
+
+    Parameters
+    ----------
+    candidates
+        n predicted places.
+    wanted
+        (n,) which are asked for.
+    record
+        The search so far.
+    """
+    tried = np.array([pair in record.missed for pair in candidates.pair], dtype=np.bool_)
+    there = np.array([pair in record.found for pair in candidates.pair], dtype=np.bool_)
+    return np.flatnonzero(candidates.is_alone & wanted & ~tried & ~there)

@@ -1,0 +1,110 @@
+"""Corners off the ground found in several photos at once: truth from where they were put."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+from textures import BLUR_PX, Texture
+
+from uavgram.imaging.matching.matched import Refused
+from uavgram.imaging.matching.on_line import Line, OnLine, best_of, found_on_line
+from uavgram.imaging.raster import Image
+from uavgram.model.arrays import Floats
+
+SHAPE = (120, 160)
+CORNER = np.array([70.3, 60.8])
+BASES = np.array([[12.0, 1.0], [-14.0, 2.0], [20.0, -1.0]])
+"""By how many pixels a height of one moves things in each photo."""
+HEIGHT = np.linspace(-0.5, 4.0, 190)
+GROUND, ROOF = Texture.random(1, contrast=12.0), Texture.random(2, contrast=6.0)
+
+
+def photo(height: float, base: Floats, seed: int, *, thing: bool = True) -> Image:
+    """A roof right of and below its corner, at a height, over the ground."""
+    rng = np.random.default_rng(seed)
+    ground = GROUND.photo(SHAPE, np.eye(2), np.zeros(2), 0.0, rng).astype(np.float64)
+    moved = height * base
+    roof = ROOF.photo(SHAPE, np.eye(2), -moved, 0.0, rng) + 60.0
+    v, u = np.mgrid[: SHAPE[0], : SHAPE[1]]
+    right, below = (
+        norm.cdf((u - CORNER[0] - moved[0]) / BLUR_PX),
+        norm.cdf((v - CORNER[1] - moved[1]) / BLUR_PX),
+    )
+    share = right * below * thing
+    grey = ground * (1 - share) + roof * share + rng.normal(0, 1.5, SHAPE)
+    return np.asarray(np.clip(np.rint(grey), 0, 255), np.uint8)
+
+
+def line(bases: Floats = BASES) -> Line:
+    return Line(
+        source_px=CORNER,
+        pixel_px=CORNER + HEIGHT[:, None, None] * bases,
+        affine=np.tile(np.eye(2), (len(HEIGHT), len(bases), 1, 1)),
+        lowest=int(np.searchsorted(HEIGHT, 0.25)),
+    )
+
+
+def looked(height: float, hidden: tuple[int, ...] = (), bases: Floats = BASES) -> OnLine:
+    source = photo(height, np.zeros(2), 10)
+    others = [photo(height, base, 11 + k, thing=k not in hidden) for k, base in enumerate(bases)]
+    return found_on_line(source, others, line(bases))
+
+
+def why(found: OnLine) -> list[Refused]:
+    return [Refused(number) for number in found.refused.tolist()]
+
+
+def test_a_corner_is_found_although_what_lies_behind_it_is_another_thing_in_each_photo() -> None:
+    found = looked(1.4)
+
+    assert why(found) == [Refused.NONE] * 3
+    np.testing.assert_allclose(found.pixel_px, CORNER + 1.4 * BASES, atol=0.3)
+
+
+def test_a_photo_that_hides_the_corner_is_left_out() -> None:
+    found = looked(1.4, hidden=(1,))
+
+    assert [reason == Refused.NONE for reason in why(found)] == [True, False, True]
+    assert np.isnan(found.pixel_px[1]).all()
+
+
+def test_two_photos_that_agree_are_not_enough_where_most_that_should_show_it_do_not() -> None:
+    bases = np.vstack([BASES, -1.2 * BASES, 0.7 * BASES])
+
+    assert Refused.NONE not in why(looked(1.4, hidden=(0, 2, 3, 4, 5, 7), bases=bases))
+
+
+def test_one_other_photo_says_nothing_as_it_agrees_somewhere_on_any_line() -> None:
+    assert why(looked(1.4, bases=BASES[:1])) == [Refused.NOT_LIKE]
+
+
+def test_a_corner_on_the_ground_is_not_taken_for_one_above() -> None:
+    assert Refused.NONE not in why(looked(0.0))
+    assert Refused.NONE not in why(looked(0.2))
+
+
+def test_what_repeats_along_the_line_is_refused() -> None:
+    stripes, rng = Texture.stripes(11.0), np.random.default_rng(5)
+    source, *others = (
+        stripes.photo(SHAPE, np.eye(2), -1.4 * base, 1.5, rng)
+        for base in np.vstack([np.zeros(2), [[11.0, 0.0], [-11.0, 0.0]]])
+    )
+    level = np.array([[11.0, 0.0], [-11.0, 0.0]])
+
+    assert why(found_on_line(source, others, line(level))) == [Refused.NOT_UNIQUE] * 2
+
+
+@pytest.mark.parametrize(("higher", "reason"), [(0.9, Refused.NOT_UNIQUE), (0.5, Refused.NONE)])
+def test_where_a_window_sees_a_higher_thing_too_the_corner_may_be_that_ones(
+    higher: float, reason: Refused
+) -> None:
+    like = np.full((len(HEIGHT), 3, 9), 0.1)
+    like[80, :, :5] = 0.99  # most windows speak for what lies behind
+    like[130, :, 6] = 0.8 + 0.2 * higher * 0.95
+
+    place, support, why_not = best_of(like, line())
+
+    assert why_not == reason
+    assert abs(place - 80) <= 1  # a step either way is the same place
+    assert support < 5

@@ -1,0 +1,186 @@
+"""Points off the ground that one photo alone shows so far: found along their lines of sight."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
+from uavgram.imaging.matching.matched import REASON, Refused
+from uavgram.imaging.matching.on_line import Line, found_on_line
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.survey.observations import Picks
+from uavgram.pipeline.match.adjusting import LEAST_HEIGHT_M
+from uavgram.pipeline.match.looking import Photos
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.stages.match.found import Found, Missed, Pair, pick_sigmas
+from uavgram.stages.match.plan import Candidates, radii
+
+HEIGHTS_M = -0.5, LEAST_HEIGHT_M, 10.0
+"""Above the ground: looked at from, up to which a find would be the ground beside an edge, and up
+to the ridge of a house."""
+
+STEP_PX = 1.0
+"""Between places of a line, in the photo that shows them farthest apart."""
+
+MOST_PLACES = 1500
+
+ASIDE_PX = 1.0
+"""Sigma across the line of sight, of a photo whose pose is too poor to see along it."""
+
+_STEPS = 3  # from a height above level ground to one above ground that slopes
+_ABOUT_PX = 3.0  # of the source, by which photos are compared
+
+
+def look_up(
+    photos: Photos,
+    picks: Picks,
+    adjustment: Adjustment,
+    candidates: Candidates,
+    rows: Ints,
+    progress: Progress = silent,
+) -> dict[Pair, Found | Missed]:
+    """What is found of some places, each pick in all photos together.
+
+    Parameters
+    ----------
+    photos
+        Grey, by name.
+    picks
+        Of the project.
+    adjustment, candidates
+        What predicted the places, and all of them.
+    rows
+        Those to look at.
+    progress
+        Shows long loops.
+    """
+    covariance = candidates.places.covariance_px2[rows]
+    known = np.linalg.eigvalsh(covariance)[:, 0] < ASIDE_PX**2
+    known &= np.isin([candidates.pair[row][0] for row in rows], adjustment.survey.frame_id)
+    results: dict[Pair, Found | Missed] = {}
+    for row, far in zip(rows[~known].tolist(), radii(covariance[~known]).tolist(), strict=True):
+        too_far = Missed(int(candidates.pick[row]), far, REASON[Refused.TOO_FAR])
+        results[candidates.pair[row]] = too_far
+    rows = rows[known]
+    chosen = np.unique(candidates.pick[rows]).tolist()
+    for pick in progress(iter(chosen), "looking along lines of sight", len(chosen)):
+        own = rows[candidates.pick[rows] == pick]
+        results |= _of_pick(photos, picks, adjustment, candidates, own)
+    return results
+
+
+def _of_pick(
+    photos: Photos, picks: Picks, adjustment: Adjustment, candidates: Candidates, rows: Ints
+) -> dict[Pair, Found | Missed]:
+    """What is found of one pick.
+
+    Parameters
+    ----------
+    photos, picks, adjustment, candidates
+        As of `look_up`.
+    rows
+        Its places, in adjusted photos.
+    """
+    pick, pairs = int(candidates.pick[rows[0]]), [candidates.pair[row] for row in rows]
+    frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
+    of = frame[picks.image[pick]], adjustment.label_index(picks.label[pick])
+    others = np.array([frame[image] for image, _ in pairs])
+    line = line_of_sight(adjustment, of, others, picks.pixel_px[pick])
+    source, targets = photos.get(picks.image[pick]), [photos.get(image) for image, _ in pairs]
+    found = found_on_line(source, targets, line)
+    sigma = pick_sigmas(found.covariance_px2, np.ones(len(rows), np.bool_))
+    radius = radii(candidates.places.covariance_px2[rows]).tolist()
+    results: dict[Pair, Found | Missed] = {}
+    for k, pair in enumerate(pairs):
+        if found.refused[k]:
+            why = REASON[Refused(int(found.refused[k]))]
+            results[pair] = Missed(pick, radius[k], why)
+        else:
+            u, v = np.round(found.pixel_px[k], 3).tolist()
+            stated, score = round(float(sigma[k]), 4), round(float(found.score[k]), 3)
+            results[pair] = Found(pick, (u, v), stated, score, radius[k])
+    return results
+
+
+def line_of_sight(
+    adjustment: Adjustment, of: tuple[int, int], others: Ints, pixel_px: Floats
+) -> Line:
+    """A picked pixel's line of sight as other photos show it.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    of
+        Frame and label of the pick.
+    others
+        (t,) frames.
+    pixel_px
+        (2,) picked.
+    """
+    frame, label = of
+    center, ray = _sight(adjustment, frame, pixel_px)
+    from_m, raised_m, to_m = HEIGHTS_M
+    ends = _pixels(adjustment, others, _at_heights(adjustment, label, (center, ray), [0.0, to_m]))
+    long = np.linalg.norm(ends[1] - ends[0], axis=1)
+    long_px = float(np.nan_to_num(long).max()) * (to_m - from_m) / to_m
+    height = np.linspace(from_m, to_m, min(int(long_px / STEP_PX) + 8, MOST_PLACES))
+    place = _at_heights(adjustment, label, (center, ray), height)
+    columns = []
+    for step in _ABOUT_PX * np.eye(2):
+        both = []
+        for sign in (1.0, -1.0):
+            start, beside = _sight(adjustment, frame, pixel_px + sign * step)
+            level = start + ((place[:, 2] - start[2]) / beside[2])[:, None] * beside
+            both.append(_pixels(adjustment, others, level))
+        columns.append((both[0] - both[1]) / (2.0 * _ABOUT_PX))
+    return Line(
+        source_px=pixel_px,
+        pixel_px=_pixels(adjustment, others, place),
+        affine=np.stack(columns, axis=-1),
+        lowest=int(np.searchsorted(height, raised_m)),
+    )
+
+
+def _sight(adjustment: Adjustment, frame: int, pixel_px: Floats) -> tuple[Floats, Floats]:
+    """Where a pixel's line of sight begins, and its direction, (3,) each."""
+    state, lens = adjustment.state, adjustment.problem.intrinsics(adjustment.state)
+    pose = RowPoses(state.center[frame], state.rotation[frame], adjustment.sweep()[frame])
+    return sight_lines(adjustment.survey.calibration, lens, pose, pixel_px)
+
+
+def _at_heights(
+    adjustment: Adjustment, label: int, sight: tuple[Floats, Floats], height_m: Floats | list[float]
+) -> Floats:
+    """(k, 3) places of a line of sight at heights (k,) above the ground.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    label
+        Whose area's ground it is.
+    sight
+        Where the line begins, and its direction.
+    height_m
+        The heights.
+    """
+    center, ray = sight
+    ground, state = adjustment.problem.ground, adjustment.state
+    height = np.asarray(height_m)
+    of = np.full(len(height), label)
+    place = np.tile(adjustment.points()[0][label], (len(height), 1))
+    for _ in range(_STEPS):
+        up = ground.at(state.plane, state.relief, of, place[:, :2]).height_m + height
+        place = center + ((up - center[2]) / ray[2])[:, None] * ray
+    return np.asarray(place)
+
+
+def _pixels(adjustment: Adjustment, frames: Ints, world_m: Floats) -> Floats:
+    """(k, t, 2) pixels of places (k, 3) in frames (t,); NaN behind a camera."""
+    state, sweep = adjustment.state, adjustment.sweep()
+    poses = RowPoses(state.center[frames], state.rotation[frames], sweep[frames])
+    every = np.broadcast_to(world_m[:, None], (len(world_m), len(frames), 3))
+    lens = adjustment.problem.intrinsics(state)
+    return project_rows(adjustment.survey.calibration, lens, poses, every)
