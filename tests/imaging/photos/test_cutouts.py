@@ -69,3 +69,17 @@ def test_what_is_no_photo_is_refused_by_name(tmp_path: Path) -> None:
 
     with pytest.raises(InputError, match=r"b\.jpg"):
         cut_out(tmp_path / "b.jpg", [region(0, 0, 9, 9)])
+
+
+@pytest.mark.parametrize(("left", "at_edge"), [(2, (0, 255)), (3, (128, 255))])
+def test_parts_shown_at_half_size_lie_where_they_are_in_the_photo(
+    tmp_path: Path, left: int, at_edge: tuple[int, int]
+) -> None:
+    pixels = np.zeros((740, 740, 3), np.uint8)
+    pixels[:, 402:] = 255
+    cv2.imwrite(str(tmp_path / "edge.png"), pixels)
+
+    (picture,) = cut_out(tmp_path / "edge.png", [region(left, 4, 720, 720)])
+
+    assert picture.shown_px == 360
+    assert decoded(picture.jpeg)[100, 199:201].mean(axis=1) == pytest.approx(at_edge, abs=25)
