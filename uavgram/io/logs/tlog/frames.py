@@ -20,7 +20,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 Columns = dict[str, NDArray[Any]]
 
 _V1, _V2 = 0xFE, 0xFD
-_CHUNK = 1 << 22  # bytes searched at a time: what it finds stays in the cache
+_CHUNK = 1 << 23  # bytes searched at a time: what it finds stays in the cache
 _NO_TIME = 0xF0FF  # of its first two bytes: 2^52 microseconds are the year 2112
 _BARE_FRAMES = 4  # in a row: no other kind of file begins so
 _ROWS = 1 << 16  # messages decoded at a time
