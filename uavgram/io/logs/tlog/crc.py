@@ -23,8 +23,7 @@ from uavgram.model.arrays import Ints
 Words = NDArray[np.integer[Any]]  # not signed
 
 _ROWS = 8192  # at a time: what a processor's cache holds
-_WORD = 8  # bytes
-_LEAST = 2  # words that shifts of whole words leave of each frame
+_PAIR = 16  # bytes of two words, which shifts of whole words leave of each frame
 _INITIAL = 0xFFFF  # of the register
 
 
@@ -48,7 +47,7 @@ _BY_WORD = _word_table(_BY_BYTE)
 
 
 def checksums(
-    data: NDArray[np.uint8], start: Ints, length: Ints, extra: NDArray[np.integer]
+    data: NDArray[np.uint8], start: Ints, length: NDArray[np.integer], extra: NDArray[np.integer]
 ) -> NDArray[np.uint16]:
     """MAVLink checksum of N byte ranges.
 
@@ -65,42 +64,61 @@ def checksums(
     -------
     (N,)
     """
-    crc = np.zeros(len(start), dtype=np.uint16)
+    crc = np.empty(len(start), dtype=np.uint16)
     if not len(start):
         return crc
-    end = start + length
-    words = np.maximum((length + (_WORD - 1)) // _WORD, _LEAST).astype(np.uint16)
-    before = int((_WORD * words - end).max())
+    end, short = start + length, length.astype(np.uint16)
+    pairs = np.maximum((short + np.uint16(_PAIR - 1)) >> 4, np.uint16(1))
+    before = _PAIR * int(pairs.max()) - int(end.min())
     if before > 0:  # the words of a range at the beginning of the file reach beyond it
         data, end = np.concatenate([np.zeros(before, np.uint8), data]), end + before
-    order = np.argsort(words, kind="stable")  # 16 bits: a radix sort
-    edges = np.append(0, np.cumsum(np.bincount(words))).tolist()
+    order = np.argsort(pairs, kind="stable")  # 16 bits: a radix sort
+    edges = np.append(0, np.cumsum(np.bincount(pairs))).tolist()
+    initial = _of_zeros(int(short.max()))
     for count, (begin, stop) in enumerate(itertools.pairwise(edges)):
         for low in range(begin, stop, _ROWS):
             rows = order[low : min(low + _ROWS, stop)]
-            crc[rows] = _remainders(_words(data, end[rows], length[rows], count))
-    # times x^16, and what the register held before the first byte
-    crc = _BY_WORD.take(crc, mode="clip") ^ _of_zeros(int(length.max())).take(length, mode="clip")
-    return _step(crc, extra.astype(np.uint8))
+            own = short[rows]
+            rest = _remainders(_words(data, end[rows], own, count))
+            # times x^16, and what the register held before the first byte
+            register = _BY_WORD.take(rest, mode="clip") ^ initial.take(own, mode="clip")
+            crc[rows] = _step(register, extra[rows].astype(np.uint8))
+    return crc
 
 
-def _words(data: NDArray[np.uint8], end: Ints, length: Ints, count: int) -> NDArray[np.uint64]:
-    """(count, N) the words up to the ends of ranges, zero before their beginnings."""
-    size = _WORD * count
-    # as one item each, which are copied at once
-    items = np.ndarray((len(data) - size + 1,), f"V{size}", data, strides=(1,))[end - size]
-    words = np.ascontiguousarray(items.view("<u8").reshape(-1, count).T)
-    outside = (8 * (size - length)).astype(np.uint64)  # bits; of 64 and more nothing is left
-    words[0] = (words[0] >> outside) << outside
-    if count == _LEAST:
-        outside = np.maximum(outside, np.uint64(64)) - np.uint64(64)
-        words[1] = (words[1] >> outside) << outside
+def items_at(data: NDArray[np.uint8], where: Ints, dtype: str) -> NDArray[Any]:
+    """(N,) items that begin at any bytes, each copied at once.
+
+    Parameters
+    ----------
+    data
+        Bytes.
+    where
+        (N,) first bytes, so that items end inside of `data`.
+    dtype
+        Of the items.
+    """
+    count = max(len(data) - np.dtype(dtype).itemsize + 1, 0)
+    return np.ndarray((count,), dtype, data, strides=(1,))[where]
+
+
+def _words(
+    data: NDArray[np.uint8], end: Ints, length: NDArray[np.uint16], count: int
+) -> NDArray[np.uint64]:
+    """(2 count, N) the words up to the ends of ranges, zero before their beginnings."""
+    size = _PAIR * count
+    items = items_at(data, end - size, f"V{size}")
+    words = np.ascontiguousarray(items.view("<u8").reshape(-1, 2 * count).T)
+    outside = 8 * (size - length.astype(np.uint64))  # bits; of 64 and more nothing is left
+    beyond = np.maximum(outside, np.uint64(64)) - np.uint64(64)
+    words[0] = words[0] >> outside << outside
+    words[1] = words[1] >> beyond << beyond
     return words
 
 
 def _remainders(words: NDArray[np.uint64]) -> NDArray[np.uint16]:
-    """(N,) of polynomials in (count, N) words, which are used up."""
-    for k in range(len(words) - _LEAST):
+    """(N,) of polynomials in (2 count, N) words, which are used up."""
+    for k in range(len(words) - 2):
         first = words[k]
         first ^= first << 32  # x^128 is x^96 + x^40 + 1: x^96 of its upper half is x^128 again
         words[k + 1] ^= (first >> 32) ^ (first << 24)

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.io.logs.mavlink_dialect import checksum_extra, message_dtype, message_number
-from uavgram.io.logs.tlog.crc import checksums
+from uavgram.io.logs.tlog.crc import checksums, items_at
 from uavgram.model.arrays import Bools, Floats, Ints
 
 Columns = dict[str, NDArray[Any]]
 
 _V1, _V2 = 0xFE, 0xFD
-_CHUNK = 1 << 25  # bytes searched at a time
-_LATEST = 0x10  # second byte of a time: 2^52 microseconds are the year 2112
+_CHUNK = 1 << 23  # bytes searched at a time: what it finds stays in the cache
+_NO_TIME = 0xF0FF  # of its first two bytes: 2^52 microseconds are the year 2112
 _BARE_FRAMES = 4  # in a row: no other kind of file begins so
 _ROWS = 1 << 16  # messages decoded at a time
 
@@ -183,22 +183,17 @@ def _candidates(data: NDArray[np.uint8], low: int) -> _Candidates:
     """Every place of a chunk of the file that could be a frame."""
     chunk = data[low : low + _CHUNK]
     start = np.flatnonzero((chunk - np.uint8(_V2)) <= 1) + low  # 0xFD or 0xFE
-    start = start[data[start - 7] < _LATEST]
-    start = start[data[start - 8] == 0]
+    start = start[items_at(data, start - 8, "<u2") & _NO_TIME == 0]
     start = start[start + 8 <= len(data)]
-    second = data[start] == _V2
-    start = start[~second | (start + 12 <= len(data))]
-    second = data[start] == _V2
-    length = data[start + 1]
-    signed = second & (data[start + 2] & 1 > 0)
+    start = start[(data[start] == _V1) | (start + 12 <= len(data))]
+    head = items_at(data, start, "<u4")  # mark, length of the payload, flags
+    second = (head & 0xFF) == _V2
+    length = (head >> 8).astype(np.uint8)
+    signed = second & (head & 0x10000 > 0)
     end = start + length + np.where(second, 12, 8) + np.where(signed, 13, 0)
-    number = np.where(second, 0, data[start + 5]).astype(np.int32)
-    wide = start[second]
-    number[second] = (
-        data[wide + 7].astype(np.int32)
-        | data[wide + 8].astype(np.int32) << 8
-        | data[wide + 9].astype(np.int32) << 16
-    )
+    number = np.zeros(len(start), dtype=np.int32)
+    number[second] = items_at(data, start[second] + 7, "<u4") & 0xFFFFFF
+    number[~second] = data[start[~second] + 5]
     return _Candidates(start, end, second, length, number).only(end <= len(data))
 
 
@@ -206,14 +201,10 @@ def _has_right_checksum(
     data: NDArray[np.uint8], found: _Candidates, extra: NDArray[np.int16]
 ) -> Bools:
     """(N,) whether the checksum is that of the bytes; false where the message is unknown."""
-    known = np.flatnonzero(extra >= 0)
-    start = found.start[known]
-    covered = found.length[known].astype(np.int64) + np.where(found.second[known], 9, 5)
-    stated = data[start + 1 + covered].astype(np.uint16)
-    stated |= data[start + 2 + covered].astype(np.uint16) << 8
-    good = np.zeros(len(extra), dtype=bool)
-    good[known] = checksums(data, start + 1, covered, extra[known]) == stated
-    return good
+    covered = found.length + np.where(found.second, 9, 5)
+    stated = items_at(data, found.start + 1 + covered, "<u2")
+    right = checksums(data, found.start + 1, covered, extra) == stated
+    return np.asarray(right & (extra >= 0))
 
 
 def _apart(found: _Candidates) -> Bools:
