@@ -6,8 +6,8 @@ import atexit
 import gc
 import sys
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import LazyLoader
 from types import ModuleType
 
@@ -31,11 +31,6 @@ LATE = frozenset(
 viewer. These are executed when somebody asks for something in them, which hardly anybody does."""
 
 
-READ_BY_NOBODY = "scipy._lib._docscrape"
-"""Parses the docstrings of half of scipy as that loads, to add notes on other libraries' arrays: a
-twentieth of a second. Without that, the docstrings hold the notes alone."""
-
-
 def seldom_look_for_cycles() -> None:
     """Collect garbage hardly ever, and none of it at the end.
 
@@ -48,7 +43,7 @@ def seldom_look_for_cycles() -> None:
 
 
 def load_little() -> None:
-    """From now on load no module for nothing: see `NEVER`, `LATE` and `READ_BY_NOBODY`."""
+    """From now on load no module for nothing: see `NEVER` and `LATE`."""
     sys.meta_path.insert(0, _Little())
 
 
@@ -59,21 +54,7 @@ class _Little(MetaPathFinder):
         """None, so that others go on looking, of everything else."""
         if fullname.partition(".")[0] in NEVER:
             raise ModuleNotFoundError(fullname, name=fullname)
-        if fullname not in LATE and fullname != READ_BY_NOBODY:
-            return None
-        spec = PathFinder.find_spec(fullname, path, target)
-        if spec is not None and isinstance(spec.loader, SourceFileLoader):
-            late = fullname in LATE
-            spec.loader = LazyLoader(spec.loader) if late else _Unparsed(fullname, spec.loader.path)
+        spec = PathFinder.find_spec(fullname, path, target) if fullname in LATE else None
+        if spec is not None and isinstance(spec.loader, Loader):
+            spec.loader = LazyLoader(spec.loader)
         return spec
-
-
-class _Unparsed(SourceFileLoader):
-    def exec_module(self, module: ModuleType) -> None:
-        super().exec_module(module)
-        for read in (one for one in vars(module).values() if hasattr(one, "_parse")):
-            read._parse = _nothing  # noqa: SLF001  (if scipy has no such method any more, it parses)
-
-
-def _nothing(_docstring: object) -> None:
-    """Do not parse it."""
