@@ -8,6 +8,7 @@ from uavgram.pipeline.own_process import load_little
 load_little()
 import sys
 import numpy
+import scipy.special  # loads it
 print(type(sys.modules["numpy.ma"]).__name__, numpy.ma.masked_array([1, 2], [0, 1]).sum())
 """
 
