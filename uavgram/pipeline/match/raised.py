@@ -167,12 +167,12 @@ def _at_heights(
         The heights.
     """
     center, ray = sight
-    ground, state = adjustment.problem.ground, adjustment.state
-    height = np.asarray(height_m)
+    problem, state, height = adjustment.problem, adjustment.state, np.asarray(height_m)
     of = np.full(len(height), label)
-    place = np.tile(adjustment.points()[0][label], (len(height), 1))
+    place, _, _ = problem.world_points(state, of)
     for _ in range(_STEPS):
-        up = ground.at(state.plane, state.relief, of, place[:, :2]).height_m + height
+        ground = problem.ground.at(state.plane, state.relief, of, place[:, :2])
+        up = ground.height_m + height
         place = center + ((up - center[2]) / ray[2])[:, None] * ray
     return np.asarray(place)
 
