@@ -20,6 +20,9 @@ HEIGHTS_M = -0.5, LEAST_HEIGHT_M, 10.0
 """Above the ground: looked at from, up to which a find would be the ground beside an edge, and up
 to the ridge of a house."""
 
+BELOW_CAMERA = 0.5
+"""Share of the camera's height up to which things are looked for."""
+
 STEP_PX = 1.0
 """Between places of a line, in the photo that shows them farthest apart."""
 
@@ -122,6 +125,8 @@ def line_of_sight(
     frame, label = of
     center, ray = _sight(adjustment, frame, pixel_px)
     from_m, raised_m, to_m = HEIGHTS_M
+    ground = _at_heights(adjustment, label, (center, ray), [0.0])
+    to_m = min(to_m, BELOW_CAMERA * float(center[2] - ground[0, 2]))
     ends = _pixels(adjustment, others, _at_heights(adjustment, label, (center, ray), [0.0, to_m]))
     long = np.linalg.norm(ends[1] - ends[0], axis=1)
     long_px = float(np.nan_to_num(long).max()) * (to_m - from_m) / to_m
