@@ -27,6 +27,7 @@ STEP_PX = 1.0
 """Between places of a line, in the photo that shows them farthest apart."""
 
 MOST_PLACES = 1500
+"""Of one line: photos far apart, of a high thing."""
 
 ASIDE_PX = 1.0
 """Sigma across the line of sight, of a photo whose pose is too poor to see along it."""
