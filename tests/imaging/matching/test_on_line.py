@@ -75,6 +75,13 @@ def test_two_photos_that_agree_are_not_enough_where_most_that_should_show_it_do_
     assert Refused.NONE not in why(looked(1.4, hidden=(0, 2, 3, 4, 5, 7), bases=bases))
 
 
+def test_a_corner_at_the_edge_of_its_own_photo_is_not_compared_with_what_lies_beyond() -> None:
+    at_edge = line()._replace(source_px=np.array([8.0, 60.0]))
+    source, other = photo(1.4, np.zeros(2), 10), photo(1.4, BASES[0], 11)
+
+    assert why(found_on_line(source, [other] * 3, at_edge)) == [Refused.OUTSIDE] * 3
+
+
 def test_one_other_photo_says_nothing_as_it_agrees_somewhere_on_any_line() -> None:
     assert why(looked(1.4, bases=BASES[:1])) == [Refused.NOT_LIKE]
 

@@ -130,6 +130,9 @@ def found_on_line(
     refused = np.full(t, int(Refused.NOT_LIKE))
     pixel, covariance = np.full((t, 2), np.nan), np.full((t, 2, 2), np.nan)
     score = np.zeros(t)
+    if not _shown(source, line.source_px[None], np.eye(2)[None]).all():
+        refused[:] = Refused.OUTSIDE
+        return OnLine(refused, pixel, covariance, score)
     like = _likeness(source, targets, line)
     place, support, why = best_of(like, line)
     if why != Refused.NONE:

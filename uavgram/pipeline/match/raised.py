@@ -20,10 +20,14 @@ HEIGHTS_M = -0.5, LEAST_HEIGHT_M, 10.0
 """Above the ground: looked at from, up to which a find would be the ground beside an edge, and up
 to the ridge of a house."""
 
+BELOW_CAMERA = 0.5
+"""Share of the camera's height up to which things are looked for."""
+
 STEP_PX = 1.0
 """Between places of a line, in the photo that shows them farthest apart."""
 
 MOST_PLACES = 1500
+"""Of one line: photos far apart, of a high thing."""
 
 ASIDE_PX = 1.0
 """Sigma across the line of sight, of a photo whose pose is too poor to see along it."""
@@ -122,6 +126,8 @@ def line_of_sight(
     frame, label = of
     center, ray = _sight(adjustment, frame, pixel_px)
     from_m, raised_m, to_m = HEIGHTS_M
+    ground = _at_heights(adjustment, label, (center, ray), [0.0])
+    to_m = min(to_m, BELOW_CAMERA * float(center[2] - ground[0, 2]))
     ends = _pixels(adjustment, others, _at_heights(adjustment, label, (center, ray), [0.0, to_m]))
     long = np.linalg.norm(ends[1] - ends[0], axis=1)
     long_px = float(np.nan_to_num(long).max()) * (to_m - from_m) / to_m
@@ -167,12 +173,12 @@ def _at_heights(
         The heights.
     """
     center, ray = sight
-    ground, state = adjustment.problem.ground, adjustment.state
-    height = np.asarray(height_m)
+    problem, state, height = adjustment.problem, adjustment.state, np.asarray(height_m)
     of = np.full(len(height), label)
-    place = np.tile(adjustment.points()[0][label], (len(height), 1))
+    place, _, _ = problem.world_points(state, of)
     for _ in range(_STEPS):
-        up = ground.at(state.plane, state.relief, of, place[:, :2]).height_m + height
+        ground = problem.ground.at(state.plane, state.relief, of, place[:, :2])
+        up = ground.height_m + height
         place = center + ((up - center[2]) / ray[2])[:, None] * ray
     return np.asarray(place)
 

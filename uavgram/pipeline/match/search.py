@@ -23,6 +23,9 @@ from uavgram.stages.match.plan import REGION, Candidates, lines_left, next_place
 MOST_ROUNDS = 10
 """Rounds of looking and adjusting."""
 
+LINES_BEFORE = 1
+"""Rounds from the end in which lines of sight are looked along, whatever is left on the ground."""
+
 LEAST_PX = 0.5
 """Sigma that is added to every prediction: of what no adjustment knows, such as a lens's last
 distortion."""
@@ -52,20 +55,18 @@ def searched(
         Shows long loops.
     """
     adjustment, record = _agreeing(base, Record())
-    for _ in range(MOST_ROUNDS):
+    for left in reversed(range(MOST_ROUNDS)):
         candidates = _candidates(base, adjustment)
         asked = np.array([wanted(pair) for pair in candidates.pair], dtype=np.bool_)
-        rows = next_places(candidates, asked, record)
-        if rows.size:
+        rows, lines = next_places(candidates, asked, record), lines_left(candidates, asked, record)
+        if rows.size and not (lines.size and left == LINES_BEFORE):
             looked = _looked(photos, base, candidates, rows, progress)
             looked = _agreeing_in_photos(adjustment, candidates, rows, looked)
             looked = _not_again(candidates, rows, looked, record)
-        else:  # the poses are as good as the ground makes them
-            rows = lines_left(candidates, asked, record)
-            if not rows.size:
-                break
-            picks = base.inputs.picks
-            looked = look_up(photos, picks, adjustment, candidates, rows, progress)
+        elif lines.size:  # the poses are as good as the ground makes them
+            looked = look_up(photos, base.inputs.picks, adjustment, candidates, lines, progress)
+        else:
+            break
         before, record = record, record.with_results(looked)
         if record.found != before.found:
             adjustment, record = _agreeing(base, record)
