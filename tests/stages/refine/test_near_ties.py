@@ -27,7 +27,7 @@ SWELL_M = 0.2
 def over(swell_m: float, rough_m: float) -> TiedSurvey:
     """A flight over waves of such a height, of points that lie off them by so much each."""
     weather = Conditions(photos=6, seed=4, density=200.0, rough_m=rough_m, swell_m=swell_m)
-    return tied_survey(tied_flight(weather), labels=10)
+    return tied_survey(tied_flight(weather), labels=40)
 
 
 def sound(survey: TiedSurvey) -> Survey:

@@ -113,7 +113,8 @@ def with_near_ties(survey: Survey, adjustment: Adjustment) -> Survey:
     told = _guessed(np.asarray(tree.query(labels, NEIGHBOURS)[1]), labels, ties, reach)
     # The ground is rougher here than there: what those around show of it counts.
     here = (USUAL * square.mean() + square[told.tie].sum(axis=1)) / (USUAL + NEIGHBOURS)
-    unclear = _unclear_m(labels, state.tie[lone, :2], on_ground)
+    by = float(ties.own.min()), reach
+    unclear = _unclear_m(labels, state.tie[lone, :2], on_ground, by)
     beside = Beside(
         label=np.array([row[shown.label[k]] for k in names]),
         tie=_points(survey.ties, shown.ties, lone[on_ground])[told.tie],
@@ -123,11 +124,12 @@ def with_near_ties(survey: Survey, adjustment: Adjustment) -> Survey:
     return replace(survey, ties=replace(survey.ties, beside=beside))
 
 
-def _unclear_m(place_m: Floats, ties_m: Floats, on_ground: Ints) -> Floats:
+def _unclear_m(place_m: Floats, ties_m: Floats, on_ground: Ints, by: tuple[float, float]) -> Floats:
     """(n,) what ties off the ground around a place leave unclear of it.
 
     At the foot of a bank, what goes for the ground on one side does not go for it. Where a tie lies
-    off, the ground is anywhere up to where one counts as off: even odds, by the share of these.
+    off, the ground is anywhere up to where one counts as off, and matters by what the tie would
+    have had to say.
 
     Parameters
     ----------
@@ -135,11 +137,14 @@ def _unclear_m(place_m: Floats, ties_m: Floats, on_ground: Ints) -> Floats:
         (n, 2), and (T, 2) of all ties.
     on_ground
         Which of the ties are.
+    by
+        The variance of each tie for itself, and the reach of the correlation.
     """
-    off = np.ones(len(ties_m))
-    off[on_ground] = 0.0
+    every = _Ties(ties_m, np.zeros(len(ties_m)), np.full(len(ties_m), by[0]))
     around = np.asarray(cKDTree(ties_m).query(place_m, NEIGHBOURS)[1])
-    return np.asarray(OFF_M * np.sqrt(off[around].mean(axis=1) / 3.0))
+    weight = np.maximum(_guessed(around, place_m, every, by[1]).weight, 0.0)
+    share = np.sum(weight * ~np.isin(around, on_ground), axis=1) / weight.sum(axis=1)
+    return np.asarray(share * OFF_M / np.sqrt(3.0))
 
 
 def _on_ground(world_m: Floats) -> tuple[Ints, Floats]:
