@@ -19,6 +19,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import Beside
 from uavgram.stages.refine.begin.tied_frames import with_tied_frames
+from uavgram.stages.refine.near_ties import OFF_M, _unclear_m
 from uavgram.stages.refine.sound_ties import with_sound_ties
 
 SWELL_M = 0.2
@@ -57,7 +58,7 @@ def test_labels_on_waves_have_the_height_of_the_ties_around_them(
     waves: tuple[TiedSurvey, Survey],
 ) -> None:
     error, sigma = guessed(*waves)
-    assert len(error) > 5
+    assert len(error) == 40  # all of them: a tie may tell of several
     assert np.sqrt(np.mean(error**2)) < 0.4 * SWELL_M / np.sqrt(2)  # on a plane they are off by all
     assert 0.4 < np.sqrt(np.mean((error / sigma) ** 2)) < 1.6
 
@@ -67,6 +68,18 @@ def test_ties_that_disagree_know_no_more_than_they_show() -> None:
     _, sigma = guessed(survey, sound(survey))
     assert np.all(sigma > 0.03)
     assert np.median(sigma) < 0.1
+
+
+def test_ties_off_the_ground_leave_unclear_what_they_would_have_told() -> None:
+    across, along = np.meshgrid(np.arange(0.0, 40.0, 2.0), np.arange(0.0, 20.0, 2.0))
+    ties = np.column_stack([across.ravel(), along.ravel()])
+    road = np.flatnonzero(ties[:, 0] < 20.0)  # a bank beyond
+    place = np.array([[9.0, 9.0], [19.0, 9.0], [31.0, 9.0]])
+    on_road, at_foot, on_bank = _unclear_m(place, ties, road, (0.01, 8.0))
+
+    assert on_road == 0.0
+    assert at_foot == pytest.approx(OFF_M / np.sqrt(12.0))  # half of them are off
+    assert on_bank == pytest.approx(OFF_M / np.sqrt(3.0))
 
 
 def test_labels_left_out_take_no_tie_with_them(waves: tuple[TiedSurvey, Survey]) -> None:
