@@ -59,6 +59,7 @@ def test_labels_on_waves_have_the_height_of_the_ties_around_them(
 ) -> None:
     error, sigma = guessed(*waves)
     assert len(error) == 40  # all of them: a tie may tell of several
+    np.testing.assert_allclose(waves[1].ties.beside.weight.sum(axis=1), 1.0)
     assert np.sqrt(np.mean(error**2)) < 0.4 * SWELL_M / np.sqrt(2)  # on a plane they are off by all
     assert 0.4 < np.sqrt(np.mean((error / sigma) ** 2)) < 1.6
 
