@@ -37,14 +37,14 @@ ALIKE = 0.8
 PHOTOS = 2
 """That must speak for it, besides the source: any one agrees with it somewhere on the line."""
 
-SURE = 0.6, 2.0
+SURE = 0.6, 1.5
 """Least support of the best window, and of all together, by a photo: 1 where it equals the source
 in a window."""
 
 NEXT_BEST = 0.75
 """Most support of another place, in that of the best."""
 
-BEFORE = 0.75
+BEFORE = 0.78
 """Most support of a window for a higher place, in that of the best: what lies before hides what
 lies behind, so a corner that is seen at two heights is likelier the higher thing's."""
 
