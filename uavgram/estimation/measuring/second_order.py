@@ -145,6 +145,8 @@ def _plainly(
     near: Neighbourhood, request: MeasurementRequest, frames: Frames, steps: Floats
 ) -> list[tuple[Floats, Floats]]:
     """Values of a request at both ends of steps that are taken as they are."""
+    if not len(steps):
+        return []
     states = advance(near.problem.layout, near.state, np.concatenate([steps, -steps]))
     values = values_of_each(near.problem, states, request, frames)
     return list(zip(values[: len(steps)], values[len(steps) :], strict=True))
