@@ -14,6 +14,10 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import Sightings
 
+NEAREST = 0.05
+"""Of the flying height: a point whose first value is nearer to its camera than that has none. The
+camera itself moves by some of it while it reads its rows."""
+
 FEWEST_LABELS = 3
 """Labels in a frame that give it its pose where its ties say nothing but how it is turned."""
 
@@ -97,7 +101,7 @@ def _ties(survey: Survey, values: FirstValues) -> Floats:
 
 
 def _in_front(sightings: Sightings, world_m: Floats, values: FirstValues) -> tuple[Sightings, Ints]:
-    """Sightings of points (T, 3) in front of their cameras, and which points these are.
+    """Sightings of points (T, 3) well in front of their cameras, and which points these are.
 
     Parameters
     ----------
@@ -111,4 +115,5 @@ def _in_front(sightings: Sightings, world_m: Floats, values: FirstValues) -> tup
     away = world_m[sightings.point] - values.center[sightings.frame]
     forward = values.rotation[sightings.frame][:, :, 2]
     depth = np.einsum("ni,ni->n", away, forward)
-    return sightings.without(~(depth > 0))
+    height = np.abs(values.center[sightings.frame, 2] - values.height_m)
+    return sightings.without(~(depth > NEAREST * height))
