@@ -82,7 +82,6 @@ GROUP_WORDS = {
     "linked": "heights of what lies under picks, as of the picks",
     "tie heights": "heights of tie points",
     "beside": "heights of labels, by the tie points around them",
-    "level": "unevenness of the ground between tie points",
     "lengths": "known lengths",
     "known": "known things",
     "calibration": "lens calibration",

@@ -27,7 +27,7 @@ READINGS = ("lengths", "known", "pixels", "control")
 20 to 1 (the nine axes of a calibration, say, mimic many an error of a single length). Of
 inseparable observations, the first of these stands for the group."""
 
-NOT_OBSERVED = ("gauge", "relief", "idle", "linked", "tie heights", "beside", "level", "turning")
+NOT_OBSERVED = ("gauge", "relief", "idle", "linked", "tie heights", "beside", "turning")
 """Groups that nobody observed: a choice, the functions that make up a smooth ground, what holds
 chains to their labels, and unknowns that nothing uses."""
 

@@ -25,8 +25,7 @@ def departures(adjustment: Adjustment) -> tuple[Floats, Floats]:
     label = np.arange(layout.points)
     relief = ground.at(np.zeros_like(state.plane), state.relief, label, state.point[:, :2])
     rough = np.zeros_like(state.point[:, 2:])
-    third = adjustment.problem.third
-    rough[np.concatenate([third.rough, third.told])] = 1.0
+    rough[adjustment.problem.third.rough] = 1.0
     departure = relief.height_m + np.sum(rough * state.point[:, 2:], axis=1)
     unknowns = adjustment.problem.plane_columns(label)
     by_relief = np.where(unknowns >= layout.first_relief, relief.by_unknowns, 0.0)

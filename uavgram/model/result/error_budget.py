@@ -14,7 +14,6 @@ SOURCES: dict[str, str] = {
     "ties": "tie points",
     "tie heights": "tie points",
     "beside": "tie points",
-    "level": "ground",
     "calibration": "lens",
     "lengths": "known lengths",
     "known": "known things",

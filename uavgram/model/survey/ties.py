@@ -36,58 +36,8 @@ class TiePicks(FrozenArrays):
 NO_TIES = TiePicks(image=(), tie=(), pixel_px=np.empty((0, 2)), sigma_px=np.empty(0))
 
 
-MOST_LEFT = 0.5
-"""Share of the weights of the ties around a label that are left, from which on they still tell."""
-
-
 def _no_index() -> Ints:
     return np.zeros(0, dtype=np.int64)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Beside(FrozenArrays):
-    """What ties say of the ground below B labels, each from m ties around it.
-
-    Attributes
-    ----------
-    label
-        (B,) by index.
-    tie, weight
-        (B, m) tie points, and the weights with which their heights over the area's plane make that
-        of the label; they add up to 1.
-    sigma_m
-        (B,) of what they make.
-    """
-
-    label: Annotated[Ints, "b"] = field(default_factory=_no_index)
-    tie: Annotated[Ints, "b", "m"] = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
-    weight: Annotated[Floats, "b", "m"] = field(default_factory=lambda: np.zeros((0, 0)))
-    sigma_m: Annotated[Floats, "b"] = field(default_factory=lambda: np.zeros(0))
-
-    def of_labels(self, new_label: Ints) -> Beside:
-        """Of the labels by their new indices (K,); without those that have none (-1)."""
-        kept = rows_of(self, np.flatnonzero(new_label[self.label] >= 0), "b")
-        return replace(self, **kept | {"label": new_label[kept["label"]]})
-
-    def of_ties(self, new_point: Ints) -> Beside:
-        """By the new indices of the tie points (T,); some are gone (-1).
-
-        The others stand in for them: with what is left of the weights their sigma grows. Of a label
-        that has lost most of them, nothing is said.
-        """
-        if not len(self.label):
-            return self
-        tie = new_point[self.tie]
-        weight = np.where(tie >= 0, self.weight, 0.0)
-        left = weight.sum(axis=1)
-        rows = np.flatnonzero(left > MOST_LEFT)
-        first = np.take_along_axis(tie, np.argmax(weight, axis=1)[:, None], axis=1)
-        return Beside(
-            label=self.label[rows],
-            tie=np.where(tie >= 0, tie, first)[rows],
-            weight=weight[rows] / left[rows, None],
-            sigma_m=self.sigma_m[rows] / np.minimum(left[rows], 1.0),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -105,8 +55,9 @@ class Sightings(FrozenArrays):
     pick
         (T,) the pick that a point lies under: the first of a chain of matches. Of other tie points
         nothing is known but that they are seen: -1.
-    beside
-        What ties say of labels beside them, on the same ground.
+    near, near_rise_m, near_sigma_m
+        (T,) the label that each tie point lies beside, on the same ground; by how much the ground
+        there rises from it to the label, over the area's plane, and to what sigma. -1: of none.
     """
 
     frame: Annotated[Ints, "n"] = field(default_factory=_no_index)
@@ -115,7 +66,16 @@ class Sightings(FrozenArrays):
     sigma_px: Annotated[Floats, "n"] = field(default_factory=lambda: np.zeros(0))
     row: Annotated[Ints, "n"] = field(default_factory=_no_index)
     pick: Annotated[Ints, "t"] = field(default_factory=_no_index)
-    beside: Beside = field(default_factory=Beside)
+    near: Annotated[Ints, "t"] = field(default_factory=_no_index)
+    near_rise_m: Annotated[Floats, "t"] = field(default_factory=lambda: np.zeros(0))
+    near_sigma_m: Annotated[Floats, "t"] = field(default_factory=lambda: np.zeros(0))
+
+    def __post_init__(self) -> None:
+        if not len(self.near):
+            object.__setattr__(self, "near", np.full(len(self.pick), -1))
+            object.__setattr__(self, "near_rise_m", np.zeros(len(self.pick)))
+            object.__setattr__(self, "near_sigma_m", np.ones(len(self.pick)))
+        super().__post_init__()
 
     @property
     def points(self) -> int:
@@ -132,10 +92,7 @@ class Sightings(FrozenArrays):
         rows = rows[count[self.point[rows]] > 1]
         points, point = np.unique(self.point[rows], return_inverse=True)
         some = rows_of(self, rows, "n") | rows_of(self, points, "t")
-        new_point = np.full(self.points, -1)
-        new_point[points] = np.arange(len(points))
-        beside = self.beside.of_ties(new_point)
-        return replace(self, **some | {"point": point}, beside=beside), points
+        return replace(self, **some | {"point": point}), points
 
 
 NO_SIGHTINGS = Sightings()

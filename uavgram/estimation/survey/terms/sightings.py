@@ -215,8 +215,6 @@ class TiedPoints:
         )
         alone = np.zeros((len(tie), 0), dtype=np.int64)
         own = layout.tie_columns(tie), alone
-        roughness = [ground.roughness_sigma_m for ground in survey.grounds]
-        self._roughness_m = np.array(roughness)[survey.area]
         self._ties = seen(problem, own, ties.frame, ties.pixel_px, ties.sigma_px)
 
     def blocks(self, state: State) -> dict[str, Block] | None:
@@ -253,47 +251,30 @@ class TiedPoints:
             off = (state.tie[..., tie, 2] - ground_m)[..., None]
             weight = np.full((len(tie), 1, 1), 1.0 / ANYWHERE_M)
             blocks["tie heights"] = Block(off / ANYWHERE_M, layout.tie_columns(tie)[:, 2:], weight)
-        told = np.isin(survey.ties.beside.label, self._problem.third.told)
-        if told.any():
-            blocks |= self._beside(state, np.flatnonzero(told))
+        near = survey.ties.near
+        beside = np.flatnonzero((near >= 0) & ~np.append(survey.off_ground, True)[near])
+        if len(beside):
+            blocks["beside"] = self._beside(state, beside)
         return blocks
 
-    def _beside(self, state: State, which: Ints) -> dict[str, Block]:
-        """What ties make of the heights of labels: against the labels, and against the plane.
-
-        Ties say how high a label is, whatever the plane. So the ground is even about its plane
-        (`level`) where they see it, instead of at the label: or it would be said twice.
-        """
-        problem, beside = self._problem, self._problem.survey.ties.beside
-        label, weight, sigma = beside.label[which], beside.weight[which], beside.sigma_m[which]
-        tie = problem.survey.matches.points + beside.tie[which]
+    def _beside(self, state: State, which: Ints) -> Block:
+        """Heights of ties over the plane, less those of the labels beside them."""
+        problem, ties = self._problem, self._problem.survey.ties
+        label, tie = ties.near[which], problem.survey.matches.points + which
         place = state.tie[..., tie, :]
-        own = np.repeat(label, tie.shape[1])
-        flat = place.reshape(*place.shape[:-3], -1, 3)
-        ground = problem.ground.at(state.plane, state.relief, own, flat[..., :2])
-        above = place[..., 2] - ground.height_m.reshape(place.shape[:-1])
-        made = np.sum(weight * above, axis=-1)
-        by_tie = np.ones((*ground.slope.shape[:-1], 3))
-        by_tie[..., :2] = -ground.slope
-        by_tie = (weight[..., None] * by_tie.reshape(place.shape)).reshape(*made.shape, -1)
-        by_plane = ground.by_unknowns.reshape(*place.shape[:-1], -1)
-        by_plane = -np.sum(weight[..., None] * by_plane, axis=-2)
-        by_label = np.ones((*made.shape, 1))
+        ground = problem.ground.at(state.plane, state.relief, label, place[..., :2])
+        departs = problem.third.departs[label]
+        weight = 1.0 / ties.near_sigma_m[which]
+        above = place[..., 2] - ground.height_m + ties.near_rise_m[which]
+        above = above - np.where(departs, state.point[..., label, 2], 0.0)
+        ones = np.ones((*above.shape, 1))
+        jacobian = np.concatenate(
+            [-ground.slope, ones, -ones * departs[:, None], -ground.by_unknowns], axis=-1
+        )
         columns = [
-            problem.layout.tie_columns(tie.ravel()).reshape(len(label), -1),
-            problem.plane_columns(label),
+            problem.layout.tie_columns(tie),
             problem.layout.point_columns(label)[:, 2:],
+            problem.plane_columns(label),
         ]
-        rough = np.hypot(sigma, self._roughness_m[label])
-        apart = np.concatenate([by_tie, by_plane, -by_label], axis=-1)
-        even = np.concatenate([by_tie, by_plane], axis=-1)
-        return {
-            "beside": _rows(made - state.point[..., label, 2], columns, apart, sigma),
-            "level": _rows(made, columns[:2], even, rough),
-        }
-
-
-def _rows(off: Floats, columns: list[Ints], jacobian: Floats, sigma: Floats) -> Block:
-    """Rows (..., n) by how much they are off, their unknowns, derivatives, and sigmas (n,)."""
-    weighted = jacobian[..., None, :] / sigma[:, None, None]
-    return Block((off / sigma)[..., None], np.concatenate(columns, axis=1), weighted)
+        rows = (jacobian * weight[:, None])[..., None, :]
+        return Block((above * weight)[..., None], np.concatenate(columns, axis=1), rows)

@@ -21,16 +21,14 @@ class ThirdCoordinate:
 
     Attributes
     ----------
-    rough, told, stated, free, idle
-        Labels by index: on rough ground, on ground whose height the ties around tell, at a height
-        that was stated with a sigma, at a height of which nothing is known, and the rest.
+    rough, stated, free, idle
+        Labels by index: on rough ground, at a height that was stated with a sigma, at a height of
+        which nothing is known, and the rest.
     sigma_m
-        (K,) of the departure, or of what ties tell of it; 1 where it is idle, and where it is free,
-        of no meaning.
+        (K,) of the departure; 1 where it is idle, and where it is free, of no meaning.
     """
 
     rough: Ints
-    told: Ints
     stated: Ints
     free: Ints
     idle: Ints
@@ -41,15 +39,10 @@ class ThirdCoordinate:
         """Of the points of a survey."""
         roughness = np.array([ground.roughness_sigma_m for ground in survey.grounds])[survey.area]
         free, stated = survey.is_free, survey.height_sigma_m > 0
-        beside = survey.ties.beside
-        is_told = np.isin(np.arange(len(free)), beside.label) & ~survey.off_ground
-        departs = free | stated | is_told | (roughness > 0)
+        departs = free | stated | (roughness > 0)
         sigma = np.hypot(roughness, survey.height_sigma_m)
-        own = is_told[beside.label]
-        sigma[beside.label[own]] = beside.sigma_m[own]
         return cls(
-            rough=np.flatnonzero((roughness > 0) & ~stated & ~free & ~is_told),
-            told=np.flatnonzero(is_told),
+            rough=np.flatnonzero((roughness > 0) & ~stated & ~free),
             stated=np.flatnonzero(stated & ~free),
             free=np.flatnonzero(free),
             idle=np.flatnonzero(~departs),

@@ -61,8 +61,7 @@ def without_gross_picks(taking: Participants, refined: Refined) -> tuple[Refined
         With all of it.
     """
     most = max(1, int(MOST_LEFT_OUT * taking.keep.sum()))
-    third = refined.adjustment.problem.third
-    for _ in range(most if len(third.rough) + len(third.told) else 0):
+    for _ in range(most if len(refined.adjustment.problem.third.rough) else 0):
         if not _out_of_order(refined.adjustment):
             break
         wrong = _wrong(taking, refined, _tried(taking, refined))
@@ -74,14 +73,11 @@ def without_gross_picks(taking: Participants, refined: Refined) -> tuple[Refined
 
 
 def _departure(adjustment: Adjustment) -> Floats:
-    """(K,) how far points lie off rough ground, or what ties tell of it, in sigmas; else 0."""
+    """(K,) how far points lie off rough ground, in its sigmas; 0 for all others."""
     departure = np.zeros(len(adjustment.survey.label))
-    blocks, beside = adjustment.minimum.blocks, adjustment.survey.ties.beside.label
-    third = adjustment.problem.third
-    told = beside[np.isin(beside, third.told)]
-    for rows, label in (("roughness", third.rough), ("beside", told)):
-        if len(label):
-            departure[label] = np.abs(blocks[rows].residual[:, 0])
+    rough = adjustment.problem.third.rough
+    if len(rough):
+        departure[rough] = np.abs(adjustment.minimum.blocks["roughness"].residual[:, 0])
     return departure
 
 
