@@ -38,12 +38,16 @@ from streets.writing import Pick, Tables, photo_names, picked, write_street
 
 from uavgram.errors import UavgramError
 from uavgram.model.arrays import Floats
+from uavgram.model.options import TapeOptions
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.picks_ties import write_ties
 
 KINDS: tuple[Kind, ...] = ("nadir", "oblique")
 NOISE_PX, LENGTH_SIGMA_M = 0.8, 0.01
+TAPE_SCALE = TapeOptions().scale_sigma
+"""Of the tape that both lengths are read from: stated where the project says nothing, and a fifth
+of the variance of distances over a flight of 40. So it is drawn too."""
 FAR_PX = 3.0
 
 
@@ -70,8 +74,9 @@ def tables(street: Street, draw: int) -> Tables:
         photos[pick.label].append(pick)
     chosen = _neighbours(street, [label for label, picks in photos.items() if len(picks) == 2])
     place = dict(zip(street.label, street.point, strict=True))
+    tape = 1.0 + TAPE_SCALE * np.random.default_rng((9, street.seed, draw)).normal()
     lengths = [
-        (a, b, float(np.linalg.norm(place[a] - place[b]) + LENGTH_SIGMA_M * rng.normal()),
+        (a, b, float(tape * np.linalg.norm(place[a] - place[b]) + LENGTH_SIGMA_M * rng.normal()),
          LENGTH_SIGMA_M)
         for a, b in (chosen[:2], chosen[2:4])
     ]  # fmt: skip
