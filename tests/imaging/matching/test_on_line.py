@@ -8,11 +8,20 @@ from scipy.stats import norm
 from textures import BLUR_PX, Texture
 
 from uavgram.imaging.matching.matched import Refused
-from uavgram.imaging.matching.on_line import Line, OnLine, best_of, found_on_line
+from uavgram.imaging.matching.on_line import (
+    Line,
+    OnLine,
+    best_of,
+    edges_at,
+    found_on_line,
+    is_as_cornered,
+)
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
 
 SHAPE = (120, 160)
+SUPPORTED = 8
+"""The window that lies on the roof."""
 CORNER = np.array([70.3, 60.8])
 BASES = np.array([[12.0, 1.0], [-14.0, 2.0], [20.0, -1.0]])
 """By how many pixels a height of one moves things in each photo."""
@@ -115,3 +124,19 @@ def test_where_a_window_sees_a_higher_thing_too_the_corner_may_be_that_ones(
     assert why_not == reason
     assert abs(place - 80) <= 1  # a step either way is the same place
     assert support < 5
+
+
+def test_a_place_on_a_straight_edge_is_not_as_cornered_as_the_corner() -> None:
+    """The edges of a roof; half as much light changes nothing."""
+    roof, again = photo(1.4, np.zeros(2), 30), photo(1.4, np.zeros(2), 31)
+    darker = np.asarray(np.rint(again / 2.0), np.uint8)
+    below = CORNER + np.array([0.0, 12.0])
+    at_corner, other, dark, on_edge = (
+        edges_at(grey, place, np.eye(2), SUPPORTED)
+        for grey, place in ((roof, CORNER), (again, CORNER), (darker, CORNER), (again, below))
+    )
+
+    assert is_as_cornered(np.array([other, dark]) / at_corner)
+    np.testing.assert_allclose(dark, other, rtol=0.05)
+    assert not is_as_cornered(np.array([on_edge, on_edge]) / at_corner)
+    assert on_edge[0] < 0.5 * at_corner[0]

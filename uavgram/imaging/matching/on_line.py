@@ -51,6 +51,17 @@ lies behind, so a corner that is seen at two heights is likelier the higher thin
 ANOTHER_PX = 4.0
 """From which distance in some photo a place is another one."""
 
+CORNERED_PX = 2.0
+"""About a corner, that far, lies what is compared of its edges."""
+
+AS_CORNERED = (0.75, 1.4), (0.65, 1.4)
+"""How strong the weaker of two directions of edges is at the corner in other photos, and the
+stronger, against the source, where the window has the same contrast. Beside the edge of a thing
+that hides more in one photo than in the other, one of them is another."""
+
+LEAST_EDGE = 1e-3
+"""Of a place without any, as a share of the contrast."""
+
 STRETCH = 0.25, 4.0
 """Of a photo against the source, beyond which it is not compared."""
 
@@ -67,6 +78,8 @@ _WINDOWS: Floats = np.where(
     (np.abs(_AWAY) <= SUPPORT).all(axis=2), np.exp(-2.0 * (_AWAY**2).sum(axis=2) / SUPPORT**2), 0.0
 )
 _WINDOWS = np.asarray(_WINDOWS / _WINDOWS.sum(axis=1, keepdims=True))
+_NEAR: Floats = np.exp(-0.5 * (_GRID**2).sum(axis=1) / CORNERED_PX**2)
+_NEAR = np.asarray(_NEAR / _NEAR.sum())
 _MOST_ROWS = 30000  # of maps that OpenCV resamples by
 
 
@@ -146,8 +159,10 @@ def found_on_line(
         else:
             refused[i] = Refused.NONE
             pixel[i], covariance[i] = one
-    if np.count_nonzero(refused == Refused.NONE) < PHOTOS:
-        some = refused == Refused.NONE
+    some = np.flatnonzero(refused == Refused.NONE).tolist()
+    here = edges_at(source, line.source_px, np.eye(2), support)
+    there = [edges_at(targets[i], pixel[i], line.affine[place, i], support) for i in some]
+    if len(some) < PHOTOS or not is_as_cornered(np.array(there) / np.maximum(here, LEAST_EDGE)):
         refused[some] = Refused.UNSTABLE
         pixel[some], covariance[some] = np.nan, np.nan
     return OnLine(refused, pixel, covariance, score)
@@ -168,6 +183,34 @@ def _likeness(source: Image, targets: Sequence[Image], line: Line) -> Floats:
         both = (there * own) @ _WINDOWS.T - middle * mean
         like[rows, i] = np.where(tells, both / np.sqrt(spread * np.maximum(variance, 1.0)), -1.0)
     return like
+
+
+def edges_at(photo: Image, pixel: Floats, affine: Floats, support: int) -> Floats:
+    """(2,) the weaker and the stronger of two directions of edges at a place.
+
+    The roots of the structure tensor's eigenvalues (Foerstner and Guelch 1987), in steps of the
+    source's pixels, as shares of the contrast of a window.
+
+    Parameters
+    ----------
+    photo
+        Grey.
+    pixel, affine
+        (2,) the place, and (2, 2) d pixel there / d pixel in the source.
+    support
+        Number of the window.
+    """
+    grey = _sampled(photo, pixel[None], affine[None])[0].astype(np.float64)
+    contrast = np.sqrt(max(_WINDOWS[support] @ grey**2 - (_WINDOWS[support] @ grey) ** 2, 1.0))
+    slope = np.stack(np.gradient(grey.reshape(len(_SIDE), -1)), axis=-1).reshape(-1, 2) / contrast
+    return np.asarray(np.sqrt(np.linalg.eigvalsh((_NEAR[:, None] * slope).T @ slope).clip(0.0)))
+
+
+def is_as_cornered(ratio: Floats) -> bool:
+    """Whether most photos show as much of a corner as the source, by (n, 2) ratios of edges."""
+    usual = np.median(ratio, axis=0)
+    low, high = np.array(AS_CORNERED).T
+    return bool(((usual >= low) & (usual <= high)).all())
 
 
 def _shown(photo: Image, pixel: Floats, affine: Floats) -> Bools:
