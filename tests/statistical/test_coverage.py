@@ -26,7 +26,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from orthogonal_draws import OneOfDraws
 from random_scenes import MEASURED, Kind, random_scene
 from scenes import NO_TIMES, Scene
 from scipy.stats import binom, norm, t
@@ -55,19 +54,11 @@ Plant = Callable[[pytest.MonkeyPatch], None]
 pytestmark = pytest.mark.statistical
 
 AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
-INDEPENDENT = max(2000, AT_LEAST)
+SCENES = max(2000, AT_LEAST)
 """The mean squares of a scene's distances have a variance of 0.2 to 1.3, where that of one distance
 has 2: by those of so many, sigmas of distances that are off by 1.5 to 4 % show, and of points by
 3.5 %.
 """
-DRAWS = 32
-"""Observations of one scene, with errors that are orthogonal: of a mean square little is left to
-chance."""
-FEWER = 4
-"""Times fewer of these than independent scenes, and held to the bounds of those: their mean squares
-scatter no more."""
-FAR_FROM_LINEAR = ("two areas", "all together")
-"""Rows with scenes that errors do not enter linearly, which then must not count so many times."""
 JUDGED = max(12, AT_LEAST // 10)
 """Scenes that are judged by sampling, each of them adjusted anew some hundred times."""
 
@@ -176,18 +167,12 @@ def squared_distances(world: Floats, covariance: Floats, truth: Floats) -> Float
 
 
 def study(
-    kind: Kind,
-    trials: int,
-    change: Callable[[Scene], Scene] | None = None,
-    seed: int = 1,
-    draws: int = 1,
+    kind: Kind, trials: int, change: Callable[[Scene], Scene] | None = None, seed: int = 1
 ) -> Outcome:
-    """Errors in `trials` scenes of a kind, or in `draws` observations of each of fewer scenes."""
+    """Errors in `trials` scenes of a kind."""
     distance, distances, points, flagged, unsettled = [], [], [], 0, 0
     for trial in range(trials):
-        of_scene, number = (seed, trial // draws), trial % draws
-        noise = OneOfDraws(of_scene, draws, number) if draws > 1 else None
-        scene = random_scene(of_scene, kind, noise)
+        scene = random_scene((seed, trial), kind)
         adjustment = adjusted(scene if change is None else change(scene))
         if adjustment is None:
             unsettled += 1
@@ -212,16 +197,8 @@ def study(
     return Outcome(np.array(distance), np.array(distances), np.array(points), flagged, unsettled)
 
 
-def violations(outcome: Outcome, worth: int = 1) -> list[str]:
-    """What is not as the covariances say, in words.
-
-    Parameters
-    ----------
-    outcome
-        Errors of many scenes.
-    worth
-        How many independent scenes each of them is worth, in what it tells of mean squares.
-    """
+def violations(outcome: Outcome) -> list[str]:
+    """What is not as the covariances say, in words."""
     words = []
     n = len(outcome.distance)
     if outcome.unsettled > 0.005 * n:
@@ -233,7 +210,7 @@ def violations(outcome: Outcome, worth: int = 1) -> list[str]:
             words.append(f"{inside} of {n} distances within {sigmas} sigma, not {low}..{high}")
     for name, square in (("distances", outcome.distances), ("points", outcome.points)):
         if m := len(square):
-            most = t.isf(TAIL, m - 1) * square.std(ddof=1) / np.sqrt(m * worth)
+            most = t.isf(TAIL, m - 1) * square.std(ddof=1) / np.sqrt(m)
             if abs(square.mean() - 1.0) > most:
                 words.append(f"{name}: mean square {square.mean():.3f}, off 1 by over {most:.3f}")
     return words
@@ -241,12 +218,10 @@ def violations(outcome: Outcome, worth: int = 1) -> list[str]:
 
 @pytest.mark.parametrize("row", ROWS)
 def test_errors_are_as_large_as_the_covariances_say(row: str) -> None:
-    worth = 1 if row in FAR_FROM_LINEAR else FEWER
-    count = INDEPENDENT // worth
-    outcome = study(ROWS[row], count, draws=1 if row in FAR_FROM_LINEAR else DRAWS)
+    outcome = study(ROWS[row], SCENES)
 
-    assert violations(outcome, worth) == []
-    assert outcome.flagged < 0.01 * count  # counted apart: see below
+    assert violations(outcome) == []
+    assert outcome.flagged < 0.01 * SCENES  # counted apart: see below
 
 
 def judged_by_sampling(adjustments: Iterable[Adjustment], truth: float, seed: int) -> bool:

@@ -12,7 +12,6 @@ from itertools import combinations
 
 import numpy as np
 import scenes
-from orthogonal_draws import Normals
 from scenes import GIMBAL_FROM_CAMERA, LEVER_ARM, Scene, Sources, cv_pixels, look_down
 from scipy.spatial.transform import Rotation
 
@@ -95,41 +94,29 @@ class Kind:
     tape_m: tuple[float, float] = (0.01, 0.2)
 
 
-def random_scene(seed: int | tuple[int, ...], kind: Kind, noise: Normals | None = None) -> Scene:
-    """One scene: its survey with noise, and its truth (the interior orientation's left out).
-
-    Parameters
-    ----------
-    seed
-        Of the scene, and of its errors where these are not given.
-    kind
-        What it may hold.
-    noise
-        Where its errors come from; the same scene can so be observed again.
-    """
+def random_scene(seed: int | tuple[int, ...], kind: Kind) -> Scene:
+    """One scene: its survey with noise, and its truth (the interior orientation's left out)."""
     rng = np.random.default_rng(seed)
-    noise = rng if noise is None else noise
     source = Sources(kind.sources, 1.0)
     quality = kind.telemetry[rng.integers(len(kind.telemetry))]
     world_gauge = quality != "absent" or kind.control > 0
     center, rotation = _cameras(rng, kind)
-    planes = source.noise("plane") * (PLANE_SIGMA * noise.normal(size=3))[None] * world_gauge
+    planes = source.noise("plane") * rng.normal(0, PLANE_SIGMA)[None] * world_gauge
     area = np.arange(LABELS) % 2 * kind.verge
     if kind.verge:
-        verge = rng.spawn(1)[0] if noise is rng else noise
-        own = source.noise("plane") * PLANE_SIGMA * verge.normal(size=3)
+        own = source.noise("plane") * rng.spawn(1)[0].normal(0, PLANE_SIGMA)
         planes = np.stack([planes[0], own])
         planes[1, 0] += scenes.VERGE_M
-    departure = source.noise("roughness") * ROUGHNESS_M * noise.normal(size=LABELS) * kind.rough
+    departure = source.noise("roughness") * ROUGHNESS_M * rng.normal(size=LABELS) * kind.rough
     planar = _ground_points(rng, center, rotation)
     if not world_gauge:
         planar, center, rotation = _at_gauge(planar, center, rotation)
     pivot = np.stack([planar[area == a].mean(axis=0) for a in range(len(planes))])
     up = planes[area, 0] + np.sum(planes[area, 1:] * (planar - pivot[area]), axis=1) + departure
     world = np.column_stack([planar, up])
-    error = source.noise("calibration") * CALIBRATION_ROOT @ noise.normal(size=9)
+    error = source.noise("calibration") * CALIBRATION_ROOT @ rng.normal(size=9)
     covariance = source.sigma("calibration") ** 2 * CALIBRATION_COVARIANCE
-    picks = _picks(noise, scenes.INTRINSICS + error, center, rotation, world, source)
+    picks = _picks(rng, scenes.INTRINSICS + error, center, rotation, world, source)
     start, end = _line_ends(rng, kind)
     tape = np.exp(rng.uniform(*np.log(kind.tape_m))) * source.sigma("lengths")
     length = np.linalg.norm(world[start] - world[end], axis=1)
@@ -138,7 +125,7 @@ def random_scene(seed: int | tuple[int, ...], kind: Kind, noise: Normals | None 
     shared, prior, flight = np.zeros(0), None, None
     if quality != "absent":
         own = GOOD if quality == "good" else POOR
-        shared, prior, flight = _telemetry(rng, noise, source, own, kind, center, rotation)
+        shared, prior, flight = _telemetry(rng, source, own, kind, center, rotation)
     survey = Survey(
         frame_id=tuple(f"f{f}" for f in range(len(center))),
         seeds=None,
@@ -160,10 +147,10 @@ def random_scene(seed: int | tuple[int, ...], kind: Kind, noise: Normals | None 
         pick_sigma_px=np.full(len(picks), scenes.PIXEL_SIGMA * source.sigma("pixels")),
         line_start=start,
         line_end=end,
-        length_m=length + tape * noise.normal(size=len(length)),
+        length_m=length + tape * rng.normal(size=len(length)),
         length_sigma_m=np.full(len(length), tape),
         control_label=known,
-        control_world_m=world[known] + control_sigma * noise.normal(size=(kind.control, 3)),
+        control_world_m=world[known] + control_sigma * rng.normal(size=(kind.control, 3)),
         control_sigma_m=np.tile(control_sigma, (kind.control, 1)),
         grounds=(
             _ground(source, kind, "road", 0.0),
@@ -231,7 +218,7 @@ def _at_gauge(planar: Floats, center: Floats, rotation: Floats) -> tuple[Floats,
 
 
 def _picks(
-    noise: Normals,
+    rng: np.random.Generator,
     intrinsics: Floats,
     center: Floats,
     rotation: Floats,
@@ -247,7 +234,7 @@ def _picks(
         picks.append(np.column_stack([np.full(len(seen), f), seen, pixel[seen]]))
     table = np.concatenate(picks)
     sigma = source.noise("pixels") * scenes.PIXEL_SIGMA
-    table[:, 2:] += sigma * noise.normal(size=(len(table), 2))
+    table[:, 2:] += sigma * rng.normal(size=(len(table), 2))
     return table
 
 
@@ -263,7 +250,6 @@ def _line_ends(rng: np.random.Generator, kind: Kind) -> tuple[Ints, Ints]:
 
 def _telemetry(
     rng: np.random.Generator,
-    noise: Normals,
     source: Sources,
     sigma: Floats,
     kind: Kind,
@@ -273,9 +259,9 @@ def _telemetry(
     """What was recorded of the flight: wrong by what all frames share, and each by its own."""
     count = len(center)
     shared_sigma = np.concatenate([s * source.sigma(n) for n, s in SHARED.items()])
-    shared = shared_sigma * noise.normal(size=len(shared_sigma))
+    shared = shared_sigma * rng.normal(size=len(shared_sigma))
     shared[3:6] += LEVER_ARM
-    own = sigma * source.sigma("telemetry") * noise.normal(size=(count, 6))
+    own = sigma * source.sigma("telemetry") * rng.normal(size=(count, 6))
     heading = Rotation.from_euler("z", shared[9]).as_matrix()
     boresight = Rotation.from_rotvec(shared[:3]).as_matrix()
     predicted = rotation @ Rotation.from_rotvec(own[:, 3:]).as_matrix()
