@@ -14,8 +14,6 @@ SurveyStatus = Literal["done", "unchanged", "failed", "waiting"]
 """Of one survey: measured now; measured before, with the same inputs, options and version; its
 message says why it gave nothing; not begun, as the batch was interrupted."""
 
-FitKind = Literal["checks", "pixels", "lengths", "telemetry"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:

@@ -20,8 +20,6 @@ class Tilts(NamedTuple):
     ----------
     tilt_rad
         (M,) angle between the board's normal and the optical axis.
-    axis_rad
-        (M,) direction in the image (from u towards v) in which the board falls away.
     spread_rad
         (2,) root mean square of the tilts about their mean along the image's direction in which
         they vary most, and across it.
@@ -30,7 +28,6 @@ class Tilts(NamedTuple):
     """
 
     tilt_rad: Floats
-    axis_rad: Floats
     spread_rad: Floats
     weak_rad: float
 
@@ -52,7 +49,6 @@ def tilts(state: State) -> Tilts:
     weak = float(np.arctan2(axes[1, 0], axes[0, 0]))
     return Tilts(
         tilt,
-        np.arctan2(normal[:, 1], normal[:, 0]),
         np.sqrt(np.maximum(values[::-1], 0.0)),
         (weak + np.pi / 2) % np.pi - np.pi / 2,
     )

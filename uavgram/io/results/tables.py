@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeVar
 
 import numpy as np
 
@@ -30,8 +29,6 @@ from uavgram.model.result.tables import (
     PointResults,
     PoseTable,
 )
-
-Uncertain = TypeVar("Uncertain", PlanarUncertainty, PointResults)
 
 _ELLIPSE = ("ellipse_95_m", "ellipse_azimuth_rad")
 _FRAMES = Table(

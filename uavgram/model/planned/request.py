@@ -14,8 +14,6 @@ FlightPattern = Literal["single", "strip", "grid", "orbit"]
 Laid = Literal["lines", "plates"]
 """What is laid out to be known: lines for a tape, or coded plates."""
 
-PATTERNS: tuple[FlightPattern, ...] = ("single", "strip", "grid", "orbit")
-
 
 def _require(condition: bool, message: str) -> None:  # noqa: FBT001
     if not condition:

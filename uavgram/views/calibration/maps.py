@@ -26,7 +26,7 @@ UNLIKELY = 0.001
 
 EMPTY, DARK, LIGHT = "#f6d5d2", "#1b1f24", "#ffffff"
 COVERED = np.array([[226.0, 236, 247], [84, 141, 202]])
-FITS, MISFITS, REMOVED = "#2f6fb5", "#c92a2a", "#8a8f98"
+FITS, MISFITS = "#2f6fb5", "#c92a2a"
 STAGGER = 26.0
 DIAL = 260.0
 DIAL_RINGS_DEG = (15, 30, 45, 60)

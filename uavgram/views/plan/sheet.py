@@ -20,7 +20,6 @@ from uavgram.stages.products.text_places import TextPlaces, around
 MM_OF_POINT = 25.4 / 72.0
 INK, QUIET, PAPER = "#1d232b", "#5b6470", "#ffffff"
 THIN_PT = 0.4
-ABOVE_ALL = 20
 _LINE = 1.5
 """Height of a line of text, of the size of its letters."""
 
