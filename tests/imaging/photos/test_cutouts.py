@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.cutouts import LONGEST_PX, cut_out
+from uavgram.imaging.photos.cutouts import LONGEST_PX, cut_out, read_whole
 from uavgram.model.arrays import Floats
 from uavgram.model.result.pictures import Region, Subject
 
@@ -37,7 +37,7 @@ def decoded(content: bytes) -> Floats:
 
 
 def test_a_part_shows_the_pixels_of_the_photo_and_says_that_they_are_as_stored(photo: Path) -> None:
-    (picture,) = cut_out(photo, [region(120, 200, 90, 60)])
+    (picture,) = cut_out(read_whole(photo), [region(120, 200, 90, 60)])
     wanted = decoded(photo.read_bytes())[200:260, 120:210]
 
     assert decoded(picture.jpeg).shape == wanted.shape
@@ -46,7 +46,7 @@ def test_a_part_shows_the_pixels_of_the_photo_and_says_that_they_are_as_stored(p
 
 
 def test_a_large_part_is_reduced(photo: Path) -> None:
-    (picture,) = cut_out(photo, [region(0, 0, WIDTH, HEIGHT)])
+    (picture,) = cut_out(read_whole(photo), [region(0, 0, WIDTH, HEIGHT)])
     shown = decoded(picture.jpeg)
 
     assert picture.shown_px == shown.shape[1] == LONGEST_PX["point"]
@@ -58,7 +58,8 @@ def test_a_dark_photo_is_brightened_alike_in_all_parts_and_says_so(
 ) -> None:
     dark = (decoded(photo.read_bytes()) // 5).astype(np.uint8)
     cv2.imwrite(str(tmp_path / "dark.png"), dark)
-    pictures = cut_out(tmp_path / "dark.png", [region(0, 0, 60, 60), region(400, 300, 60, 60)])
+    parts = [region(0, 0, 60, 60), region(400, 300, 60, 60)]
+    pictures = cut_out(read_whole(tmp_path / "dark.png"), parts)
 
     assert pictures[0].stretch == pictures[1].stretch is not None
     assert decoded(pictures[1].jpeg).mean() > 2 * dark[300:360, 400:460].mean()
@@ -68,7 +69,7 @@ def test_what_is_no_photo_is_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "b.jpg").write_bytes(b"nothing")
 
     with pytest.raises(InputError, match=r"b\.jpg"):
-        cut_out(tmp_path / "b.jpg", [region(0, 0, 9, 9)])
+        read_whole(tmp_path / "b.jpg")
 
 
 @pytest.mark.parametrize(("left", "at_edge"), [(2, (0, 255)), (3, (128, 255))])
@@ -79,7 +80,7 @@ def test_parts_shown_at_half_size_lie_where_they_are_in_the_photo(
     pixels[:, 402:] = 255
     cv2.imwrite(str(tmp_path / "edge.png"), pixels)
 
-    (picture,) = cut_out(tmp_path / "edge.png", [region(left, 4, 720, 720)])
+    (picture,) = cut_out(read_whole(tmp_path / "edge.png"), [region(left, 4, 720, 720)])
 
     assert picture.shown_px == 360
     assert decoded(picture.jpeg)[100, 199:201].mean(axis=1) == pytest.approx(at_edge, abs=25)

@@ -62,6 +62,19 @@ def test_the_scale_leads_back_to_original_pixels(
     np.testing.assert_allclose(back, centroid(rgb), atol=0.15)
 
 
+@pytest.mark.parametrize(("width", "is_whole"), [(600, True), (1600, False)])
+def test_whoever_wants_the_whole_photo_sees_its_pixels_or_nothing(
+    tmp_path: Path, width: int, is_whole: bool
+) -> None:
+    path = write(tmp_path / "photo.jpg", photo(width, 500))
+    seen: list[Pixels] = []
+    read_preview(path, 400, whole=seen.append)
+
+    assert len(seen) == is_whole
+    for pixels in seen:  # not those of the preview
+        np.testing.assert_array_equal(pixels, cv2.imread(str(path)))
+
+
 def test_colours_stay_in_their_channels(tmp_path: Path) -> None:
     preview, _ = read_preview(write(tmp_path / "photo.png", photo(400, 300, (1, 0, 0))), 200)
     red, green, blue = decode_preview(preview)[50, 50].astype(int)

@@ -17,25 +17,32 @@ LONGEST_PX = {"overview": 1400, "measurement": 900, "point": 360}
 """Longer side of a picture: a larger part is reduced to it."""
 
 
-def cut_out(path: str | os.PathLike[str], regions: Sequence[Region]) -> tuple[Picture, ...]:
-    """Decode a photo once, and cut parts out of it.
+def read_whole(path: str | os.PathLike[str]) -> Pixels:
+    """(height, width, 3) BGR of a photo in any format that OpenCV reads.
 
-    All of them are brightened alike, where the whole photo is too dark or flat to be seen. Pixels
-    are those of the photo, or means of those that they cover.
-
-    Parameters
-    ----------
-    path
-        Any format that OpenCV reads. EXIF rotation is not applied.
-    regions
-        Parts of this photo.
+    EXIF rotation is not applied.
 
     Raises
     ------
     InputError
         The file cannot be read, or is no photo.
     """
-    pixels, _ = read_reduced(path, lambda _: 1)
+    return read_reduced(path, lambda _: 1)[0]
+
+
+def cut_out(pixels: Pixels, regions: Sequence[Region]) -> tuple[Picture, ...]:
+    """Cut parts out of a photo.
+
+    All of them are brightened alike, where the whole photo is too dark or flat to be seen. Pixels
+    are those of the photo, or means of those that they cover.
+
+    Parameters
+    ----------
+    pixels
+        (height, width, 3) BGR of the whole photo.
+    regions
+        Parts of it.
+    """
     # Many parts of a photo overlap: what all are reduced by is done to the photo, once.
     halved = half(pixels)
     tone = automatic_tone(pixels if pixels.shape[0] % 2 or pixels.shape[1] % 2 else halved)

@@ -58,7 +58,9 @@ class Preview:
 
 
 def read_preview(
-    path: str | os.PathLike[str], max_width_px: int = MAX_WIDTH_PX
+    path: str | os.PathLike[str],
+    max_width_px: int = MAX_WIDTH_PX,
+    whole: Callable[[Pixels], object] | None = None,
 ) -> tuple[Preview, Pixels]:
     """Reduce one photo, and brighten it where it is too dark or flat to be seen.
 
@@ -68,6 +70,9 @@ def read_preview(
         Any format that OpenCV reads. EXIF rotation is not applied.
     max_width_px
         The preview is at most this wide, and never wider than the photo.
+    whole
+        Called with the photo's own pixels where all of them are decoded for the preview: a JPEG
+        that is much wider is decoded at a fraction of its size.
 
     Returns
     -------
@@ -79,6 +84,8 @@ def read_preview(
         The file cannot be read, or is no photo.
     """
     pixels, reduction = read_reduced(path, lambda width: _reduction(width, max_width_px))
+    if whole is not None and reduction == 1:
+        whole(pixels)
     height, width = pixels.shape[:2]
     # libjpeg's last column stands for a partial block: its pixels are `reduction` wide all the same
     covered = np.array([width, height], dtype=np.float64) * reduction

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from uavgram.imaging.photos.cutouts import cut_out
+from uavgram.imaging.photos.cutouts import cut_out, read_whole
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.top_view.ground_cut import cut_ground
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.pictures import GroundPicture, Picture, Pictures, Region
@@ -18,29 +19,46 @@ MOST_BYTES = 9_000_000
 _ORDER = {"overview": 0, "measurement": 1, "point": 2}
 
 
-def report_pictures(result: Result) -> Pictures:
-    """Cut out what a report shows of the photos, one photo in memory at a time.
+class ReportPictures:
+    """What a report shows of the photos: cut out of those that pass by, then out of the others."""
 
-    Raises
-    ------
-    InputError
-        A photo cannot be read.
-    """
-    plan = picture_plan(result)
-    made: list[Picture] = []
-    for frame, regions in groupby(sorted(plan.regions, key=_frame), _frame):
-        made += cut_out(result.frames.path[frame], tuple(regions))
-    made.sort(key=lambda one: (_ORDER[one.region.subject], one.region.row))
-    shown: list[Picture] = []
-    left_out = list(plan.left_out)
-    weight = 0
-    for picture in made:
-        weight += len(picture.jpeg)
-        if weight <= MOST_BYTES:
-            shown.append(picture)
-        else:
-            left_out.append(_name(result, picture.region))
-    return Pictures(shown=tuple(shown), left_out=tuple(left_out))
+    def __init__(self, result: Result) -> None:
+        """Choose what is shown of which photo."""
+        self._result, self._plan = result, picture_plan(result)
+        self._wanted = {
+            result.frames.path[frame]: tuple(regions)
+            for frame, regions in groupby(sorted(self._plan.regions, key=_frame), _frame)
+        }
+        self._made: dict[str, tuple[Picture, ...]] = {}
+
+    def cut(self, path: str, pixels: Pixels) -> None:
+        """Cut its parts out of a photo that is decoded anyway: (height, width, 3) BGR, whole."""
+        if regions := self._wanted.get(path):
+            self._made[path] = cut_out(pixels, regions)
+
+    def pictures(self) -> Pictures:
+        """All that are shown; photos that did not pass by are decoded, one at a time.
+
+        Raises
+        ------
+        InputError
+            A photo cannot be read.
+        """
+        for path in self._wanted:
+            if path not in self._made:
+                self.cut(path, read_whole(path))
+        made = [picture for path in self._wanted for picture in self._made[path]]
+        made.sort(key=lambda one: (_ORDER[one.region.subject], one.region.row))
+        shown: list[Picture] = []
+        left_out = list(self._plan.left_out)
+        weight = 0
+        for picture in made:
+            weight += len(picture.jpeg)
+            if weight <= MOST_BYTES:
+                shown.append(picture)
+            else:
+                left_out.append(_name(self._result, picture.region))
+        return Pictures(shown=tuple(shown), left_out=tuple(left_out))
 
 
 def ground_picture(result: Result, texture: GroundTexture | None) -> GroundPicture | None:

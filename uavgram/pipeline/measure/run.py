@@ -6,10 +6,11 @@ import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from uavgram.imaging.photos.preview import Preview, jpeg_preview_scale, read_preview
+from uavgram.imaging.photos.preview import Pixels, Preview, jpeg_preview_scale, read_preview
 from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
 from uavgram.io.outputs import replace_bytes, staged_output
 from uavgram.io.own_files import check_folder_of_project
@@ -21,7 +22,7 @@ from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.exports import exports
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.journal import Journal
-from uavgram.pipeline.measure.pictures import ground_picture, report_pictures
+from uavgram.pipeline.measure.pictures import ReportPictures, ground_picture
 from uavgram.pipeline.measure.thinned import carried, with_thinning_told
 from uavgram.pipeline.measure.tie_points import are_missing, pose_before_ties, with_ties_found
 from uavgram.pipeline.parallel import prefetch
@@ -117,10 +118,11 @@ def _write_outputs(
     pdf: Paper | None = None,
     plan: PlanWish | None = None,
 ) -> None:
+    parts = ReportPictures(result)
     with journal.step("write recording.rrd"):
-        texture = write_review(result, folder / "recording.rrd", progress, ties)
+        texture = write_review(result, folder / "recording.rrd", progress, ties, parts)
     with journal.step("cut the report's pictures out of the photos"):
-        pictures = replace(report_pictures(result), ground=ground_picture(result, texture))
+        pictures = replace(parts.pictures(), ground=ground_picture(result, texture))
     writers: dict[str, Callable[[Path], None]] = {
         **exports(result, texture),
         "report.html": lambda path: write_report(result, path, pictures),
@@ -165,7 +167,11 @@ def write_pdf(result: Result, path: Path, paper: Paper) -> None:
 
 
 def write_review(
-    result: Result, path: Path, progress: Progress = silent, ties: TieCloud | None = None
+    result: Result,
+    path: Path,
+    progress: Progress = silent,
+    ties: TieCloud | None = None,
+    parts: ReportPictures | None = None,
 ) -> GroundTexture | None:
     """Write the recording of a result, with its photos and the ground that they show.
 
@@ -182,6 +188,8 @@ def write_review(
         Shows long loops.
     ties
         Tie points, where there are any.
+    parts
+        Of photos that pass by, what the report shows: cut out of those that are decoded whole.
 
     Returns
     -------
@@ -199,8 +207,11 @@ def write_review(
     shown_photos = {names[row] for row in carried(len(names))}
     mosaic = Mosaic(result, names, jpeg_preview_scale(result.camera.width_px))
 
+    def reduced_photo(path: str) -> tuple[Preview, Pixels]:
+        return read_preview(path, whole=None if parts is None else partial(parts.cut, path))
+
     def photos() -> Iterator[tuple[str, Preview]]:
-        reduced = prefetch(read_preview, result.frames.path)
+        reduced = prefetch(reduced_photo, result.frames.path)
         shown = progress(zip(names, reduced, strict=True), "photos", len(names))
         for name, (_, (preview, pixels)) in shown:
             mosaic.add(name, pixels)
