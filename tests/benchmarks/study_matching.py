@@ -200,7 +200,13 @@ def tell(done: list[dict[str, Any]], worst: int) -> None:
     heads = ("pairs", "found", "rms", "z", "wrong", "%", "hidden")
     print(" " * 27 + " ".join(f"{head:>6s}" for head in heads))
     pairs = [pair for each in done for pair in each["pairs"]]
-    kinds = (("natural", "P"), ("weak", "Q"), ("zebra and dashes", "ZD"), ("discs", "R"), ("chequers", "G"))
+    kinds = (
+        ("natural", "P"),
+        ("weak", "Q"),
+        ("zebra and dashes", "ZD"),
+        ("discs", "R"),
+        ("chequers", "G"),
+    )
     for kind, letters in (*kinds, ("cars", "V"), ("walls", "W")):
         mine = [p for p in pairs if p.label[0] in letters]
         print(row(kind, mine))

@@ -32,7 +32,7 @@ def seen(texture: Texture, place: Floats) -> Floats:
 
 
 def windows(texture: Texture, bend: Floats | None = None) -> Floats:
-    """(SIDE, SIDE), or (m, SIDE, SIDE) where the ground bends: (m, 6), halved second derivatives."""
+    """(SIDE, SIDE), or (m, SIDE, SIDE) of bent ground: (m, 6) are halved second derivatives."""
     side = np.arange(SIDE) - SIDE // 2
     grid = np.stack(np.meshgrid(side, side), axis=-1).astype(np.float64)
     if bend is None:
@@ -116,5 +116,3 @@ def test_sigmas_hold_in_compressed_photos_of_much_and_of_little_contrast(contras
     values = np.concatenate(squared)
     assert len(values) > 100
     assert 0.8 < np.sqrt(values.mean() / 2) < 1.25
-
-

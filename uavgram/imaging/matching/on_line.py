@@ -71,7 +71,7 @@ FARTHEST_PX = 1.5
 """How far the place in one photo may be from where all together have it: errors of poses."""
 
 FITTED_SIGMA_PX = 0.5
-"""Most of the matching in one photo: of half of a window, beside edges of which some err by more."""
+"""Most of the matching in one photo: what is beside an edge says little, but all photos agree."""
 
 _REACH = SUPPORT + int(ASIDE)
 _SIDE = np.arange(-_REACH, _REACH + 1.0)
