@@ -136,6 +136,15 @@ def remaining(system: System, value: Floats, unknowns: int) -> Floats:
     """(m,) variance of what remains between the fixed patches' values and others (m, k).
 
     At least that of rounding to whole grey values.
+
+    Parameters
+    ----------
+    system
+        The fixed patches.
+    value
+        The others' values, normalised alike.
+    unknowns
+        That were fitted to both.
     """
     weight = system.weight
     number = weight.sum() ** 2 / (weight**2).sum()
