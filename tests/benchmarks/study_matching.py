@@ -98,7 +98,7 @@ def _write(street: Street, folder: Path, noise_px: float) -> Path:
     rng = np.random.default_rng((3, street.seed))
     # A person's sigma in any case: that a pick is exact is not known to the program.
     place = dict(zip(street.label, street.point, strict=True))
-    picks = picked(street, "PQZDVWR", 1, noise_px, rng)
+    picks = picked(street, "PQZDVWRG", 1, noise_px, rng)
     free = {p.label for p in picks if p.label[0] in OFF_GROUND}
     there = [p.label for p in picks if p.label[0] == "R"]
     lengths = [
@@ -200,7 +200,13 @@ def tell(done: list[dict[str, Any]], worst: int) -> None:
     heads = ("pairs", "found", "rms", "z", "wrong", "%", "hidden")
     print(" " * 27 + " ".join(f"{head:>6s}" for head in heads))
     pairs = [pair for each in done for pair in each["pairs"]]
-    kinds = (("natural", "P"), ("weak", "Q"), ("zebra and dashes", "ZD"), ("discs", "R"))
+    kinds = (
+        ("natural", "P"),
+        ("weak", "Q"),
+        ("zebra and dashes", "ZD"),
+        ("discs", "R"),
+        ("chequers", "G"),
+    )
     for kind, letters in (*kinds, ("cars", "V"), ("walls", "W")):
         mine = [p for p in pairs if p.label[0] in letters]
         print(row(kind, mine))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 
@@ -27,6 +28,14 @@ def match_lines(done: Matches) -> list[str]:
         lines.append(
             f"not looked for: {listed(done.not_sought, MOST_NAMED)}: what is picked of them takes "
             "no part in the adjustment; `uavgram run` says why"
+        )
+    if done.turned_rad:
+        lines.append(
+            f"the camera looked some {math.degrees(done.turned_rad):.0f} degrees away from where "
+            "the flight log and `mount` in the project have it, so points may have been looked for "
+            "in wrong places: if few were found, take them out (`uavgram picks match --undo`), "
+            "write `ties: auto` into the project, by which the photos say how they lie to each "
+            "other, and run this again"
         )
     if done.unplaced:
         lines.append(

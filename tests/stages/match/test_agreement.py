@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.arrays import Floats
-from uavgram.stages.match.agreement import contradicted
+from uavgram.stages.match.agreement import contradicted, turned_rad
 
 
 def pose_errors(place_px: Floats) -> Floats:
@@ -43,3 +43,12 @@ def test_of_two_that_contradict_each_other_neither_is_believed() -> None:
 
 def test_nothing_found_contradicts_nothing() -> None:
     assert contradicted(np.empty((0, 2)), np.empty((0, 0)), np.empty(0)).shape == (0,)
+
+
+def test_a_camera_that_looks_as_its_mount_may_err_is_not_called_turned() -> None:
+    sigma = np.deg2rad(1.5)
+    drawn = sigma * np.random.default_rng(5).standard_normal((20000, 3))
+    assert sum(turned_rad(one, sigma) > 0 for one in drawn) <= 9  # of 20,000 by 1e-4: 2 ± 1.4
+    away = np.deg2rad([10.0, -3.0, 2.0])
+    assert turned_rad(away, sigma) == pytest.approx(np.linalg.norm(away))
+    assert turned_rad(away, 3.0 * sigma) == 0.0

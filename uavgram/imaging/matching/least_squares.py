@@ -2,7 +2,8 @@
 
 Gruen 1985, "Adaptive least squares correlation", with brightness and contrast free; solved by the
 inverse compositional algorithm (Baker and Matthews 2004, "Lucas-Kanade 20 years on"): gradients
-are those of the fixed patch, so the normal equations are made once. The poses say how patches are
+are those of the fixed patch, so the normal equations are made once. How sure the place is:
+`sureness.py`. The poses say how patches are
 turned and stretched to some per cent, which matters where the picture says little.
 """
 
@@ -19,10 +20,23 @@ from uavgram.model.arrays import Floats, Ints
 CHANGE_SIGMA = 0.05
 """Of each element of the affine map: what errors of poses and slopes of the ground leave."""
 
+OF_MAP = np.diag([0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
+"""Those of the six parameters that are known beforehand."""
+
 _ROUNDING = 0.4  # standard deviation of the difference of two rounded grey values
 _CONVERGED = 2e-3  # steps
 _FARTHEST = 6.0  # steps from the start: farther is no refinement
 _MOST_ROWS = 30000  # of an image that OpenCV can resample
+
+
+class System(NamedTuple):
+    """The fixed patches: grid, weights, normalised values and how the map changes them."""
+
+    grid: Floats  # (k, 2)
+    weight: Floats  # (k,)
+    value: Floats  # (m, k) mean 0, weighted variance 1
+    contrast: Floats  # (m,)
+    by: Floats  # (m, 6, k) change of the values by the map's parameters
 
 
 class Fitted(NamedTuple):
@@ -34,32 +48,27 @@ class Fitted(NamedTuple):
         (m, 2) the fixed window's middle in the moving window, steps from its middle.
     linear
         (m, 2, 2) d moving / d fixed.
-    covariance
-        (m, 2, 2) of the place, from what remains between the patches.
     likeness
         (m,) weighted correlation after matching.
     gain
         (m,) contrast of the moving patch over that of the fixed one.
-    contrast
-        (m,) weighted standard deviation of the fixed patch [grey values].
+    fixed
+        The fixed patches.
+    value
+        (m, k) those of the moving patches where they match, normalised as the fixed ones'.
     """
 
     place: Floats
     linear: Floats
-    covariance: Floats
     likeness: Floats
     gain: Floats
-    contrast: Floats
+    fixed: System
+    value: Floats
 
-
-class _System(NamedTuple):
-    """The fixed patches: grid, weights, normalised values and how the map changes them."""
-
-    grid: Floats  # (k, 2)
-    weight: Floats  # (k,)
-    value: Floats  # (m, k) mean 0, weighted variance 1
-    contrast: Floats  # (m,)
-    by: Floats  # (m, 6, k) change of the values by the map's parameters
+    @property
+    def contrast(self) -> Floats:
+        """(m,) weighted standard deviation of the fixed patches [grey values]."""
+        return self.fixed.contrast
 
 
 def fitted(
@@ -93,7 +102,7 @@ def fitted(
     everyone = np.arange(len(start))
     place, linear = start.copy(), linear.copy()
     value, _ = _sampled(moving, everyone, place, linear, system)
-    inverse, pull = _inverse(system, _variance(system, value, 2))
+    inverse, pull = _inverse(system, remaining(system, value, 2))
     gain = inverse @ (system.by * system.weight)
     active = everyone
     for step in range(steps):
@@ -113,38 +122,46 @@ def fitted(
         if not len(active):
             break
     value, contrast = _sampled(moving, everyone, place, linear, system)
-    noise = _variance(system, value, 8)
-    by = linear @ gain[:, :2]
-    prior = linear @ inverse[:, :2, 2:] * (pull * CHANGE_SIGMA)[:, None, None]
-    covariance = noise[:, None, None] * (by @ np.swapaxes(by, 1, 2))
     return Fitted(
         place=place,
         linear=linear,
-        covariance=covariance + prior @ np.swapaxes(prior, 1, 2),
         likeness=(value * system.value) @ system.weight / system.weight.sum(),
         gain=contrast / system.contrast,
-        contrast=system.contrast,
+        fixed=system,
+        value=value,
     )
 
 
-def _variance(system: _System, value: Floats, unknowns: int) -> Floats:
-    """(m,) of what remains of values (m, k), at least that of rounding to whole grey values."""
+def remaining(system: System, value: Floats, unknowns: int) -> Floats:
+    """(m,) variance of what remains between the fixed patches' values and others (m, k).
+
+    At least that of rounding to whole grey values.
+
+    Parameters
+    ----------
+    system
+        The fixed patches.
+    value
+        The others' values, normalised alike.
+    unknowns
+        That were fitted to both.
+    """
     weight = system.weight
     number = weight.sum() ** 2 / (weight**2).sum()
     rest = (value - system.value) ** 2 @ weight / weight.sum() * number / (number - unknowns)
     return np.asarray(np.maximum(rest, (_ROUNDING / system.contrast) ** 2))
 
 
-def _inverse(system: _System, noise: Floats) -> tuple[Floats, Floats]:
+def _inverse(system: System, noise: Floats) -> tuple[Floats, Floats]:
     """Inverse normal equations (m, 6, 6) with what is known of the map, and its weight (m,)."""
     normal = (system.by * system.weight) @ np.swapaxes(system.by, 1, 2)
     normal += (1e-9 * np.trace(normal, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(6)
     pull = noise / CHANGE_SIGMA**2
-    normal += pull[:, None, None] * np.diag([0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
+    normal += pull[:, None, None] * OF_MAP
     return np.asarray(np.linalg.inv(normal), np.float64), pull
 
 
-def _system(fixed: Grey, half: int, middle: Floats, wide: float) -> _System:
+def _system(fixed: Grey, half: int, middle: Floats, wide: float) -> System:
     side = np.arange(-half, half + 1.0)
     grid = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
     weight: Floats = np.exp(-2.0 * ((grid - middle) ** 2).sum(axis=1) / wide**2)
@@ -164,11 +181,11 @@ def _system(fixed: Grey, half: int, middle: Floats, wide: float) -> _System:
     # What brightness and contrast explain says nothing of the place.
     by -= (by @ weight / weight.sum())[..., None]
     by -= (by @ (weight * value)[..., None] / weight.sum()) * value[:, None]
-    return _System(grid, weight, value, contrast, by)
+    return System(grid, weight, value, contrast, by)
 
 
 def _sampled(
-    moving: Grey, index: Ints, place: Floats, linear: Floats, system: _System
+    moving: Grey, index: Ints, place: Floats, linear: Floats, system: System
 ) -> tuple[Floats, Floats]:
     """Normalised values of moving windows at mapped grids, and their contrasts."""
     side = moving.shape[1]

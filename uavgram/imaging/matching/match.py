@@ -11,7 +11,8 @@ from uavgram.imaging.matching.least_squares import Fitted, fitted
 from uavgram.imaging.matching.matched import Matched, Refused, Sought
 from uavgram.imaging.matching.options import MatchOptions, Patch
 from uavgram.imaging.matching.patches import Frames, Grey, common_frames, window, within
-from uavgram.imaging.matching.search import best_place
+from uavgram.imaging.matching.search import Peak, best_place
+from uavgram.imaging.matching.sureness import covariance_of
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints, rows_of
 
@@ -21,6 +22,7 @@ REGION = float(chdtri(2, 0.001))
 _LARGE = 40.0  # steps: regions that reach farther are searched at every other step first
 _MOST_OUTSIDE = 0.15  # of the probability: more, and something alike within could be taken for it
 _ALIKE = 0.005  # in correlation: no difference
+_BETWEEN = 1.5  # steps: a place between steps is about so far from the best of them
 _ABOUT = 4.0  # steps about a place found so
 _MARGIN = 8  # steps about a patch in its window, for the patch to move and for interpolation
 
@@ -178,43 +180,61 @@ class _Search:
         self._score[i] = peak.likeness
         likely = np.exp(-0.5 * distance)
         cut = likely[~inside].sum() > _MOST_OUTSIDE * likely.sum()
-        second = peak.second
-        if alone:
-            second = max(second, self._like_itself(i, patch, near, (distance, peak.place)))
-        most = options.second_peak_far if coarse > 1 else options.second_peak
-        near_second = 1 - peak.likeness + _ALIKE > most * (1 - second)
+        near_second = alone and self._is_like_others(i, coarse, patch, (center, distance, peak))
         one = np.array([i])
         unlike = np.array([peak.likeness < options.search_likeness])
         self._refuse(one, unlike & (patch.std() < options.noisy_contrast), Refused.WEAK)
         self._refuse(one, unlike, Refused.NOT_LIKE)
         self._refuse(one, np.array([alone and cut]), Refused.OUTSIDE)
-        self._refuse(one, np.array([alone and near_second]), Refused.NOT_UNIQUE)
+        self._refuse(one, np.array([near_second]), Refused.NOT_UNIQUE)
         self._refuse(one, np.array([peak.at_edge]), Refused.NOT_UNIQUE)
         return np.asarray(center + frame @ peak.place)
 
-    def _like_itself(
-        self, i: int, patch: Grey, frame: Floats, found: tuple[Floats, Floats]
-    ) -> float:
-        """Likeness of the patch and the most like place about it in its own photo.
+    def _is_like_others(
+        self, i: int, coarse: float, patch: Grey, found: tuple[Floats, Floats, Peak]
+    ) -> bool:
+        """Whether another place is about as like, in the target or in the source.
 
         The target may hide the true one of two places, the source shows both: if the true one is q
         and p was found, what lies there is p - q from the point. That is the region about p.
+        Places that may be the same thing are compared where they match best: beside it by half a
+        step, sharp edges are less alike than those of the neighbour that happens to lie on a step.
 
         Parameters
         ----------
         i
             Of the point.
-        patch, frame
-            What is looked for, and its steps in the source.
+        coarse
+            How many steps are one.
+        patch
+            What is looked for.
         found
-            Squared distances in sigmas of places by steps, and the place that was found (2,).
+            The region's middle (2,), squared distances in sigmas by steps, and what is best there.
         """
-        distance, place = found
-        center = self._sought.source_px[i] + frame @ np.round(place)  # the point is on the grid
+        center, distance, peak = found
+        options, half = self._options, self._patch.search_half
+        near, frame = self._frames.source[i] * coarse, self._frames.target[i] * coarse
+        # The point is on the grid.
+        behind = self._sought.source_px[i] + near @ np.round(peak.place)
         reach = len(distance) // 2
-        allowed = self._in_photo(self._source, center, frame, reach) & (distance <= REGION)
-        around = window(self._source, center, frame, self._patch.search_half + reach, exact=False)
-        return best_place(patch, around, allowed).second
+        allowed = self._in_photo(self._source, behind, near, reach) & (distance <= REGION)
+        around = window(self._source, behind, near, half + reach, exact=False)
+        own = best_place(patch, around, allowed)
+        second = max(peak.second, own.second)
+        most = options.second_peak_far if coarse > 1 else options.second_peak
+        alike = _as_like(peak.likeness, second, most)
+        if alike or second < options.search_likeness:
+            return alike
+        wide = half + _MARGIN
+        place = center + frame @ peak.place, center + frame @ peak.next_place
+        moving = [window(self._target, pixel, frame, wide) for pixel in place]
+        moving.append(window(self._source, behind + near @ own.next_place, near, wide))
+        fixed = np.stack(3 * [window(self._source, self._sought.source_px[i], near, wide)])
+        square = np.tile(np.eye(2), (3, 1, 1))
+        there = fitted(fixed, np.stack(moving), np.zeros((3, 2)), square, half, 12)
+        stayed = np.hypot(*there.place.T) < _BETWEEN  # else it is the slope of another place
+        like = np.where(stayed, there.likeness, -1.0)
+        return _as_like(max(like[0], peak.likeness), max(*like[1:], second), most)
 
     def _in_photo(self, photo: Image, center: Floats, frame: Floats, reach: int) -> Bools:
         """(2 reach + 1, 2 reach + 1) whether a patch there is within a photo."""
@@ -255,11 +275,10 @@ class _Search:
         ]
         self._judge_back(index, there, back, others)
         into = self._frames.target[index]
-        covariance = self._patch.lsm_scale**2 * there.covariance + options.floor**2 * np.eye(2)
-        covariance = into @ covariance @ np.swapaxes(into, 1, 2)
-        worst = np.sqrt(np.linalg.eigvalsh(covariance)[:, 1])
+        spread = into @ covariance_of(there, options, patch.step) @ np.swapaxes(into, 1, 2)
+        worst = np.sqrt(np.linalg.eigvalsh(spread)[:, 1])
         self._refuse(index, ~(worst < options.sigma_px), Refused.WEAK)
-        return at + (into @ there.place[..., None])[..., 0], covariance
+        return at + (into @ there.place[..., None])[..., 0], spread
 
     def _judge_fit(self, index: Ints, there: Fitted) -> None:
         options = self._options
@@ -278,6 +297,11 @@ class _Search:
         self._refuse(index, ~(np.hypot(*home.T) < options.back), Refused.NOT_BACK)
         apart = np.max([np.hypot(*(o.place - there.place).T) for o in others], axis=0)
         self._refuse(index, ~(apart < options.agree), Refused.UNSTABLE)
+
+
+def _as_like(best: float, other: float, most: float) -> bool:
+    """Whether another place may be the right one as well as the best is."""
+    return 1 - best + _ALIKE > most * (1 - other)
 
 
 def _squared_distance(covariance: Floats) -> Floats:

@@ -19,6 +19,7 @@ from uavgram.imaging.matching.least_squares import fitted
 from uavgram.imaging.matching.matched import Refused
 from uavgram.imaging.matching.options import MatchOptions
 from uavgram.imaging.matching.patches import Grey, common_frames, window
+from uavgram.imaging.matching.sureness import covariance_of
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
 
@@ -68,6 +69,9 @@ STRETCH = 0.25, 4.0
 FITTED_HALF, FITTED_STEPS = 9, 12
 FARTHEST_PX = 1.5
 """How far the place in one photo may be from where all together have it: errors of poses."""
+
+FITTED_SIGMA_PX = 0.5
+"""Most of the matching in one photo: what is beside an edge says little, but all photos agree."""
 
 _REACH = SUPPORT + int(ASIDE)
 _SIDE = np.arange(-_REACH, _REACH + 1.0)
@@ -307,12 +311,12 @@ def _fitted(
     )
     into = frames.target[0]
     moved = into @ found.place[0]
-    covariance = into @ found.covariance[0] @ into.T + options.floor**2 * into @ into.T
+    spread = into @ covariance_of(found, options)[0] @ into.T
     change = np.linalg.norm(found.linear[0] - np.eye(2), ord=2)
     right = (
         np.hypot(*moved) < FARTHEST_PX
         and found.likeness[0] > ALIKE
         and change < options.change
-        and np.sqrt(np.linalg.eigvalsh(covariance)[1]) < options.sigma_px
+        and np.sqrt(np.linalg.eigvalsh(spread)[1]) < FITTED_SIGMA_PX
     )
-    return (start + moved, covariance) if right else None
+    return (start + moved, spread) if right else None

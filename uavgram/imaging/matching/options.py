@@ -24,8 +24,6 @@ class Patch:
         Least correlation after matching: a small patch alone must fit better.
     step
         Of the common window, in pixels of the coarser photo.
-    lsm_scale
-        sigma^2 = (scale * formal)^2 + floor^2: measured on rendered streets.
     after
         Why a point was refused before, to be tried with this one.
     """
@@ -35,7 +33,6 @@ class Patch:
     search_half: int
     likeness: float
     step: float = 1.0
-    lsm_scale: float = 0.9
     after: tuple[Refused, ...] = ()
 
 
@@ -62,7 +59,6 @@ PATCHES = (
         search_half=14,
         likeness=0.8,
         step=2.0,
-        lsm_scale=1.15,
         after=(Refused.WEAK,),
     ),
 )
@@ -92,8 +88,13 @@ class MatchOptions:
         which the noise may be why nothing looks like it.
     sigma_px
         Most standard deviation in the worse direction.
+    noise_share
+        Of what remains between two patches, that which moves a place: the rest is light and blur.
+    bend
+        How far places depart from the affine map at one pixel from the middle, half the second
+        derivative [1/px]: crowns, gutters and undulation of roads, and the photos' perspective.
     floor
-        What JPEG, sharpening and interpolation leave at best [steps].
+        What sharpening and interpolation leave at best [steps].
     farthest
         Most steps from the prediction that are searched.
     """
@@ -110,5 +111,7 @@ class MatchOptions:
     contrast: float = 1.5
     noisy_contrast: float = 6.0
     sigma_px: float = 0.3
-    floor: float = 0.03
+    noise_share: float = 0.72
+    bend: float = 4e-4
+    floor: float = 0.01
     farthest: int = 420

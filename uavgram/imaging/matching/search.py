@@ -21,14 +21,17 @@ class Peak(NamedTuple):
     ----------
     place
         (2,) to some tenths of a step.
-    likeness, second
-        Normalised correlation there, and the best elsewhere in the region (-1: none).
+    likeness
+        Normalised correlation there.
+    next_place, second
+        (2,) the best place elsewhere in the region, to a step, and its likeness; -1: none.
     at_edge
         Whether it lies on the edge of the region: the true place may be outside.
     """
 
     place: Floats
     likeness: float
+    next_place: Floats
     second: float
     at_edge: bool
 
@@ -52,14 +55,16 @@ def best_place(patch: Grey, searched: Grey, allowed: Bools) -> Peak:
     reach = like.shape[0] // 2
     if not 0 < x < 2 * reach or not 0 < y < 2 * reach:
         off = np.array([x - reach, y - reach], np.float64)
-        return Peak(off, float(inside[y, x]), second=-1.0, at_edge=True)
+        return Peak(off, float(inside[y, x]), off, second=-1.0, at_edge=True)
     around = like[y - 1 : y + 2, x - 1 : x + 2].astype(np.float64)
     at_edge = bool(around.max() > like[y, x])
     rest = inside.copy()
     rest[max(y - SAME_PEAK, 0) : y + SAME_PEAK + 1, max(x - SAME_PEAK, 0) : x + SAME_PEAK + 1] = -1
+    next_y, next_x = np.unravel_index(int(rest.argmax()), rest.shape)
+    next_place = np.array([next_x - reach, next_y - reach], np.float64)
     offset = np.array([_top(around[1]), _top(around[:, 1])])
     place = np.array([x - reach, y - reach]) + offset
-    return Peak(place, float(like[y, x]), float(rest.max()), at_edge)
+    return Peak(place, float(like[y, x]), next_place, float(rest[next_y, next_x]), at_edge)
 
 
 def _top(three: Floats) -> float:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from uavgram.errors import GeometryError, UavgramError
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.geometry.motion.telemetry_pose import BORESIGHT
 from uavgram.model.arrays import Bools
 from uavgram.pipeline.match.adjusting import Base, begun
 from uavgram.pipeline.match.asked import (
@@ -28,6 +29,7 @@ from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.saved_picks import save_picks, sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.match.agreement import turned_rad
 from uavgram.stages.match.found import Pair
 from uavgram.stages.match.outcome import Matches
 
@@ -91,6 +93,7 @@ def match_picks(
         kept=int(before.sum() - gone.sum() - unfit.sum()),
         not_sought=tuple(label for label in labels if label not in from_labels),
         unplaced=_unplaced(base, search.adjustment, asked),
+        turned_rad=_turned_rad(search.adjustment),
     )
 
 
@@ -143,6 +146,13 @@ def _wanted(base: Base, asked: Asked) -> Callable[[Pair], bool]:
     there = set(zip(picks.image, picks.label, strict=True))
     copies = duplicates_of(base.inputs).photos
     return lambda pair: pair not in there and pair[0] not in copies and asked.has(pair)
+
+
+def _turned_rad(adjustment: Adjustment) -> float:
+    prior = adjustment.survey.telemetry
+    if prior is None:
+        return 0.0
+    return turned_rad(adjustment.state.telemetry[BORESIGHT], prior.boresight_sigma_rad)
 
 
 def _unplaced(base: Base, adjustment: Adjustment, asked: Asked) -> tuple[str, ...]:

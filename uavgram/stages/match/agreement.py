@@ -19,6 +19,9 @@ CONTRADICTED = float(chdtri(2, 1e-5))
 AS_BAD = 0.7
 """Share of the worst one's squared sigmas from which another one may be the culprit as well."""
 
+TURNED = float(chdtri(3, 1e-4))
+"""Squared sigmas of the camera's direction on its mount from which on the log is not believed."""
+
 CURVED = 0.03
 """Of how far a place is off, what the linear model may miss: a pose that is off by a degree or two
 moves places by other amounts at its edges."""
@@ -51,3 +54,19 @@ def contradicted(off_px: Floats, covariance_px2: Floats, sigma_px: Floats) -> Bo
         left = left[fall < AS_BAD * fall.max()]
         weight = weight - weight[:, out] @ np.linalg.solve(weight[np.ix_(out, out)], weight[out])
     return ~np.isin(np.arange(n), left)
+
+
+def turned_rad(boresight_rad: Floats, sigma_rad: float) -> float:
+    """By how much the camera looked elsewhere than mount and log have it; 0: within their errors.
+
+    While the log's direction counts, what the photos show is drawn towards it: it is rather more.
+
+    Parameters
+    ----------
+    boresight_rad
+        (3,) rotation vector, adjusted.
+    sigma_rad
+        Of its prior, each axis.
+    """
+    angle = float(np.linalg.norm(boresight_rad))
+    return angle if angle**2 > TURNED * sigma_rad**2 else 0.0

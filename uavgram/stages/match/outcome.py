@@ -29,6 +29,9 @@ class Matches:
         Labels that take no part in the adjustment, so that nobody knows where to look.
     unplaced
         Photos of which it is not known where they were taken.
+    turned_rad
+        By how much the camera looked elsewhere than mount and log have it, more than they may err;
+        0: it did not.
     """
 
     path: str
@@ -39,6 +42,7 @@ class Matches:
     kept: int = 0
     not_sought: tuple[str, ...] = ()
     unplaced: tuple[str, ...] = ()
+    turned_rad: float = 0.0
 
     @property
     def sightings(self) -> dict[str, int]:
