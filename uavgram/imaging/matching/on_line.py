@@ -22,9 +22,6 @@ from uavgram.imaging.matching.shared_corner import PHOTOS, Line, corner_along, g
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats, Ints
 
-STRONG = 0.085
-"""Least strength of the corner that most photos share."""
-
 SUPPORT = 5
 """Half the side of a window [px of the source]."""
 
@@ -37,7 +34,7 @@ EVEN = 4.0
 ALIKE = 0.8
 """Correlation from which a photo shows the same in a window."""
 
-NEXT_BEST = 0.9
+NEXT_BEST = 0.95
 """Most strength of a corner at another place, in that of the best."""
 
 ANOTHER_PX = 10.0
@@ -145,7 +142,7 @@ def best_of(strength: Floats, line: Line) -> tuple[int, Refused]:
     Parameters
     ----------
     strength
-        (k,) of the corner that photos share at each place of the line.
+        (k,) of the corner that photos share at each place of the line; from 1 on it is one.
     line
         The line.
     """
@@ -154,7 +151,7 @@ def best_of(strength: Floats, line: Line) -> tuple[int, Refused]:
     apart = np.nan_to_num(gap).max(axis=1) > ANOTHER_PX
     if strength[apart].max(initial=0.0) > NEXT_BEST * strength[place]:
         return place, Refused.NOT_UNIQUE
-    if strength[place] < STRONG:
+    if strength[place] < 1.0:
         return place, Refused.NOT_LIKE
     if place <= line.lowest or place >= len(strength) - 2:
         return place, Refused.NOT_UNIQUE
