@@ -36,7 +36,8 @@ LOOKED_AT = 0.4
 looked at for the corner itself."""
 
 MOST = 0.7
-"""Share of the photos in view that must agree on a pixel's edge: others may hide the corner."""
+"""Share of the photos in view that must agree on a pixel's edge: others may hide the corner, and
+one always may, where there are enough."""
 
 PHOTOS = 2
 """That must agree at least, besides the source: any one agrees with it somewhere on the line."""
@@ -44,9 +45,9 @@ PHOTOS = 2
 OFF_PX = 1.2
 """Standard deviation of a corner about the pick that is made of it [px]."""
 
-STRONG = 0.02, 0.18
-"""Least strength of a corner, and what is added for one photo in view: the fewer there are, the
-more often they agree by chance. Measured on rendered streets."""
+STRONG = 0.02, 0.12
+"""Least strength of a corner, and what is added over the number of photos that must agree but for
+one: the fewer they are, the more often they agree by chance. Measured on rendered streets."""
 
 _REACH = 6
 _MOST_ROWS = 30000  # of maps that OpenCV resamples by
@@ -111,10 +112,13 @@ def corner_along(source: Image, targets: Sequence[Image], line: Line) -> Floats:
     rows = np.flatnonzero(together > LOOKED_AT * together.max(initial=0.0))
     if rows.size:
         best = np.array([0, -1, 1])[steps.argmax(axis=0)] + np.arange(len(like))[:, None]
-        seen = like[rows] > -1.0
-        agreed = _agreed(targets, line, own[0], (best[rows], seen))
+        agree = _agreement(targets, line, own[0], (best[rows], like[rows] > -1.0))
+        need = np.minimum(np.ceil(MOST * in_view[rows]).astype(int), in_view[rows] - 1)
+        need = np.maximum(need, PHOTOS)
+        agree.sort(axis=1)
+        most = agree[np.arange(len(agree)), agree.shape[1] - need].clip(0.0)
         always, alone = STRONG
-        strength[rows] = _cornered(agreed, slope[0]) / (always + alone / in_view[rows])
+        strength[rows] = _cornered(most, slope[0]) / (always + alone / (need - 1))
     return strength
 
 
@@ -187,8 +191,8 @@ def _alike(targets: Sequence[Image], line: Line, own: Grey) -> Grey:
     return like
 
 
-def _agreed(targets: Sequence[Image], line: Line, own: Grey, places: tuple[Ints, Bools]) -> Grey:
-    """(n, s) how well most photos agree on the edge at each pixel about the pick, 0 to 1.
+def _agreement(targets: Sequence[Image], line: Line, own: Grey, places: tuple[Ints, Bools]) -> Grey:
+    """(n, t, s) how well the edges of each photo agree with those about the pick, at most 1.
 
     Parameters
     ----------
@@ -197,7 +201,7 @@ def _agreed(targets: Sequence[Image], line: Line, own: Grey, places: tuple[Ints,
     own
         (2, s) directions about the pick.
     places
-        (n, t) numbers of places, and whether photos show them.
+        (n, t) numbers of places, and whether photos show them; -1 where they do not.
     """
     place, seen = places
     agree = np.full((*place.shape, len(_BELL)), -1.0, np.float32)
@@ -206,9 +210,7 @@ def _agreed(targets: Sequence[Image], line: Line, own: Grey, places: tuple[Ints,
         at = place[rows, i]
         grey = sampled(photo, line.pixel_px[at, i], line.affine[at, i], _SAMPLED)
         agree[rows, i] = (_edges(grey)[1] * own).sum(axis=1)
-    agree.sort(axis=1)
-    need = np.maximum(np.ceil(MOST * seen.sum(axis=1)).astype(int), PHOTOS)
-    return np.asarray(agree[np.arange(len(agree)), agree.shape[1] - need].clip(0.0))
+    return agree
 
 
 def _cornered(agreed: Grey, slope: Grey) -> Floats:
