@@ -45,9 +45,10 @@ PHOTOS = 2
 OFF_PX = 1.2
 """Standard deviation of a corner about the pick that is made of it [px]."""
 
-STRONG = 0.02, 0.12
-"""Least strength of a corner, and what is added over the number of photos that must agree but for
-one: the fewer they are, the more often they agree by chance. Measured on rendered streets."""
+STRONG = 0.035, 0.135
+"""Least strength of a corner, and what is added over the square of the number of photos that must
+agree but for one: the fewer they are, the more often they agree by chance. Measured on rendered
+streets."""
 
 _REACH = 6
 _MOST_ROWS = 30000  # of maps that OpenCV resamples by
@@ -118,7 +119,7 @@ def corner_along(source: Image, targets: Sequence[Image], line: Line) -> Floats:
         agree.sort(axis=1)
         most = agree[np.arange(len(agree)), agree.shape[1] - need].clip(0.0)
         always, alone = STRONG
-        strength[rows] = _cornered(most, slope[0]) / (always + alone / (need - 1))
+        strength[rows] = _cornered(most, slope[0]) / (always + alone / (need - 1) ** 2)
     return strength
 
 
