@@ -8,20 +8,12 @@ from scipy.stats import norm
 from textures import BLUR_PX, Texture
 
 from uavgram.imaging.matching.matched import Refused
-from uavgram.imaging.matching.on_line import (
-    Line,
-    OnLine,
-    best_of,
-    edges_at,
-    found_on_line,
-    is_as_cornered,
-)
+from uavgram.imaging.matching.on_line import OnLine, best_of, found_on_line
+from uavgram.imaging.matching.shared_corner import Line, corner_along
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
 
 SHAPE = (120, 160)
-SUPPORTED = 8
-"""The window that lies on the roof."""
 CORNER = np.array([70.3, 60.8])
 BASES = np.array([[12.0, 1.0], [-14.0, 2.0], [20.0, -1.0]])
 """By how many pixels a height of one moves things in each photo."""
@@ -111,32 +103,43 @@ def test_what_repeats_along_the_line_is_refused() -> None:
     assert why(found_on_line(source, others, line(level))) == [Refused.NOT_UNIQUE] * 2
 
 
-@pytest.mark.parametrize(("higher", "reason"), [(0.9, Refused.NOT_UNIQUE), (0.5, Refused.NONE)])
-def test_where_a_window_sees_a_higher_thing_too_the_corner_may_be_that_ones(
-    higher: float, reason: Refused
+@pytest.mark.parametrize(("other", "reason"), [(0.97, Refused.NOT_UNIQUE), (0.5, Refused.NONE)])
+def test_where_another_place_shares_as_much_of_a_corner_there_is_none(
+    other: float, reason: Refused
 ) -> None:
-    like = np.full((len(HEIGHT), 3, 9), 0.1)
-    like[80, :, :5] = 0.99  # most windows speak for what lies behind
-    like[130, :, 6] = 0.8 + 0.2 * higher * 0.95
+    strength = np.full(len(HEIGHT), 0.1)
+    strength[80], strength[130] = 1.5, 1.5 * other
 
-    place, support, why_not = best_of(like, line())
-
-    assert why_not == reason
-    assert abs(place - 80) <= 1  # a step either way is the same place
-    assert support < 5
+    assert best_of(strength, line()) == (80, reason)
 
 
-def test_a_place_on_a_straight_edge_is_not_as_cornered_as_the_corner() -> None:
-    """The edges of a roof; half as much light changes nothing."""
-    roof, again = photo(1.4, np.zeros(2), 30), photo(1.4, np.zeros(2), 31)
-    darker = np.asarray(np.rint(again / 2.0), np.uint8)
-    below = CORNER + np.array([0.0, 12.0])
-    at_corner, other, dark, on_edge = (
-        edges_at(grey, place, np.eye(2), SUPPORTED)
-        for grey, place in ((roof, CORNER), (again, CORNER), (darker, CORNER), (again, below))
+def test_a_corner_that_is_strongest_on_the_ground_is_none_above() -> None:
+    strength = np.full(len(HEIGHT), 0.1)
+    strength[[20, 130]] = 1.5, 1.2
+
+    assert best_of(strength, line()) == (20, Refused.NOT_UNIQUE)
+
+
+@pytest.mark.parametrize("aside", [(0.0, 12.0), (14.0, 0.0), (2.5, 2.5), (-2.5, -2.5)])
+def test_a_pick_beside_a_corner_is_not_taken_for_it(aside: tuple[float, float]) -> None:
+    """On a straight edge of the roof, and where a corner is seen but is not what was picked."""
+    beside = line()._replace(
+        source_px=CORNER + aside, pixel_px=CORNER + aside + HEIGHT[:, None, None] * BASES
     )
+    source, *others = (photo(1.4, base, 10 + k) for k, base in enumerate([np.zeros(2), *BASES]))
 
-    assert is_as_cornered(np.array([other, dark]) / at_corner)
-    np.testing.assert_allclose(dark, other, rtol=0.05)
-    assert not is_as_cornered(np.array([on_edge, on_edge]) / at_corner)
-    assert on_edge[0] < 0.5 * at_corner[0]
+    assert Refused.NONE not in why(found_on_line(source, others, beside))
+
+
+def test_the_shared_corner_is_where_the_roof_is_however_bright_what_lies_beyond() -> None:
+    """In one photo half the light, in another dark for bright: edges stay where they are."""
+    source, *others = (photo(1.4, base, 10 + k) for k, base in enumerate([np.zeros(2), *BASES]))
+    others[0] = np.asarray(others[0] // 2, np.uint8)
+    others[1] = np.asarray(255 - others[1], np.uint8)
+
+    strength = corner_along(source, others, line())
+
+    place = int(strength.argmax())
+    assert HEIGHT[place] == pytest.approx(1.4, abs=0.06)
+    assert strength[place] > 1.0
+    assert strength[np.abs(HEIGHT - 1.4) > 0.4].max() < 0.7 * strength[place]

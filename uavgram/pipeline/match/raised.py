@@ -7,7 +7,8 @@ import numpy as np
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.imaging.matching.matched import REASON, Refused
-from uavgram.imaging.matching.on_line import Line, found_on_line
+from uavgram.imaging.matching.on_line import found_on_line
+from uavgram.imaging.matching.shared_corner import Line
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.match.adjusting import LEAST_HEIGHT_M
