@@ -175,6 +175,9 @@ def gradient_of(blocks: Iterable[Block], size: int) -> Floats:
     gradient = np.zeros(size)
     for block in blocks:
         product = (block.residual[..., None, :] @ block.jacobian)[..., 0, :]
+        if product.ndim == 2:
+            gradient += np.bincount(block.columns.ravel(), product.ravel(), minlength=size)
+            continue
         many = product.shape[:-2]
         first = size * np.arange(math.prod(many))[:, None]
         at = (first + block.columns.ravel()).ravel()

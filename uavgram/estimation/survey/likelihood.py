@@ -203,33 +203,44 @@ class SurveyProblem:
         return TiedPoints(self) if self.layout.ties else None
 
     def _lengths(self, state: State) -> Block:
-        survey = self.survey
-        reading, jacobian, columns = self.readings(state, taped_lines(survey, self.line_index))
+        survey, (taped, columns) = self.survey, self._taped
+        reading, jacobian = self._read(state, taped)
         sigma = survey.length_sigma_m[self.line_index]
         residual = (reading - survey.length_m[self.line_index]) / sigma
         return Block(residual[..., None], columns, jacobian[..., None, :] / sigma[:, None, None])
+
+    @cached_property
+    def _taped(self) -> tuple[Taped, Ints]:
+        """The lengths that take part, and the unknowns of each."""
+        taped = taped_lines(self.survey, self.line_index)
+        return taped, self._columns_of(taped)
 
     def readings(self, state: State, taped: Taped) -> tuple[Floats, Floats, Ints]:
         """What tapes read (n,), the gradients (n, k), and the unknowns' columns (n, k).
 
         A tape that takes no part in the adjustment is read as a right one.
         """
-        length, jacobian, columns = self.lengths_between(
-            state, taped.start, taped.end, level=taped.level
-        )
+        return *self._read(state, taped), self._columns_of(taped)
+
+    def _read(self, state: State, taped: Taped) -> tuple[Floats, Floats]:
+        """What tapes read (n,), and the gradients (n, k)."""
+        length, jacobian = self._between(state, taped.start, taped.end, taped.level)
         if not self.tapes:
-            return length, jacobian, columns
+            return length, jacobian
         row = tape_rows(self.tapes, taped.tape)
         there = row >= 0
         ratio = 1.0 / (1.0 + np.where(there, state.tape[..., row], 0.0))
         by_scale = np.where(there, -length * ratio**2, 0.0)
-        return (
-            length * ratio,
-            np.concatenate([jacobian * ratio[..., None], by_scale[..., None]], axis=-1),
-            np.concatenate(
-                [columns, (self.layout.first_tape + np.maximum(row, 0))[:, None]], axis=1
-            ),
-        )
+        gradient = np.concatenate([jacobian * ratio[..., None], by_scale[..., None]], axis=-1)
+        return length * ratio, gradient
+
+    def _columns_of(self, taped: Taped) -> Ints:
+        """(n, k) unknowns of what tapes read."""
+        columns = self._end_columns(taped.start, taped.end)
+        if not self.tapes:
+            return columns
+        row = np.maximum(tape_rows(self.tapes, taped.tape), 0)
+        return np.concatenate([columns, (self.layout.first_tape + row)[:, None]], axis=1)
 
     def lengths_between(
         self, state: State, start: Ints, end: Ints, *, level: Bools | None = None
@@ -245,6 +256,11 @@ class SurveyProblem:
         level
             (n,) which are distances in the horizontal plane; left out, all are 3-D.
         """
+        return *self._between(state, start, end, level), self._end_columns(start, end)
+
+    def _between(
+        self, state: State, start: Ints, end: Ints, level: Bools | None
+    ) -> tuple[Floats, Floats]:
         n = len(start)
         world, d_point, d_plane = self.world_points(state, np.concatenate([start, end]))
         along = world[..., n:, :] - world[..., :n, :]
@@ -258,16 +274,13 @@ class SurveyProblem:
             [-unit @ start_by, unit @ end_by, -unit @ start_ground, unit @ end_ground],
             axis=-1,
         )[..., 0, :]
-        columns = np.concatenate(
-            [
-                self.layout.point_columns(start),
-                self.layout.point_columns(end),
-                self.plane_columns(start),
-                self.plane_columns(end),
-            ],
-            axis=1,
+        return length, jacobian
+
+    def _end_columns(self, start: Ints, end: Ints) -> Ints:
+        points = self.layout.point_columns(start), self.layout.point_columns(end)
+        return np.concatenate(
+            [*points, self.plane_columns(start), self.plane_columns(end)], axis=1
         )
-        return length, jacobian, columns
 
     def _control(self, state: State) -> Block:
         survey = self.survey

@@ -9,9 +9,9 @@ import numpy as np
 
 from uavgram.geometry.motion.rotation import (
     exp_so3,
+    exp_with_right_jacobian,
     log_so3,
     matrix_from_xyzw,
-    right_jacobian,
     right_jacobian_inverse,
 )
 from uavgram.model.arrays import Floats, Ints
@@ -167,8 +167,8 @@ class SmoothRotations(_SmoothPath):
             An instant lies outside the span.
         """
         origin, phi, slope = self._since_origin(at_s)
-        rate_body = (right_jacobian(phi) @ slope[..., None])[..., 0]
-        return origin @ exp_so3(phi), rate_body
+        turn, jacobian = exp_with_right_jacobian(phi)
+        return origin @ turn, (jacobian @ slope[..., None])[..., 0]
 
     def _make(self, index: bytes) -> _Pieces:
         around, width = _around(self._time, index)

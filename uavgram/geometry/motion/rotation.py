@@ -100,6 +100,23 @@ def right_jacobian(v: Floats) -> Floats:
     return _combine(v, first, _near_or_far(squared, _RIGHT_SERIES, _right_closed))
 
 
+def exp_with_right_jacobian(v: Floats) -> tuple[Floats, Floats]:
+    """`exp_so3` and `right_jacobian` of the same vectors, which have most of their work in common.
+
+    (..., 3) to (..., 3, 3) each, equal to theirs to the last digit.
+    """
+    v = np.asarray(v, np.float64)
+    squared = np.add.reduce(v * v, axis=-1)
+    half = 0.5 * np.sqrt(squared)
+    ratio, cross = _sinc(half), hat(v)
+    square = cross @ cross
+    closed = _near_or_far(squared, _RIGHT_SERIES, _right_closed)
+    return (
+        _sum(cross, square, ratio * np.cos(half), 0.5 * ratio * ratio),
+        _sum(cross, square, -0.5 * ratio**2, closed),
+    )
+
+
 def right_jacobian_inverse(v: Floats) -> Floats:
     """Inverses of the right Jacobians: ``log(exp(v) exp(d)) = v + J^-1 d`` to first order.
 
@@ -221,8 +238,13 @@ def nearest_rotation(matrix: Floats) -> Floats:
 def _combine(v: Floats, first: Floats, second: Floats) -> Floats:
     """``I + first hat(v) + second hat(v)^2``."""
     cross = hat(v)
+    return _sum(cross, cross @ cross, first, second)
+
+
+def _sum(cross: Floats, square: Floats, first: Floats, second: Floats) -> Floats:
+    """``I + first cross + second square``."""
     return np.asarray(
-        _IDENTITY + first[..., None, None] * cross + second[..., None, None] * (cross @ cross)
+        _IDENTITY + first[..., None, None] * cross + second[..., None, None] * square
     )
 
 

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.geometry.motion.interpolation import SmoothPositions, SmoothRotations
-from uavgram.geometry.motion.rotation import exp_so3, hat, right_jacobian
+from uavgram.geometry.motion.rotation import exp_with_right_jacobian, hat
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.photo_poses import Flight, PhotoExposures
 
@@ -176,13 +176,15 @@ def predict_pose(
     jacobian : (..., N, 6, 12)
         Of (δcentre in world, δθ in camera with R exp(δθ)) by the shared unknowns.
     """
-    turn = exp_so3(shared[..., HEADING_BIAS] * UP)[..., None, :, :]
+    # Of heading and boresight at once.
+    vectors = np.stack([shared[..., HEADING_BIAS] * UP, shared[..., BORESIGHT]], axis=-2)
+    turns, by_vector = exp_with_right_jacobian(vectors)
+    turn = turns[..., :1, :, :]
     lever = shared[..., None, LEVER_ARM, None]
     arm = turn @ exposures.world_from_body
     offset = (arm @ lever)[..., 0]
     center = exposures.position - shared[..., None, POSITION_BIAS] + offset
-    boresight = shared[..., BORESIGHT]
-    camera_in_mount = mount_from_camera @ exp_so3(boresight)
+    camera_in_mount = mount_from_camera @ turns[..., 1, :, :]
     rotation = turn @ exposures.world_from_mount @ camera_in_mount[..., None, :, :]
 
     jacobian = np.zeros((*center.shape[:-1], 6, SHARED_SIZE))
@@ -192,7 +194,7 @@ def predict_pose(
     # d/dclock of exp(...) at t - clock: the vehicle was further back on its way and in its turn.
     spin = (hat(exposures.body_rate) @ lever)[..., 0]
     jacobian[..., :3, 10] = -exposures.velocity - np.einsum("...ij,...j->...i", arm, spin)
-    jacobian[..., 3:, BORESIGHT] = right_jacobian(boresight)[..., None, :, :]
+    jacobian[..., 3:, BORESIGHT] = by_vector[..., 1:, :, :]
     jacobian[..., 3:, 9] = rotation[..., 2, :]  # up, in camera axes
     jacobian[..., 3:, 10] = -exposures.mount_rate @ camera_in_mount
     jacobian[..., 11] = jacobian[..., 10] * since_middle_s[:, None]

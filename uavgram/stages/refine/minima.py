@@ -95,9 +95,10 @@ def best_minima(taking: Participants, most: int | None = None) -> Refined:
     if taking.survey.telemetry is not None:
         return refined
     picks = int(taking.keep.sum())
+    tried: list[tuple[Survey, FirstValues]] = []
     for _ in range(MOST_RETRIES):
         doubtful = doubtful_frames(taking.survey, refined)
-        other = _begun_elsewhere(taking, refined, doubtful, most) if doubtful else None
+        other = _begun_elsewhere(taking, refined, doubtful, most, tried) if doubtful else None
         if other is None:
             break
         gain = cost_with_lost(refined, picks) - cost_with_lost(other, picks)
@@ -118,9 +119,15 @@ def _with_rivals(best: Refined, other: Refined) -> Refined:
 
 
 def _begun_elsewhere(
-    taking: Participants, refined: Refined, doubtful: frozenset[str], most: int | None
+    taking: Participants,
+    refined: Refined,
+    doubtful: frozenset[str],
+    most: int | None,
+    tried: list[tuple[Survey, FirstValues]],
 ) -> Refined | None:
-    """The best minima from where frames in doubt have other poses; None where there are none.
+    """The best minima from where frames in doubt have other poses; None where none are new.
+
+    Where all frames are in doubt, those that begin are the same once more, and so are all minima.
 
     Parameters
     ----------
@@ -132,12 +139,32 @@ def _begun_elsewhere(
         Names of frames.
     most
         Iterations.
+    tried
+        First values of earlier rounds, and what they were of; those of this round are added.
     """
     state, names = refined.adjustment.state, refined.adjustment.survey.frame_id
     known = {name: (state.center[k], state.rotation[k]) for k, name in enumerate(names)}
+    before = tuple(tried)
+
+    def begin(survey: Survey) -> list[FirstValues]:
+        found = other_values(survey, known, doubtful)
+        if all(any(_is_again(survey, one, *old) for old in before) for one in found):
+            raise GeometryError("all first values were tried before")
+        tried.extend((survey, one) for one in found)
+        return found
+
     with suppress(GeometryError):
-        return _minima_from(taking, partial(other_values, known=known, doubtful=doubtful), most)
+        return _minima_from(taking, begin, most)
     return None
+
+
+def _is_again(survey: Survey, values: FirstValues, of: Survey, earlier: FirstValues) -> bool:
+    """Whether first values, and the picks and lengths that they are of, are earlier ones."""
+    return (
+        np.array_equal(survey.pixel_px, of.pixel_px)
+        and np.array_equal(survey.length_m, of.length_m)
+        and all(map(partial(np.array_equal, equal_nan=True), values, earlier))
+    )
 
 
 def _minima_from(

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 
 
 def independent_prior(off: Floats, sigma: Floats, first: int) -> Block:
@@ -20,5 +22,13 @@ def independent_prior(off: Floats, sigma: Floats, first: int) -> Block:
     first
         Column of the first unknown.
     """
-    columns = (first + np.arange(off.shape[-1]))[:, None]
+    columns = _neighbours(first, off.shape[-1])
     return Block((off / sigma)[..., None], columns, (1.0 / sigma)[:, None, None])
+
+
+@lru_cache(maxsize=256)
+def _neighbours(first: int, count: int) -> Ints:
+    """(count, 1) columns; each iteration asks for them again."""
+    columns = (first + np.arange(count))[:, None]
+    columns.flags.writeable = False
+    return columns
