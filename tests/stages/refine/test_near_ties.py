@@ -13,10 +13,13 @@ from tied_surveys import TiedSurvey, tied_survey
 
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.selection import select_picks
+from uavgram.estimation.survey.terms.third_coordinate import ThirdCoordinate
 from uavgram.estimation.survey.unknowns import move
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Survey
+from uavgram.model.survey.ties import Beside
 from uavgram.stages.refine.begin.tied_frames import with_tied_frames
+from uavgram.stages.refine.near_ties import OFF_M, _unclear_m
 from uavgram.stages.refine.sound_ties import with_sound_ties
 
 SWELL_M = 0.2
@@ -25,7 +28,7 @@ SWELL_M = 0.2
 def over(swell_m: float, rough_m: float) -> TiedSurvey:
     """A flight over waves of such a height, of points that lie off them by so much each."""
     weather = Conditions(photos=6, seed=4, density=200.0, rough_m=rough_m, swell_m=swell_m)
-    return tied_survey(tied_flight(weather), labels=10)
+    return tied_survey(tied_flight(weather), labels=40)
 
 
 def sound(survey: TiedSurvey) -> Survey:
@@ -34,24 +37,23 @@ def sound(survey: TiedSurvey) -> Survey:
 
 
 def guessed(survey: TiedSurvey, found: Survey) -> tuple[Floats, Floats]:
-    """Errors of the heights that true ties around labels say, and their stated sigmas."""
+    """Errors of the heights that true ties and the prior of the ground make, and their sigmas."""
     rays = survey.flight.sightings
-    tie = {f"t{t}": survey.flight.point[t, 2] for t in rays.point}
+    tie = {f"t{t}": survey.flight.point[t] for t in rays.point}
     first = np.unique(found.ties.point, return_index=True)[1]
     true = np.array([tie[survey.observed.ties.tie[row]] for row in found.ties.row[first]])
-    true = true + found.ties.near_rise_m
-    error, sigma = [], []
-    for label in np.unique(found.ties.near[found.ties.near >= 0]):
-        mine = found.ties.near == label
-        error.append(true[mine].mean() - survey.world[label, 2])
-        sigma.append(found.ties.near_sigma_m[mine].mean() / np.sqrt(mine.sum()))
-    return np.array(error), np.array(sigma)
+    beside = found.ties.beside
+    said = np.sum(beside.weight * true[beside.tie, 2], axis=1)
+    prior = 1.0 / (beside.uneven * found.ground.roughness_sigma_m) ** 2
+    known = np.where(np.isfinite(beside.sigma_m), beside.sigma_m, np.inf) ** -2.0
+    variance = 1.0 / (prior + known)
+    return variance * known * said - survey.world[beside.label, 2], np.sqrt(variance)
 
 
 @pytest.fixture(scope="module")
 def waves() -> tuple[TiedSurvey, Survey]:
     """Smooth waves, and what ties show of them."""
-    survey = over(SWELL_M, 0.01)
+    survey = over(SWELL_M, 0.02)  # as uneven as `tied_survey` makes the labels
     return survey, sound(survey)
 
 
@@ -59,7 +61,7 @@ def test_labels_on_waves_have_the_height_of_the_ties_around_them(
     waves: tuple[TiedSurvey, Survey],
 ) -> None:
     error, sigma = guessed(*waves)
-    assert len(error) > 5
+    assert len(error) == 40  # all of them: a tie may tell of several
     assert np.sqrt(np.mean(error**2)) < 0.4 * SWELL_M / np.sqrt(2)  # on a plane they are off by all
     assert 0.4 < np.sqrt(np.mean((error / sigma) ** 2)) < 1.6
 
@@ -68,30 +70,78 @@ def test_ties_that_disagree_know_no_more_than_they_show() -> None:
     survey = over(0.0, 0.05)
     _, sigma = guessed(survey, sound(survey))
     assert np.all(sigma > 0.03)
+    assert np.median(sigma) > 0.042  # told by the prior and by the ties once more: 0.035
     assert np.median(sigma) < 0.1
+
+
+def test_ties_off_the_ground_leave_unclear_what_they_would_have_told() -> None:
+    across, along = np.meshgrid(np.arange(0.0, 40.0, 2.0), np.arange(0.0, 20.0, 2.0))
+    ties = np.column_stack([across.ravel(), along.ravel()])
+    road = np.flatnonzero(ties[:, 0] < 20.0)  # a bank beyond
+    place = np.array([[9.0, 9.0], [19.0, 9.0], [31.0, 9.0]])
+    on_road, at_foot, on_bank = _unclear_m(place, ties, road, (0.01, 8.0))
+
+    assert on_road == 0.0
+    assert at_foot == pytest.approx(OFF_M / np.sqrt(12.0))  # half of them are off
+    assert on_bank == pytest.approx(OFF_M / np.sqrt(3.0))
 
 
 def test_labels_left_out_take_no_tie_with_them(waves: tuple[TiedSurvey, Survey]) -> None:
     _, found = waves
     kept = found.pick_label >= 4
     less = select_picks(found, kept).survey
-    for name in less.label:
-        before = found.ties.near == found.label.index(name)
-        after = less.ties.near == less.label.index(name)
-        assert set(less.ties.row[np.isin(less.ties.point, np.flatnonzero(after))]) <= set(
-            found.ties.row[np.isin(found.ties.point, np.flatnonzero(before))]
-        )
+
+    before, after = found.ties, less.ties
+    assert after.points == before.points
+    assert [less.label[k] for k in after.beside.label] == [
+        name for k in before.beside.label if (name := found.label[k]) in less.label
+    ]
+    rows = np.flatnonzero(np.isin(before.beside.label, np.unique(found.pick_label[kept])))
+    np.testing.assert_array_equal(after.beside.tie, before.beside.tie[rows])
+
+
+def test_ties_that_are_gone_leave_what_they_said_to_the_others(
+    waves: tuple[TiedSurvey, Survey],
+) -> None:
+    ties = waves[1].ties
+    least = ties.beside.tie[0, np.argmin(np.abs(ties.beside.weight[0]))]
+    less, points = ties.without(ties.point == least)
+
+    before, after = ties.beside, less.beside
+    assert least not in points
+    here = np.flatnonzero((before.tie == least).any(axis=1))
+    np.testing.assert_allclose(
+        np.abs(after.weight[here]).sum(axis=1), np.abs(before.weight[here]).sum(axis=1)
+    )
+    assert np.all(after.sigma_m[here] > before.sigma_m[here])
+    said = points[after.tie[after.weight != 0.0]]
+    assert set(said) == set(before.tie[before.weight != 0.0]) - {least}
+
+
+def test_a_label_that_has_lost_most_of_its_ties_is_on_ground_as_uneven_as_before(
+    waves: tuple[TiedSurvey, Survey],
+) -> None:
+    found = waves[1]
+    beside = found.ties.beside
+    ties, _ = found.ties.without(np.isin(found.ties.point, beside.tie[0]))
+
+    assert np.isfinite(beside.sigma_m[0])
+    assert np.isnan(ties.beside.sigma_m[0])
+    before, after = (ThirdCoordinate.of(replace(found, ties=each)) for each in (found.ties, ties))
+    np.testing.assert_array_equal(before.sigma_m, after.sigma_m)
 
 
 def test_derivatives_of_heights_beside_labels() -> None:
     scene = make_scene(3, roughness=0.05, verge=(0, 1, 2, 5), control=3)
     found = with_found(scene.survey, chains=1, ties=4)
-    ties = replace(
-        found.ties,
-        near=np.array([0, -1, 3, 0]),
-        near_rise_m=np.ones(4),
-        near_sigma_m=np.full(4, 0.02),
+    beside = Beside(
+        label=np.array([0, 3]),
+        tie=np.array([[0, 3, 1], [2, 0, 1]]),
+        weight=np.array([[0.7, 0.5, -0.2], [1.0, 0.0, 0.0]]),
+        sigma_m=np.array([0.02, 0.03]),
+        uneven=np.ones(2),
     )
+    ties = replace(found.ties, beside=beside)
     survey = replace(found, ties=ties)
     problem = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool))
     size = problem.layout.size
@@ -100,9 +150,9 @@ def test_derivatives_of_heights_beside_labels() -> None:
     blocks = problem.evaluate(state)
     assert blocks is not None
     block = blocks["beside"]
-    assert block.residual.shape == (3, 1)
-    analytic, numeric = np.zeros((3, size)), np.zeros((3, size))
-    np.add.at(analytic, (np.arange(3)[:, None], block.columns), block.jacobian[:, 0])
+    assert block.residual.shape == (2, 1)
+    analytic, numeric = np.zeros((2, size)), np.zeros((2, size))
+    np.add.at(analytic, (np.arange(2)[:, None], block.columns), block.jacobian[:, 0])
     for column in np.unique(block.columns):
         step = np.zeros(size)
         step[column] = 1e-5

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 
 from uavgram.model.arrays import Floats, Ints
-from uavgram.stages.tie.choose import ENOUGH, MOST, SHARED, Sighted, choose
+from uavgram.stages.tie.choose import BESIDE, ENOUGH, MOST, NEAR, SHARED, Sighted, choose
 from uavgram.stages.tie.tracks import Tracks
 
 SIZE = 1000, 800
@@ -80,3 +81,26 @@ def test_nothing_is_chosen_of_nothing() -> None:
     empty = np.empty(0, np.int64)
 
     assert len(choose(sighted(empty, empty, np.empty((0, 2))))) == 0
+
+
+def test_around_picks_more_are_kept_that_several_photos_show() -> None:
+    rng = np.random.default_rng(3)
+    place = rng.uniform(0.0, SIZE, (3000, 2))
+    long = np.arange(3000) % 4 > 0  # the others are seen twice, and nearer to the picks
+    seen = np.repeat(np.arange(3000), np.where(long, 3, 2))
+    photo = np.concatenate([np.arange(3 if three else 2) for three in long])
+    picked = np.array([[300.0, 200.0], [700.0, 600.0], [10.0, 790.0]])
+    place[::150] = picked[0] + rng.uniform(-9.0, 9.0, (20, 2))
+    everything = sighted(seen, photo, place[seen])
+    asked = replace(everything, picked_photo=np.array([0, 0, 2]), picked_px=picked)
+
+    before, after = (set(choose(each).tolist()) for each in (everything, asked))
+
+    assert before < after
+    added = np.array(sorted(after - before))
+    away = np.linalg.norm(place[added][:, None] - picked, axis=2).min(axis=1)
+    assert away.max() <= NEAR * SIZE[0]
+    assert long[added].all()
+    for one in picked[:2]:
+        near = [k for k in after if np.linalg.norm(place[k] - one) <= NEAR * SIZE[0] and long[k]]
+        assert len(near) >= BESIDE

@@ -53,7 +53,8 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
     lines = np.flatnonzero((start >= 0) & (end >= 0))
     control = np.flatnonzero(new_label[survey.control_label] >= 0)
     matches, chains = _some_sightings(survey.matches, new_frame, new_pick)
-    ties, tied = _some_sightings(_near(survey.ties, new_label), new_frame, new_pick)
+    beside = survey.ties.beside.of_labels(new_label)
+    ties, tied = _some_sightings(replace(survey.ties, beside=beside), new_frame, new_pick)
     reduced = replace(
         survey,
         frame_id=tuple(survey.frame_id[i] for i in frames),
@@ -79,11 +80,6 @@ def _tied_only(survey: Survey) -> Ints:
     """Frames that sightings of tie points show, and nobody picked anything in."""
     tied = np.union1d(survey.matches.frame, survey.ties.frame)
     return np.setdiff1d(tied, survey.pick_frame)
-
-
-def _near(ties: Sightings, new_label: Ints) -> Sightings:
-    """The ties beside the labels by their new indices (-1: left out)."""
-    return replace(ties, near=np.where(ties.near < 0, -1, np.append(new_label, -1)[ties.near]))
 
 
 def _some_sightings(

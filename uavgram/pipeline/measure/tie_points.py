@@ -68,6 +68,8 @@ def tied(inputs: Inputs, posed: Posed, progress: Progress = silent) -> Tied:
         path=tuple(inputs.photos.path[k] for k in rows),
         calibration=inputs.calibration,
         poses=None if posed.telemetry is None else posed.telemetry.poses,
+        picked_image=inputs.picks.image,
+        picked_px=inputs.picks.pixel_px,
         ground_m=ground.height_m,
         ground_sigma_m=ground.height_sigma_m,
     )

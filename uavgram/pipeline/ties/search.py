@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -40,6 +40,8 @@ class Scene:
         Of the camera.
     poses
         Of those that have one, by their names; None where nothing says where any was.
+    picked_image, picked_px
+        (K,), (K, 2) what people picked: around it the height of the ground will be asked for.
     ground_m, ground_sigma_m
         Height of the ground in the world of the poses, and its standard deviation.
     """
@@ -48,6 +50,8 @@ class Scene:
     path: tuple[str, ...]
     calibration: Calibration
     poses: Poses | None
+    picked_image: tuple[str, ...] = ()
+    picked_px: Floats = field(default_factory=lambda: np.empty((0, 2)))
     ground_m: float = 0.0
     ground_sigma_m: float = 1.0
 
@@ -206,6 +210,8 @@ def _joined(
     matches = matches.take(np.flatnonzero(fitting(matches, relative, len(pairs))))
     sigma = sigmas(matches, relative, len(pairs), scale)
     tracks = tracks_of(matches, photo)
+    row = {name: k for k, name in enumerate(scene.frame_id)}
+    picked = [k for k, name in enumerate(scene.picked_image) if name in row]
     kept = choose(
         Sighted(
             tracks=tracks,
@@ -214,6 +220,8 @@ def _joined(
             sigma_px=sigma[tracks.feature],
             width_px=scene.calibration.width_px,
             height_px=scene.calibration.height_px,
+            picked_photo=np.array([row[scene.picked_image[k]] for k in picked], dtype=np.int64),
+            picked_px=scene.picked_px[picked],
         )
     )
     rows = np.flatnonzero(np.isin(tracks.point, kept))

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from uavgram.model.arrays import Floats, Ints
 from uavgram.stages.tie.tracks import Tracks
@@ -27,6 +28,15 @@ ENOUGH = 60
 SHARED = 12
 """Points that two photos which were matched should have in common."""
 
+BESIDE = 8
+"""Points beside each pick: they tell how high the ground is there, see stages/refine/near_ties."""
+
+NEAR = 0.05
+"""How near to a pick those are, as a share of the photo's width."""
+
+SURE = 3
+"""Photos that show each of them, at least: of two, the height is less sure."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sighted:
@@ -42,6 +52,8 @@ class Sighted:
         (S, 2), (S,).
     width_px, height_px
         Of the photos.
+    picked_photo, picked_px
+        (P,), (P, 2) what people picked, and where.
     """
 
     tracks: Tracks
@@ -50,6 +62,8 @@ class Sighted:
     sigma_px: Floats
     width_px: int
     height_px: int
+    picked_photo: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    picked_px: Floats = field(default_factory=lambda: np.empty((0, 2)))
 
 
 def choose(sighted: Sighted) -> Ints:
@@ -75,6 +89,7 @@ class _Choice:
         self._count: Counter[int] = Counter()
         self._common: Counter[tuple[int, int]] = Counter()
         self._taken: dict[int, None] = {}
+        self._sighted = sighted
 
     def chosen(self) -> list[int]:
         for point in self._order:
@@ -86,7 +101,35 @@ class _Choice:
         for point in self._left():
             if any(self._count[photo] < ENOUGH for photo in self._photos(point)):
                 self._take(point)
+        self._count.clear()  # photos have as much room again
+        for near in self._near_picks():
+            self._take_beside(near)
         return sorted(self._taken)
+
+    def _take_beside(self, near: list[int]) -> None:
+        """Keep points near a pick, in this order, until there are enough."""
+        missing = BESIDE - sum(point in self._taken for point in near)
+        for point in near:
+            if missing > 0 and point not in self._taken and self._is_free(point, self._fine):
+                self._take(point)
+                missing -= 1
+
+    def _near_picks(self) -> Iterator[list[int]]:
+        """Points that are sure, near each pick, the nearest first."""
+        sighted = self._sighted
+        point, photo = sighted.tracks.point, sighted.photo
+        sure = np.bincount(point)[point] >= SURE if len(point) else np.zeros(0, np.bool_)
+        for one in np.unique(sighted.picked_photo):
+            rows = np.flatnonzero(sure & (photo == one))
+            if not len(rows):
+                continue
+            picked = sighted.picked_px[sighted.picked_photo == one]
+            tree, ranks = cKDTree(sighted.pixel_px[rows]), np.arange(1, min(MOST, len(rows)) + 1)
+            away, near = tree.query(picked, ranks, distance_upper_bound=NEAR * sighted.width_px)
+            yield from (
+                point[rows[which[np.isfinite(distance)]]].tolist()
+                for which, distance in zip(np.asarray(near), np.asarray(away), strict=True)
+            )
 
     def _left(self) -> Iterator[int]:
         """Points that are not taken, and do not lie beside those that are."""

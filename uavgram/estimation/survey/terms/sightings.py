@@ -251,30 +251,37 @@ class TiedPoints:
             off = (state.tie[..., tie, 2] - ground_m)[..., None]
             weight = np.full((len(tie), 1, 1), 1.0 / ANYWHERE_M)
             blocks["tie heights"] = Block(off / ANYWHERE_M, layout.tie_columns(tie)[:, 2:], weight)
-        near = survey.ties.near
-        beside = np.flatnonzero((near >= 0) & ~np.append(survey.off_ground, True)[near])
-        if len(beside):
-            blocks["beside"] = self._beside(state, beside)
+        beside = survey.ties.beside
+        told = np.isin(beside.label, self._problem.third.rough) & np.isfinite(beside.sigma_m)
+        if told.any():
+            blocks["beside"] = self._beside(state, np.flatnonzero(told))
         return blocks
 
     def _beside(self, state: State, which: Ints) -> Block:
-        """Heights of ties over the plane, less those of the labels beside them."""
-        problem, ties = self._problem, self._problem.survey.ties
-        label, tie = ties.near[which], problem.survey.matches.points + which
+        """Heights over the plane that ties make of labels, less those of the labels.
+
+        Nothing but differences: what holds the plane is, as without ties, the prior of the labels'
+        roughness about it.
+        """
+        problem, beside = self._problem, self._problem.survey.ties.beside
+        label, weight, sigma = beside.label[which], beside.weight[which], beside.sigma_m[which]
+        tie = problem.survey.matches.points + beside.tie[which]
         place = state.tie[..., tie, :]
-        ground = problem.ground.at(state.plane, state.relief, label, place[..., :2])
-        departs = problem.third.departs[label]
-        weight = 1.0 / ties.near_sigma_m[which]
-        above = place[..., 2] - ground.height_m + ties.near_rise_m[which]
-        above = above - np.where(departs, state.point[..., label, 2], 0.0)
-        ones = np.ones((*above.shape, 1))
-        jacobian = np.concatenate(
-            [-ground.slope, ones, -ones * departs[:, None], -ground.by_unknowns], axis=-1
-        )
+        flat = place.reshape(*place.shape[:-3], -1, 3)
+        own = np.repeat(label, tie.shape[1])
+        ground = problem.ground.at(state.plane, state.relief, own, flat[..., :2])
+        above = place[..., 2] - ground.height_m.reshape(place.shape[:-1])
+        off = np.sum(weight * above, axis=-1) - state.point[..., label, 2]
+        by_tie = np.ones(flat.shape)
+        by_tie[..., :2] = -ground.slope
+        by_tie = (weight[..., None] * by_tie.reshape(place.shape)).reshape(*off.shape, -1)
+        by_ground = ground.by_unknowns.reshape(*place.shape[:-1], -1)
+        by_ground = -np.sum(weight[..., None] * by_ground, axis=-2)
+        jacobian = np.concatenate([by_tie, -np.ones((*off.shape, 1)), by_ground], axis=-1)
         columns = [
-            problem.layout.tie_columns(tie),
+            problem.layout.tie_columns(tie.ravel()).reshape(len(label), -1),
             problem.layout.point_columns(label)[:, 2:],
             problem.plane_columns(label),
         ]
-        rows = (jacobian * weight[:, None])[..., None, :]
-        return Block((above * weight)[..., None], np.concatenate(columns, axis=1), rows)
+        weighted = jacobian[..., None, :] / sigma[:, None, None]
+        return Block((off / sigma)[..., None], np.concatenate(columns, axis=1), weighted)

@@ -40,6 +40,8 @@ class ThirdCoordinate:
         roughness = np.array([ground.roughness_sigma_m for ground in survey.grounds])[survey.area]
         free, stated = survey.is_free, survey.height_sigma_m > 0
         departs = free | stated | (roughness > 0)
+        beside = survey.ties.beside
+        roughness[beside.label] *= beside.uneven
         sigma = np.hypot(roughness, survey.height_sigma_m)
         return cls(
             rough=np.flatnonzero((roughness > 0) & ~stated & ~free),
