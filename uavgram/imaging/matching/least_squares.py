@@ -72,10 +72,19 @@ class Fitted(NamedTuple):
 
     def some(self, chosen: Bools) -> Fitted:
         """Those of the patches (m,) that are chosen."""
-        grid, weight, *own = self.fixed
-        fixed = System(grid, weight, *(column[chosen] for column in own))
-        columns = self.place, self.linear, self.likeness, self.gain
-        return Fitted(*(column[chosen] for column in columns), fixed, self.value[chosen])
+        fixed = self.fixed._replace(
+            value=self.fixed.value[chosen],
+            contrast=self.fixed.contrast[chosen],
+            by=self.fixed.by[chosen],
+        )
+        return Fitted(
+            place=self.place[chosen],
+            linear=self.linear[chosen],
+            likeness=self.likeness[chosen],
+            gain=self.gain[chosen],
+            fixed=fixed,
+            value=self.value[chosen],
+        )
 
 
 def fitted(
