@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from uavgram.imaging.matching.patches import Grey
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 
 CHANGE_SIGMA = 0.05
 """Of each element of the affine map: what errors of poses and slopes of the ground leave."""
@@ -69,6 +69,22 @@ class Fitted(NamedTuple):
     def contrast(self) -> Floats:
         """(m,) weighted standard deviation of the fixed patches [grey values]."""
         return self.fixed.contrast
+
+    def some(self, chosen: Bools) -> Fitted:
+        """Those of the patches (m,) that are chosen."""
+        fixed = self.fixed._replace(
+            value=self.fixed.value[chosen],
+            contrast=self.fixed.contrast[chosen],
+            by=self.fixed.by[chosen],
+        )
+        return Fitted(
+            place=self.place[chosen],
+            linear=self.linear[chosen],
+            likeness=self.likeness[chosen],
+            gain=self.gain[chosen],
+            fixed=fixed,
+            value=self.value[chosen],
+        )
 
 
 def fitted(

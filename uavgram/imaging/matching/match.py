@@ -275,9 +275,11 @@ class _Search:
         ]
         self._judge_back(index, there, back, others)
         into = self._frames.target[index]
-        spread = into @ covariance_of(there, options, patch.step) @ np.swapaxes(into, 1, 2)
-        worst = np.sqrt(np.linalg.eigvalsh(spread)[:, 1])
-        self._refuse(index, ~(worst < options.sigma_px), Refused.WEAK)
+        left, spread = self._refused[index] == Refused.NONE, np.full((len(index), 2, 2), np.nan)
+        sure = covariance_of(there.some(left), options, patch.step)
+        spread[left] = into[left] @ sure @ np.swapaxes(into[left], 1, 2)
+        worst = np.sqrt(np.linalg.eigvalsh(spread[left])[:, 1])
+        self._refuse(index[left], ~(worst < options.sigma_px), Refused.WEAK)
         return at + (into @ there.place[..., None])[..., 0], spread
 
     def _judge_fit(self, index: Ints, there: Fitted) -> None:

@@ -70,7 +70,7 @@ def _of_noise_and_bend(found: Fitted) -> tuple[Floats, Floats]:
 def _slopes(value: Floats, grid: Floats) -> Floats:
     """(m, 6, k) change of the moving patches' values (m, s, s) by the map's parameters."""
     down, across = np.gradient(value, axis=(1, 2))
-    slope = np.stack([across, down], axis=1).reshape(len(value), 2, -1)
+    slope = np.stack([across, down], axis=1).reshape(len(value), 2, len(grid))
     return np.concatenate([slope, *(slope[:, [i]] * grid.T for i in range(2))], axis=1)
 
 
