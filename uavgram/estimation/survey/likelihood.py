@@ -278,9 +278,7 @@ class SurveyProblem:
 
     def _end_columns(self, start: Ints, end: Ints) -> Ints:
         points = self.layout.point_columns(start), self.layout.point_columns(end)
-        return np.concatenate(
-            [*points, self.plane_columns(start), self.plane_columns(end)], axis=1
-        )
+        return np.concatenate([*points, self.plane_columns(start), self.plane_columns(end)], axis=1)
 
     def _control(self, state: State) -> Block:
         survey = self.survey

@@ -243,9 +243,7 @@ def _combine(v: Floats, first: Floats, second: Floats) -> Floats:
 
 def _sum(cross: Floats, square: Floats, first: Floats, second: Floats) -> Floats:
     """``I + first cross + second square``."""
-    return np.asarray(
-        _IDENTITY + first[..., None, None] * cross + second[..., None, None] * square
-    )
+    return np.asarray(_IDENTITY + first[..., None, None] * cross + second[..., None, None] * square)
 
 
 def _sinc(angle: Floats) -> Floats:
