@@ -1,10 +1,12 @@
 """Every word of the README is true: its Python runs, its commands exist."""
 
 import re
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
+from flight_projects import Demo
 
 from uavgram.cli import app
 
@@ -14,23 +16,17 @@ def readme(repository: Path) -> str:
     return (repository / "README.md").read_text(encoding="utf-8")
 
 
-@pytest.fixture(scope="module")
-def demo_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from uavgram.model.scenario.scenario import Scenario
-    from uavgram.pipeline.demo import demo
-
-    folder = tmp_path_factory.mktemp("readme")
-    demo(folder, Scenario())
-    return folder
-
-
 def test_the_python_of_the_readme_runs_on_the_demo(
     readme: str,
-    demo_folder: Path,
+    demo: Demo,
+    tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.chdir(demo_folder)
+    # A copy without its results: others read them.
+    folder = tmp_path / "survey"
+    shutil.copytree(demo.folder, folder, ignore=shutil.ignore_patterns("out"))
+    monkeypatch.chdir(folder)
     blocks = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
     names: dict[str, Any] = {}
     for block in blocks:
