@@ -19,7 +19,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import Beside
 from uavgram.stages.refine.begin.tied_frames import with_tied_frames
-from uavgram.stages.refine.near_ties import OFF_M, _unclear_m
+from uavgram.stages.refine.near_ties import OFF_M, _beside, _Guessed, _unclear_m
 from uavgram.stages.refine.sound_ties import with_sound_ties
 
 SWELL_M = 0.2
@@ -72,6 +72,17 @@ def test_ties_that_disagree_know_no_more_than_they_show() -> None:
     assert np.all(sigma > 0.03)
     assert np.median(sigma) > 0.042  # told by the prior and by the ties once more: 0.035
     assert np.median(sigma) < 0.1
+
+
+def test_prior_and_ties_together_are_the_guess_of_which_the_prior_was_a_part() -> None:
+    height, sigma, prior = np.array([0.1, -0.2]), np.array([0.03, 0.05]), np.array([0.06, 0.09])
+    told = _Guessed(np.zeros((2, 1), np.int64), height[:, None], sigma)
+    made = _beside(np.arange(2), told, prior, 0.06)
+
+    weight = 1.0 / np.stack([prior, made.sigma_m]) ** 2
+    both = weight[1] * made.weight[:, 0] / weight.sum(axis=0)
+    np.testing.assert_allclose(both, height)
+    np.testing.assert_allclose(1.0 / np.sqrt(weight.sum(axis=0)), sigma)
 
 
 def test_ties_off_the_ground_leave_unclear_what_they_would_have_told() -> None:
