@@ -64,7 +64,7 @@ def test_the_scale_leads_back_to_original_pixels(
 
 @pytest.mark.parametrize(("width", "is_whole"), [(600, True), (1600, False)])
 def test_whoever_wants_the_whole_photo_sees_its_pixels_or_nothing(
-    tmp_path: Path, width: int, is_whole: bool
+    tmp_path: Path, width: int, *, is_whole: bool
 ) -> None:
     path = write(tmp_path / "photo.jpg", photo(width, 500))
     seen: list[Pixels] = []
