@@ -62,15 +62,15 @@ def test_the_scale_leads_back_to_original_pixels(
     np.testing.assert_allclose(back, centroid(rgb), atol=0.15)
 
 
-@pytest.mark.parametrize(("width", "is_whole"), [(600, True), (1600, False)])
+@pytest.mark.parametrize(("width", "times"), [(600, 1), (1600, 0)])
 def test_whoever_wants_the_whole_photo_sees_its_pixels_or_nothing(
-    tmp_path: Path, width: int, *, is_whole: bool
+    tmp_path: Path, width: int, times: int
 ) -> None:
     path = write(tmp_path / "photo.jpg", photo(width, 500))
     seen: list[Pixels] = []
     read_preview(path, 400, whole=seen.append)
 
-    assert len(seen) == is_whole
+    assert len(seen) == times
     for pixels in seen:  # not those of the preview
         np.testing.assert_array_equal(pixels, cv2.imread(str(path)))
 
