@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from flight_projects import Demo
 
 import uavgram
+from uavgram.imaging.photos.preview import read_preview
 from uavgram.model.result.result import Result
+from uavgram.pipeline.measure.pictures import ReportPictures
 
 
 @pytest.fixture(scope="module")
@@ -37,6 +41,18 @@ def test_each_measurement_is_printed_beside_its_truth(demo: Demo) -> None:
         off = min(abs(number - pace * row["value"]) for number in numbers[2:])
         assert off < 0.6 * last, line
         assert "±" in line
+
+
+def test_pictures_are_the_same_whether_cut_in_passing_or_later(result: Result) -> None:
+    passing, later = ReportPictures(result), ReportPictures(result)
+    for path in result.frames.path[::2]:
+        read_preview(path, whole=partial(passing.cut, path))
+    pictures, again = passing.pictures(), later.pictures()
+    assert len(pictures.shown) > 3
+    assert [(one.region, one.jpeg) for one in pictures.shown] == [
+        (one.region, one.jpeg) for one in again.shown
+    ]
+    assert pictures.left_out == again.left_out
 
 
 def test_measurements_agree_with_the_truth(demo: Demo, result: Result) -> None:
