@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.measuring.scale import scale_sigmas
+from uavgram.estimation.measuring.scale import NOTHING, scale_sigmas
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.message import Message
-
-NOTHING = 0.3
-"""Relative sigma from which on nothing is said of the scale."""
 
 
 def scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:

@@ -47,8 +47,11 @@ def test_the_rest_knows_the_scale_as_well_as_a_tape_that_nobody_knows(
     assert found.lengths == pytest.approx(own, rel=1e-3)
 
 
-def test_nothing_else_bears_on_it_without_a_log(scene_factory: Make) -> None:
-    scene = read_on_tapes(scene_factory(8, **ALONE), {"": 0.0}, sigma=0.001)
+@pytest.mark.parametrize("roughness_m", [0.0, 0.08])
+def test_nothing_else_bears_on_it_without_a_log(scene_factory: Make, roughness_m: float) -> None:
+    """The ground is as uneven as the survey is large: that tells nothing of its size."""
+    made = scene_factory(8, **ALONE, frames=5, labels=40, roughness=roughness_m)
+    scene = read_on_tapes(made, {"": 0.0}, sigma=0.001)
     adjustment = adjusted(scene)
 
     assert np.isinf(scale_sigmas(adjustment).others)

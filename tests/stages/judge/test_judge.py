@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scenes import Scene
 from scipy.stats import chi2
+from taped_scenes import read_on_tapes
 
 from uavgram.estimation.measuring.propagation import propagate
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
@@ -127,6 +128,16 @@ def test_a_clean_survey_has_nothing_to_say(scene_factory: Callable[..., Scene]) 
     observations = sum(group.observations for group in groups)
     layout = refined.adjustment.problem.layout
     assert total == pytest.approx(observations - layout.size, abs=1e-5)
+
+
+def test_the_only_tape_is_not_suspected_by_how_uneven_the_ground_is(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    """Without a log nothing else bears on it; smaller ground would only be more even."""
+    alone = {"telemetry": False, "gauge": "plane", "roughness": 0.08}
+    made = scene_factory(8, frames=5, labels=60, lines=8, **alone)
+    given = examined(solve(read_on_tapes(made, {"": 0.0}, sigma=0.001).survey))
+    assert judge_suspects(given) == ()
 
 
 @pytest.mark.parametrize(("outliers", "status"), [("report", "suspect"), ("remove", "removed")])

@@ -9,10 +9,14 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.size import by_size
 from uavgram.estimation.survey.terms.tapes import taped_lines
 from uavgram.estimation.survey.unknowns import Layout
-from uavgram.model.arrays import Ints
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
+
+NOTHING = 0.3
+"""Relative sigma from which on something does not bear on the scale."""
 
 
 class ScaleSigmas(NamedTuple):
@@ -26,7 +30,7 @@ class ScaleSigmas(NamedTuple):
         Of a factor common to the known lengths, by their readings and tapes; inf without any.
     others
         Of the same factor, by all the rest: log, control, stated heights; inf where nothing else
-        bears on it.
+        bears on it. What the survey learns of itself does not: see estimation/survey/size.
     """
 
     all: float
@@ -70,11 +74,12 @@ def _of_others(adjustment: Adjustment) -> float:
     blocks.pop("tape", None)
     bare = replace(layout, tape=0)
     last = bare.size
-    blocks["lengths"] = Block(
-        readings.residual,
-        np.column_stack([readings.columns[:, :width], np.full(len(line), last + layout.tape)]),
-        np.concatenate([readings.jacobian[:, :, :width], by_factor[:, None, None]], axis=2),
+    bare_readings = Block(
+        readings.residual, readings.columns[:, :width], readings.jacobian[:, :, :width]
     )
+    blocks["lengths"] = _with_column(bare_readings, last + layout.tape, by_factor[:, None])
+    for kind, change in by_size(adjustment).items():
+        blocks[kind] = _with_column(blocks[kind], last + layout.tape, change)
     # What stands behind the tapes' scales moves up.
     moved = [replace(b, columns=_without_tapes(b.columns, layout)) for b in blocks.values()]
     structure = replace(bare.structure, size=last + 1)
@@ -83,6 +88,15 @@ def _of_others(adjustment: Adjustment) -> float:
     except SingularError:
         return float("inf")
     return float(np.sqrt(factor.joint(np.array([last]))[0, 0]))
+
+
+def _with_column(block: Block, column: int, derivative: Floats) -> Block:
+    """Rows by one more unknown, of which each row has its derivative (m, r)."""
+    return Block(
+        block.residual,
+        np.column_stack([block.columns, np.full(len(block.columns), column)]),
+        np.concatenate([block.jacobian, derivative[:, :, None]], axis=2),
+    )
 
 
 def _without_tapes(columns: Ints, layout: Layout) -> Ints:

@@ -8,6 +8,7 @@ from itertools import islice
 import numpy as np
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
+from uavgram.estimation.measuring.scale import NOTHING, scale_sigmas
 from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS, suspicions
 from uavgram.estimation.reliability.external import Weakest, Worst, external_reliability
 from uavgram.estimation.reliability.redundancy import critical_value
@@ -170,4 +171,11 @@ def _suspicions(
     if not refined.tested.minimum.converged:
         return ()
     found = suspicions(refined.tested, groups, significance, refined.accused)
-    return tuple(islice(found, 1) if refined.accused_alone else found)
+    some = islice(found, 1) if refined.accused_alone else found
+    return tuple(one for one in some if not _is_lone_tape(refined.tested, one))
+
+
+def _is_lone_tape(adjustment: Adjustment, suspicion: Suspicion) -> bool:
+    """Whether the only tape is suspected, though nothing else bears on the scale."""
+    is_tape = suspicion.accused.kind == "tape" and len(adjustment.problem.tapes) == 1
+    return is_tape and not scale_sigmas(adjustment).others < NOTHING

@@ -41,7 +41,7 @@ def test_a_factor_and_an_offset_are_found_within_their_sigmas(
             wrong = off_by(survey, truth * is_factor, truth * (not is_factor))
             adjustment = standing(wrong).adjustment
             (one,) = (each for each in _common(adjustment) if each.is_factor == is_factor)
-            (found,) = explained(adjustment, [[one.moved]], CHECKED)
+            (found,) = explained(adjustment, [one.moved], CHECKED)
             off = float(found.value[0]) - truth
             squares[is_factor].append(off**2 / float(found.covariance[0, 0]))
     for square in squares.values():
@@ -69,7 +69,7 @@ def test_an_offset_below_four_sigmas_is_not_told(scene_factory: Callable[..., Sc
     survey = scene_factory(3, frames=4, ends=PAIRS).survey
     given = standing(off_by(survey, 0.0, -0.125))
     (one,) = (each for each in _common(given.adjustment) if not each.is_factor)
-    (found,) = explained(given.adjustment, [[one.moved]], CHECKED)
+    (found,) = explained(given.adjustment, [one.moved], CHECKED)
     assert 3.0 < -found.value[0] / np.sqrt(found.covariance[0, 0]) < 4.0
     assert identify(given).causes == ()
 
@@ -81,12 +81,19 @@ def test_nothing_common_is_told_of_right_lengths(scene_factory: Callable[..., Sc
         assert identify(given).causes == ()
 
 
-def test_without_a_log_a_factor_is_checked_by_nothing(scene_factory: Callable[..., Scene]) -> None:
-    survey = scene_factory(1, frames=3, ends=PAIRS, telemetry=False, gauge="plane").survey
-    (factor,) = (one for one in _common(standing(survey).adjustment) if one.is_factor)
-    (found,) = explained(standing(survey).adjustment, [[factor.moved]], CHECKED)
+@pytest.mark.parametrize("roughness_m", [0.0, 0.08])
+def test_without_a_log_a_factor_is_checked_by_nothing(
+    scene_factory: Callable[..., Scene], roughness_m: float
+) -> None:
+    """Nor by how uneven the ground is, which the survey learns from itself."""
+    alone = {"telemetry": False, "gauge": "plane", "roughness": roughness_m}
+    survey = scene_factory(1, frames=5, labels=40, ends=PAIRS, **alone).survey
+    given = standing(replace(survey, length_sigma_m=np.full(len(PAIRS), 0.05)))
+    (factor,) = (one for one in _common(given.adjustment) if one.is_factor)
+    (found,) = explained(given.adjustment, [factor.moved], CHECKED)
     assert np.isinf(found.covariance[0, 0])
     assert found.gain == 0.0
+    assert not common_misfit(given.adjustment)
 
 
 def test_only_odd_heights_are_told_with_the_unit_that_makes_them_ordinary() -> None:

@@ -7,6 +7,7 @@ thought. Of either only a linear test tells: nothing is adjusted anew to find th
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -16,6 +17,7 @@ from uavgram.estimation.reliability.hypotheses import Explained, Moved, explaine
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.reliability.wrong_units import likely_unit_of_height
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.size import by_size
 from uavgram.estimation.survey.terms.tapes import taped_lines
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
@@ -61,7 +63,7 @@ class _Common(NamedTuple):
     """What the lengths of a tape may have in common."""
 
     tape: _Tape
-    moved: Moved
+    moved: tuple[Moved, ...]
     is_factor: bool
 
 
@@ -71,7 +73,7 @@ def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
     if not adjustment.minimum.converged:
         return
     common = _common(adjustment)
-    tests = explained(adjustment, [[one.moved] for one in common], CHECKED)
+    tests = explained(adjustment, [one.moved for one in common], CHECKED)
     for one, found in zip(common, tests, strict=True):
         value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
         if not np.isfinite(sigma) or abs(value) < NOT_CHANCE * sigma:
@@ -85,7 +87,7 @@ def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
         yield Hypothesis(
             tell=partial(tell, standing, one.tape, found),
             mend=_mend(standing, one, found),
-            moved=(one.moved,),
+            moved=one.moved,
             checked=CHECKED,
             price=float(
                 np.log(len(common) / 2) + np.log(2.0 * largest / (sigma * np.sqrt(2.0 * np.pi)))
@@ -99,21 +101,23 @@ def _is_common(adjustment: Adjustment, one: _Common) -> bool:
     block = adjustment.minimum.blocks["lengths"]
     worst = np.argsort(-falls_without(block, adjustment.covariance), kind="stable")[:MOST_DOUBTED]
     single = [Moved("lengths", np.array([row]), np.ones((1, 1, 1))) for row in worst]
-    rows, along = one.moved.rows, one.moved.along
+    (lengths, *rest) = one.moved
+    rows, along = lengths.rows, lengths.along
+    size = [replace(each, along=np.pad(each.along, ((0, 0), (0, 0), (0, 1)))) for each in rest]
     both = []
     for row in worst:
         every = np.union1d(rows, [row])
         own = np.zeros((len(every), 1, 2))
         own[np.isin(every, rows), :, :1], own[every == row, 0, 1] = along, 1.0
-        both.append(Moved("lengths", every, own))
+        both.append([Moved("lengths", every, own), *size])
     alone = explained(adjustment, [[each] for each in single], CHECKED)
-    joint = explained(adjustment, [[each] for each in both], CHECKED)
+    joint = explained(adjustment, both, CHECKED)
     return all(b.gain - a.gain > STILL**2 for a, b in zip(alone, joint, strict=True))
 
 
 def common_misfit(adjustment: Adjustment) -> bool:
     """Whether all lengths have something in common that is hardly chance."""
-    tests = explained(adjustment, [[one.moved] for one in _common(adjustment)], CHECKED)
+    tests = explained(adjustment, [one.moved for one in _common(adjustment)], CHECKED)
     return any(one.gain > NOT_CHANCE**2 for one in tests)
 
 
@@ -145,12 +149,18 @@ def _common(adjustment: Adjustment) -> list[_Common]:
     taped = taped_lines(survey, line)
     reading, _, _ = adjustment.problem.readings(adjustment.state, taped)
     sigma = survey.length_sigma_m[line]
+    size = [
+        Moved(kind, np.arange(len(change)), change[:, :, None])
+        for kind, change in by_size(adjustment).items()
+    ]
     found = []
     for tape in _tapes(taped.tape):
         for is_factor in (True, False):
             amount: Floats = reading[tape.rows] if is_factor else np.ones(len(tape.rows))
             along = (amount / sigma[tape.rows])[:, None, None]
-            found.append(_Common(tape, Moved("lengths", tape.rows, along), is_factor))
+            with_size = size if is_factor and len(tape.rows) == len(line) else []
+            moved = Moved("lengths", tape.rows, along), *with_size
+            found.append(_Common(tape, moved, is_factor))
     return found
 
 
