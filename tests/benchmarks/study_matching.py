@@ -11,6 +11,10 @@ each of its own seed: nothing was tuned on them.
 Then the same with 0.8 px of noise in every pick: distances between the things meant.
 
     python tests/benchmarks/study_matching.py --flights 6 --seed 700 --json matching.json
+
+`--shared DRAW` takes the three rendered streets of the data folder (UAVGRAM_DATA, else
+../shared/data) instead, each point picked exactly in its best photo (0), or in one drawn by chance
+(1, 2...). The gimbal of street_rolling is logged wrong by 15 degrees: it has tie points.
 """
 
 from __future__ import annotations
@@ -34,6 +38,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 import cv2
 import numpy as np
+from flight_projects import copy_project
 from streets.flight import Kind
 from streets.street import Street, Wish, draw_street
 from streets.writing import Tables, picked, truth, write_street
@@ -43,6 +48,7 @@ from uavgram.model.arrays import Floats
 from uavgram.pipeline.match.run import match_picks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.pipeline.picks_ties import write_ties
 
 FLIGHTS: tuple[tuple[Kind, float], ...] = (
     ("nadir", 0.0),
@@ -54,6 +60,8 @@ FLIGHTS: tuple[tuple[Kind, float], ...] = (
 HEIGHTS_M = (30.0, 40.0, 50.0)
 WRONG_PX, NOISE_PX = 3.0, 0.8
 OFF_GROUND = "VW"
+FOOT_M = 0.05  # up to which a corner stands on the ground
+SHARED = ("street_nadir", "street_oblique", "street_rolling")
 
 
 @dataclass(frozen=True)
@@ -123,7 +131,12 @@ def _write(street: Street, folder: Path, noise_px: float) -> Path:
 
 
 def _matched(street: Street, folder: Path, noise_px: float, flight: str) -> list[Pair]:
-    project = _write(street, folder, noise_px)
+    return _found(_write(street, folder, noise_px), truth(street)["pixels"], flight)
+
+
+def _found(project: Path, true_pixels: Mapping[str, Any], flight: str) -> list[Pair]:
+    """Search, and what was found of all that each photo shows of the picked points."""
+    folder = project.parent
     with (folder / "picks.csv").open(newline="") as file:
         by_hand = {(row["image"], row["label"]) for row in csv.DictReader(file)}
     match_picks(project)
@@ -138,7 +151,7 @@ def _matched(street: Street, folder: Path, noise_px: float, flight: str) -> list
     labels = {label for _, label in by_hand}
     return [
         pair
-        for photo, sights in truth(street)["pixels"].items()
+        for photo, sights in true_pixels.items()
         for label, true in sights.items()
         if label in labels and (photo, label) not in by_hand
         for pair in [_pair(flight, (photo, label), true, found)]
@@ -154,6 +167,42 @@ def _pair(
 ) -> Pair:
     u, v, sigma = found.get(of, (np.nan, np.nan, np.nan))
     return Pair(flight, *of, bool(true[2]), u - true[0], v - true[1], sigma)
+
+
+def shared_street(name: str, draw: int, folder: Path) -> list[Pair]:
+    """Pairs of a street of the data folder."""
+    data = Path(os.environ.get("UAVGRAM_DATA", Path(__file__).parents[3] / "shared" / "data"))
+    told = json.loads((data / "truth" / f"{name}.json").read_text(encoding="utf-8"))
+    rng, above = np.random.default_rng((17, draw)), told["height_above_ground_m"]
+    shows: dict[str, list[str]] = {}
+    for photo, sights in told["pixels"].items():
+        for label, (_, _, visible) in sights.items():
+            if visible and label in above and label[0] in "PQZDRVW" and "_" not in label:
+                shows.setdefault(label, []).append(photo)
+    rows = [["image", "label", "u_px", "v_px", "sigma_px", "height_m"]]
+    for label in sorted(shows):
+        is_raised = label[0] in OFF_GROUND
+        if is_raised and above[label] <= FOOT_M:
+            continue
+        photo = told["best_frame"][label]
+        if draw or photo not in shows[label]:
+            photo = shows[label][int(rng.integers(len(shows[label])))]
+        u, v, _ = told["pixels"][photo][label]
+        free = "free" if is_raised else ""
+        rows.append([photo, label, f"{u:.3f}", f"{v:.3f}", str(NOISE_PX), free])
+    folder.mkdir(parents=True)
+    natural = [row[1] for row in rows[1:] if row[1].startswith("P")]
+    measures = [["name", "kind", "points"], ["D0", "distance", ";".join(natural[:2])]]
+    tables = {"picks": rows, "measure": measures}
+    for table, content in tables.items():
+        with (folder / f"{table}.csv").open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows(content)
+    own: dict[str, object] = {table: str(folder / f"{table}.csv") for table in tables}
+    project = copy_project(data / name, folder, **own)
+    if name == "street_rolling":
+        write_ties(project)
+        project = copy_project(data / name, folder, **own, ties=str(folder / "ties.csv"))
+    return _found(project, told["pixels"], name)
 
 
 def _distances(street: Street, folder: Path, flight: str) -> dict[str, Any]:
@@ -216,6 +265,8 @@ def tell(done: list[dict[str, Any]], worst: int) -> None:
     for p in ranked[:worst]:
         print(f"  {p.flight} {p.photo} {p.label}: {p.du:.2f} {p.dv:.2f} +- {p.sigma:.2f}")
     for each in done:
+        if each["distances"] is None:
+            continue
         error, sigma = (np.array(each["distances"][key]) for key in ("error", "sigma"))
         held = np.isfinite(sigma)
         z = _rms(error[held] / sigma[held])
@@ -240,7 +291,14 @@ def main() -> None:
         "--folder", help="where the projects are kept; photos there are not rendered again"
     )
     parser.add_argument("--worst", type=int, default=10, help="so many, by name")
+    parser.add_argument("--shared", type=int, metavar="DRAW", help="the data folder's streets")
     given = parser.parse_args()
+    if given.shared is not None:
+        cv2.setNumThreads(1)
+        with TemporaryDirectory(prefix="matching") as temporary:
+            found = [shared_street(n, given.shared, Path(temporary) / n) for n in SHARED]
+        tell([{"pairs": pairs, "distances": None} for pairs in found], given.worst)
+        return
     which = given.only if given.only is not None else range(given.flights)
     done = []
     with ProcessPoolExecutor(given.workers) as pool:
