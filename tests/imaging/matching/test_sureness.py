@@ -11,7 +11,7 @@ from uavgram.imaging.matching.least_squares import fitted
 from uavgram.imaging.matching.match import matched
 from uavgram.imaging.matching.matched import Refused, Sought
 from uavgram.imaging.matching.options import MatchOptions
-from uavgram.imaging.matching.sureness import covariance_of
+from uavgram.imaging.matching.sureness import covariance_of, is_sure
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
 
@@ -116,3 +116,10 @@ def test_sigmas_hold_in_compressed_photos_of_much_and_of_little_contrast(contras
     values = np.concatenate(squared)
     assert len(values) > 100
     assert 0.8 < np.sqrt(values.mean() / 2) < 1.25
+
+
+def test_what_is_no_covariance_or_too_large_in_some_direction_is_not_sure() -> None:
+    turn = np.array([[0.8, -0.6], [0.6, 0.8]])
+    axes = [(0.04, 0.01), (0.04, -0.01), (-0.02, -0.01), (0.26, 0.01), (0.24, 0.2)]
+    covariance = np.array([turn @ np.diag(squares) @ turn.T for squares in axes])
+    assert is_sure(covariance, 0.5).tolist() == [True, False, False, False, True]

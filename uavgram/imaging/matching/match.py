@@ -12,7 +12,7 @@ from uavgram.imaging.matching.matched import Matched, Refused, Sought
 from uavgram.imaging.matching.options import MatchOptions, Patch
 from uavgram.imaging.matching.patches import Frames, Grey, common_frames, window, within
 from uavgram.imaging.matching.search import Peak, best_place
-from uavgram.imaging.matching.sureness import covariance_of
+from uavgram.imaging.matching.sureness import covariance_of, is_sure
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints, rows_of
 
@@ -278,8 +278,7 @@ class _Search:
         left, spread = self._refused[index] == Refused.NONE, np.full((len(index), 2, 2), np.nan)
         sure = covariance_of(there.some(left), options, patch.step)
         spread[left] = into[left] @ sure @ np.swapaxes(into[left], 1, 2)
-        worst = np.sqrt(np.linalg.eigvalsh(spread[left])[:, 1])
-        self._refuse(index[left], ~(worst < options.sigma_px), Refused.WEAK)
+        self._refuse(index[left], ~is_sure(spread[left], options.sigma_px), Refused.WEAK)
         return at + (into @ there.place[..., None])[..., 0], spread
 
     def _judge_fit(self, index: Ints, there: Fitted) -> None:

@@ -17,9 +17,9 @@ import numpy as np
 from uavgram.imaging.matching.least_squares import fitted
 from uavgram.imaging.matching.matched import Refused
 from uavgram.imaging.matching.options import MatchOptions
-from uavgram.imaging.matching.patches import common_frames, window
-from uavgram.imaging.matching.shared_corner import PHOTOS, Line, corner_along, grid, sampled, shown
-from uavgram.imaging.matching.sureness import covariance_of
+from uavgram.imaging.matching.patches import Grey, common_frames, window
+from uavgram.imaging.matching.shared_corner import PHOTOS, Line, corner_along, grid, windows
+from uavgram.imaging.matching.sureness import covariance_of, is_sure
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats, Ints
 
@@ -97,7 +97,8 @@ def found_on_line(
     refused = np.full(t, int(Refused.NOT_LIKE))
     pixel, covariance = np.full((t, 2), np.nan), np.full((t, 2, 2), np.nan)
     score = np.zeros(t)
-    if not shown(source, line.source_px[None], np.eye(2)[None], _REACH).all():
+    _, own = windows(source, line.source_px[None], np.eye(2)[None], _REACH)
+    if not len(own):
         refused[:] = Refused.OUTSIDE
         return OnLine(refused, pixel, covariance, score)
     place, why = best_of(corner_along(source, targets, line), line)
@@ -106,7 +107,7 @@ def found_on_line(
         return OnLine(refused, pixel, covariance, score)
     near = slice(place - 1, place + 2)  # poses err
     beside = line._replace(pixel_px=line.pixel_px[near], affine=line.affine[near])
-    like = _likeness(source, targets, beside).max(axis=0)
+    like = _likeness(own[0], targets, beside).max(axis=0)
     support = int(np.clip(like - ALIKE, 0.0, None).sum(axis=0).argmax())
     score = like[:, support].clip(0.0, 1.0)
     for i in np.flatnonzero(score > ALIKE).tolist():
@@ -123,16 +124,14 @@ def found_on_line(
     return OnLine(refused, pixel, covariance, score)
 
 
-def _likeness(source: Image, targets: Sequence[Image], line: Line) -> Floats:
+def _likeness(own: Grey, targets: Sequence[Image], line: Line) -> Floats:
     """(k, t, windows) correlation of each window at each place; -1 where it says nothing."""
-    own = sampled(source, line.source_px[None], np.eye(2)[None], _GRID)[0]
     mean = _WINDOWS @ own
     variance = _WINDOWS @ own**2 - mean**2
     tells = variance > EVEN**2
     like = np.full((*line.pixel_px.shape[:2], len(_WINDOWS)), -1.0)
     for i, photo in enumerate(targets):
-        rows = np.flatnonzero(shown(photo, line.pixel_px[:, i], line.affine[:, i], _REACH))
-        there = sampled(photo, line.pixel_px[rows, i], line.affine[rows, i], _GRID)
+        rows, there = windows(photo, line.pixel_px[:, i], line.affine[:, i], _REACH)
         middle = there @ _WINDOWS.T
         spread = np.maximum(there**2 @ _WINDOWS.T - middle**2, 1.0)
         both = (there * own) @ _WINDOWS.T - middle * mean
@@ -205,6 +204,6 @@ def _fitted(
         np.hypot(*moved) < FARTHEST_PX
         and found.likeness[0] > ALIKE
         and change < options.change
-        and np.sqrt(np.linalg.eigvalsh(spread)[1]) < FITTED_SIGMA_PX
+        and bool(is_sure(spread[None], FITTED_SIGMA_PX)[0])
     )
     return (start + moved, spread) if right else None

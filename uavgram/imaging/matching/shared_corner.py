@@ -51,6 +51,7 @@ agree but for one: the fewer they are, the more often they agree by chance. Meas
 streets."""
 
 _REACH = 6
+_SAMPLED = _REACH + 1  # slopes take one more on either side
 _MOST_ROWS = 30000  # of maps that OpenCV resamples by
 
 
@@ -60,7 +61,6 @@ def grid(reach: int) -> Floats:
     return np.asarray(np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2))
 
 
-_SAMPLED = grid(_REACH + 1)  # slopes take one more on either side
 _INNER: Grey = grid(_REACH).astype(np.float32)
 _BELL: Grey = np.exp(-0.5 * (_INNER**2).sum(axis=1) / ABOUT_PX**2).astype(np.float32)
 _BELL = np.asarray(_BELL / _BELL.sum())
@@ -102,7 +102,7 @@ def corner_along(source: Image, targets: Sequence[Image], line: Line) -> Floats:
     line
         Where the corner may be.
     """
-    slope, own = _edges(sampled(source, line.source_px[None], np.eye(2)[None], _SAMPLED))
+    slope, own = _edges(_sampled(source, line.source_px[None], np.eye(2)[None], _SAMPLED))
     like = _alike(targets, line, own[0])
     beside = np.pad(like, ((1, 1), (0, 0)), constant_values=-1.0)
     steps = np.stack([beside[1:-1], beside[:-2], beside[2:]])  # poses err
@@ -123,8 +123,8 @@ def corner_along(source: Image, targets: Sequence[Image], line: Line) -> Floats:
     return strength
 
 
-def shown(photo: Image, pixel: Floats, affine: Floats, reach: int) -> Bools:
-    """(k,) whether windows lie in a photo, and it shows them about as large.
+def windows(photo: Image, pixel: Floats, affine: Floats, reach: int) -> tuple[Ints, Grey]:
+    """Windows that a photo shows whole and about as large: their numbers (n,), and values (n, s).
 
     Parameters
     ----------
@@ -139,22 +139,14 @@ def shown(photo: Image, pixel: Floats, affine: Floats, reach: int) -> Bools:
     with np.errstate(invalid="ignore"):
         inside = (pixel >= far) & (pixel <= np.array(photo.shape[1::-1]) - 1 - far)
     size = np.linalg.svd(np.nan_to_num(affine), compute_uv=False)
-    return np.asarray(inside.all(axis=1) & (size[:, 1] > STRETCH[0]) & (size[:, 0] < STRETCH[1]))
+    as_large = (size[:, 1] > STRETCH[0]) & (size[:, 0] < STRETCH[1])
+    shown = np.flatnonzero(inside.all(axis=1) & as_large)
+    return shown, _sampled(photo, pixel[shown], affine[shown], reach)
 
 
-def sampled(photo: Image, pixel: Floats, affine: Floats, steps: Floats) -> Grey:
-    """(n, s) grey values about pixels.
-
-    Parameters
-    ----------
-    photo
-        Grey.
-    pixel, affine
-        (n, 2) and (n, 2, 2), as of `shown`.
-    steps
-        (s, 2) in the source.
-    """
-    at = (pixel[:, None] + steps @ np.swapaxes(affine, 1, 2)).astype(np.float32)
+def _sampled(photo: Image, pixel: Floats, affine: Floats, reach: int) -> Grey:
+    """(n, s) grey values about pixels, as of `windows`."""
+    at = (pixel[:, None] + grid(reach) @ np.swapaxes(affine, 1, 2)).astype(np.float32)
     out = np.empty(at.shape[:2], np.float32)
     for first in range(0, len(at), _MOST_ROWS):
         some = slice(first, first + _MOST_ROWS)
@@ -183,8 +175,7 @@ def _alike(targets: Sequence[Image], line: Line, own: Grey) -> Grey:
     weighted = (own * _BELL).ravel()
     size = float(weighted @ own.ravel())
     for i, photo in enumerate(targets):
-        rows = np.flatnonzero(shown(photo, line.pixel_px[:, i], line.affine[:, i], _REACH + 1))
-        grey = sampled(photo, line.pixel_px[rows, i], line.affine[rows, i], _SAMPLED)
+        rows, grey = windows(photo, line.pixel_px[:, i], line.affine[:, i], _SAMPLED)
         _, there = _edges(grey)
         both = there.reshape(len(rows), weighted.size) @ weighted
         sizes = (there**2).sum(axis=1) @ _BELL * size
@@ -209,7 +200,7 @@ def _agreement(targets: Sequence[Image], line: Line, own: Grey, places: tuple[In
     for i, photo in enumerate(targets):
         rows = np.flatnonzero(seen[:, i])
         at = place[rows, i]
-        grey = sampled(photo, line.pixel_px[at, i], line.affine[at, i], _SAMPLED)
+        grey = _sampled(photo, line.pixel_px[at, i], line.affine[at, i], _SAMPLED)
         agree[rows, i] = (_edges(grey)[1] * own).sum(axis=1)
     return agree
 

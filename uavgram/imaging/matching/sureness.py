@@ -18,7 +18,7 @@ import numpy as np
 
 from uavgram.imaging.matching.least_squares import CHANGE_SIGMA, OF_MAP, Fitted, remaining
 from uavgram.imaging.matching.options import MatchOptions
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 
 _MOST_ALIKE = 0.9  # correlation of neighbours
 
@@ -43,19 +43,28 @@ def covariance_of(found: Fitted, options: MatchOptions, step: float = 1.0) -> Fl
     )
 
 
+def is_sure(covariance: Floats, sigma: float) -> Bools:
+    """(m,) whether covariances (m, 2, 2) are positive, and below a sigma in every direction.
+
+    That of an estimator whose noise is correlated is not positive by its form alone.
+    """
+    least, largest = np.linalg.eigvalsh(covariance).T
+    return np.asarray((least > 0.0) & (largest < sigma**2))
+
+
 def _of_noise_and_bend(found: Fitted) -> tuple[Floats, Floats]:
     """Covariances (m, 2, 2) by what remains between the patches, and by a bend of one per step."""
     fixed = found.fixed
     side = round(len(fixed.grid) ** 0.5)
     noise = remaining(fixed, found.value, 8)
     own = fixed.by * fixed.weight
-    other = _slopes(found.value.reshape(-1, side, side), fixed.grid) * fixed.weight
+    other = _slopes(found.value.reshape(-1, side, side), fixed.grid)
     pull = noise / CHANGE_SIGMA**2
-    answer = own @ np.swapaxes(other / fixed.weight, 1, 2) + pull[:, None, None] * OF_MAP
+    answer = own @ np.swapaxes(other, 1, 2) + pull[:, None, None] * OF_MAP
     solved = found.linear @ np.linalg.inv(answer + 1e-12 * np.eye(6))[:, :2]
     gain = solved @ own
     # Noise of the fixed patch does not pull along its own slopes: sums of n (n+ - n-) vanish.
-    both = 0.5 * (gain + solved @ other)
+    both = 0.5 * (gain + solved @ (other * fixed.weight))
     of_noise = noise[:, None, None] * (gain @ np.swapaxes(_spread(both, found), 1, 2))
     known = solved[:, :, 2:] * (pull * CHANGE_SIGMA)[:, None, None]
     u, v = fixed.grid.T
