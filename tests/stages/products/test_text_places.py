@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 from uavgram.stages.products import text_places
-from uavgram.stages.products.text_places import TextPlaces, around, overlaps
+from uavgram.stages.products.text_places import ROUNDS, TextPlaces, around, overlaps
 
 
 def common_area(one: Floats, other: Floats) -> float:
@@ -56,6 +56,17 @@ def test_what_is_reserved_stays_free() -> None:
     taken = [places.take_near(lambda ring: around(np.zeros(2), half, 0.1, ring)) for _ in range(20)]
 
     assert not overlaps(np.array(taken), below[None]).any()
+
+
+def test_a_text_goes_no_farther_out_than_it_must() -> None:
+    def candidates(rounds: Ints) -> Floats:
+        return np.array([[float(k), 0.0, 0.4, 0.2, 0.0] for k in rounds])
+
+    for first_free in range(ROUNDS):
+        places = TextPlaces()
+        # From the left up to the last place but one that is to be taken.
+        places.reserve(np.array([first_free / 2 - 50.5, 0.0, first_free / 2 + 50.0, 1.0, 0.0]))
+        assert places.take_near(candidates)[0] == first_free
 
 
 @pytest.mark.parametrize("few", [0, 80, 1000])

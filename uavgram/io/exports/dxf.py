@@ -6,6 +6,7 @@ have sheets of their own.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -243,9 +244,7 @@ def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:
     aside = _moved_aside(half, float(np.linalg.norm(end - start)), sheet.text_m)
     room = half + np.array([aside / 2, 0.0])
     shift = aside / 2 * (end - start) / np.linalg.norm(end - start)
-    place = sheet.places.take_near(
-        lambda rounds: _along(start + shift, end + shift, room, rounds, sheet.text_m)
-    )
+    place = sheet.places.take_near(_along(start + shift, end + shift, room, sheet.text_m))
     place[:2] -= shift
     distance = _across(start, end) @ (place[:2] - start) - half[1]
     drawn = sheet.space.add_aligned_dim(
@@ -278,20 +277,26 @@ def _across(start: Floats, end: Floats) -> Floats:
     return np.array([-along[1], along[0]])
 
 
-def _along(start: Floats, end: Floats, half: Floats, rounds: Ints, text_m: float) -> Floats:
+def _along(start: Floats, end: Floats, half: Floats, text_m: float) -> Callable[[Ints], Floats]:
     """(c, 5) places for the text above dimension lines, or crowded out beyond their ends.
 
     Of each round one line, farther out every second time, on either side of what is measured.
     """
     across, way = _across(start, end), end - start
-    outwards = np.where(rounds % 2 == 0, 1.0, -1.0) * (2.5 + 1.5 * (rounds // 2)) * text_m
     beyond = 1.5 * half[0] / np.linalg.norm(way)
     share = np.array([*_SHARES, 1.0 + beyond, -beyond])
-    middle = start + share[:, None] * way + (outwards + half[1])[:, None, None] * across
-    there = (rounds >= _CROWDED)[:, None] | (np.arange(len(share)) < len(_SHARES))
-    places = np.empty((int(there.sum()), 5))
-    places[:, :2] = middle[there]
-    places[:, 2:] = [*half, np.arctan2(way[1], way[0])]
+    middle = start + share[:, None] * way
+    size = [*half, np.arctan2(way[1], way[0])]
+
+    def places(rounds: Ints) -> Floats:
+        outwards = np.where(rounds % 2 == 0, 1.0, -1.0) * (2.5 + 1.5 * (rounds // 2)) * text_m
+        moved = middle + (outwards + half[1])[:, None, None] * across
+        there = (rounds >= _CROWDED)[:, None] | (np.arange(len(share)) < len(_SHARES))
+        found = np.empty((np.count_nonzero(there), 5))
+        found[:, :2] = moved[there]
+        found[:, 2:] = size
+        return found
+
     return places
 
 

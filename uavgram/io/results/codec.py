@@ -22,8 +22,16 @@ Record = dict[str, Json]
 Owner = TypeVar("Owner")
 
 
+_PLAIN = frozenset({str, int, bool, type(None)})
+
+
 def encode(value: object) -> Json:
     """Plain data of numbers, texts, arrays, tuples and data classes; NaN becomes None."""
+    if type(value) in _PLAIN:
+        return value
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":  # numbers, truth values
+        unknown = np.isnan(value)
+        return (np.where(unknown, None, value) if unknown.any() else value).tolist()
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, float):
@@ -133,7 +141,7 @@ class Table(Generic[Owner]):
                 columns |= {part: [row[k] for row in values] for k, part in enumerate(key)}
             else:
                 columns[key] = values
-        return records(**columns)
+        return _rows(columns)
 
     def load(self, records: Sequence[Record], **given: object) -> Owner:
         """Inverse of `dump`; `given` are the fields `elsewhere`."""
@@ -158,8 +166,11 @@ class Table(Generic[Owner]):
 
 def records(**columns: object) -> list[Record]:
     """Records of columns of N values by name."""
-    rows = zip(*(encode(column) for column in columns.values()), strict=True)
-    return [dict(zip(columns, row, strict=True)) for row in rows]
+    return _rows({key: encode(column) for key, column in columns.items()})
+
+
+def _rows(columns: Mapping[str, Sequence[Json]]) -> list[Record]:
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def joined(*tables: Sequence[Record]) -> list[Record]:

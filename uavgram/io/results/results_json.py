@@ -159,18 +159,15 @@ def _result(content: Record) -> Result:
 
 def one_record_a_line(content: dict[str, Any]) -> str:
     """JSON with a line for each key, and for each record of a list: small, and fit for diff."""
+    compact = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
     lines = []
     for key, value in content.items():
         if isinstance(value, list) and value:
-            text = "[\n  " + ",\n  ".join(_compact(record) for record in value) + "\n ]"
+            text = "[\n  " + ",\n  ".join(map(compact, value)) + "\n ]"
         else:
-            text = _compact(value)
+            text = compact(value)
         lines.append(f" {json.dumps(key)}: {text}")
     return "{\n" + ",\n".join(lines) + "\n}\n"
-
-
-def _compact(value: object) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
 
 
 def _parse(path: Path) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from itertools import product
 from typing import NamedTuple
@@ -33,6 +34,9 @@ _MOST_SQUARES = 1000
 
 _FEW = 400
 """So many places are sooner compared with all than looked up."""
+
+_ROUNDED_UP = 1.001
+"""What is no farther than that may meet, whatever the rounding."""
 
 
 class Choice(NamedTuple):
@@ -111,12 +115,12 @@ class TextPlaces:
                 return np.asarray(places[0])
         first, count = 0, _AT_ONCE
         while first < ROUNDS:  # more and more at a time: most texts have room at once
-            places = candidates(np.arange(first, min(first + count, ROUNDS)))
+            end = min(first + count, ROUNDS)
+            places = candidates(np.arange(first, end))
             if (which := self.take(places)) is not None:
-                end = min(first + count, ROUNDS)
                 self.choices.append(Choice(first, end, which, is_crowded=False))
                 return np.asarray(places[which])
-            first, count = first + count, 2 * count
+            first, count = end, 3 * count
         self.choices.append(Choice(0, 1, 0, is_crowded=True))
         return np.asarray(candidates(np.zeros(1, np.int64))[0])
 
@@ -125,44 +129,50 @@ class TextPlaces:
         if self._count == len(self._taken):
             self._taken = np.concatenate([self._taken, np.zeros_like(self._taken)])
         self._taken[self._count] = place
-        squares = self._squares(place[None])
+        x, y, width, height, _ = place.tolist()
+        reach = math.hypot(width, height)
+        squares = self._squares((x - reach, y - reach), (x + reach, y + reach))
         if squares is None:
             self._large.append(self._count)
         for square in squares or ():
             self._in_square.setdefault(square, []).append(self._count)
         self._count += 1
 
-    def _apart(self, candidates: Floats) -> list[Ints]:
+    def _apart(self, candidates: Floats) -> Sequence[Ints | slice]:
         """Rows of places that lie together: what is near to all of many would be far from most."""
-        every = np.arange(len(candidates))
         if self._count <= _FEW or len(candidates) < _MANY:
-            return [every]
+            return [np.s_[:]]
         square = np.floor(candidates[:, :2] / (_WIDE * self._side))
         order = np.lexsort(square.T)
         new = np.flatnonzero((np.diff(square[order], axis=0) != 0).any(axis=1)) + 1
-        return np.split(every[order], new)
+        return np.split(order, new)
 
     def _near(self, candidates: Floats) -> Floats:
         """(n, 5) what is taken and may meet some places, in the order in which it was taken."""
         if not self._side:
             self._side = _SQUARE * float(candidates[:, 2:4].max(initial=0.0))
-        squares = None if self._count <= _FEW else self._squares(candidates)
+        if self._count <= _FEW or not len(candidates):
+            return self._taken[: self._count]
+        reach = np.hypot(candidates[:, 2], candidates[:, 3])[:, None]
+        low, high = candidates[:, :2] - reach, candidates[:, :2] + reach
+        squares = self._squares(low.min(axis=0).tolist(), high.max(axis=0).tolist())
         if squares is None:
             return self._taken[: self._count]
         found = {row for square in squares for row in self._in_square.get(square, ())}
         return self._taken[sorted(found.union(self._large))]
 
-    def _squares(self, places: Floats) -> Iterable[tuple[int, int]] | None:
-        """The squares that places may reach into; None where there are too many of them."""
-        if not self._side or not len(places):
+    def _squares(
+        self, low: Sequence[float], high: Sequence[float]
+    ) -> Iterable[tuple[int, int]] | None:
+        """The squares between two corners; None where there are too many of them."""
+        if not self._side:
             return None
-        reach = np.hypot(places[:, 2], places[:, 3])[:, None]
-        low = np.floor((places[:, :2] - reach).min(axis=0) / self._side)
-        high = np.floor((places[:, :2] + reach).max(axis=0) / self._side)
-        if not np.prod(high - low + 1.0) <= _MOST_SQUARES:
+        (x, to_x), (y, to_y) = (
+            (a // self._side, b // self._side) for a, b in zip(low, high, strict=True)
+        )
+        if not (to_x - x + 1.0) * (to_y - y + 1.0) <= _MOST_SQUARES:
             return None
-        (x, y), (to_x, to_y) = low.astype(int).tolist(), high.astype(int).tolist()
-        return product(range(x, to_x + 1), range(y, to_y + 1))
+        return product(range(int(x), int(to_x) + 1), range(int(y), int(to_y) + 1))
 
 
 def around(anchor: Floats, half: Floats, gap: float, ring: int | Ints) -> Floats:
@@ -211,14 +221,26 @@ def _meet(one: Floats, other: Floats, angle: float) -> Bools:
     turn = other[:, 4] - angle
     cos, sin = np.cos(turn), np.sin(turn)
     c, s = np.abs(cos), np.abs(sin)
-    (width, height), (w, h) = one[:, 2:4].T, other[:, 2:4].T
-    (own_x, own_y), (their_x, their_y) = (one[:, :2] @ to_own).T, (other[:, :2] @ to_own).T
-    x, y = own_x[:, None] - their_x, own_y[:, None] - their_y
-    met: Bools = np.abs(x) < width[:, None] + (w * c + h * s)
-    met &= np.abs(y) < height[:, None] + (w * s + h * c)
-    a, b = np.nonzero(met)  # few: along the sides of the others
-    x, y, cos, sin, c, s = x[a, b], y[a, b], cos[b], sin[b], c[b], s[b]
-    along = np.abs(x * cos + y * sin) < w[b] + width[a] * c + height[a] * s
-    across = np.abs(y * cos - x * sin) < h[b] + width[a] * s + height[a] * c
-    met[a, b] = along & across
+    half, (w, h) = one[:, 2:4], other[:, 2:4].T
+    own, (x, y) = one[:, :2] @ to_own, (other[:, :2] @ to_own).T
+    wide, tall = w * c + h * s, w * s + h * c
+    # Most pairs are far apart, which comparing their ends shows soonest.
+    begin, end = (own - half)[..., None], (own + half)[..., None]
+    met: Bools = begin[:, 0] < x + _ROUNDED_UP * wide
+    met &= end[:, 0] > x - _ROUNDED_UP * wide
+    met &= begin[:, 1] < y + _ROUNDED_UP * tall
+    met &= end[:, 1] > y - _ROUNDED_UP * tall
+    pairs = np.flatnonzero(met)
+    a, b = np.divmod(pairs, len(other))
+    x, y, w, h, wide, tall, cos, sin, c, s = np.stack([x, y, w, h, wide, tall, cos, sin, c, s])[
+        :, b
+    ]
+    own_x, own_y, width, height = np.column_stack([own, half])[a].T
+    x, y = own_x - x, own_y - y
+    met.ravel()[pairs] = (
+        (np.abs(x) < width + wide)
+        & (np.abs(y) < height + tall)
+        & (np.abs(x * cos + y * sin) < w + width * c + height * s)  # along the others' sides
+        & (np.abs(y * cos - x * sin) < h + width * s + height * c)
+    )
     return met
