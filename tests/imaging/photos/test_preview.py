@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
+from uavgram.imaging.photos.decode import jpeg_size
 from uavgram.imaging.photos.preview import (
     Pixels,
     decode_preview,
     jpeg_of_width,
-    jpeg_size,
     preview_of,
     read_preview,
 )

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 import cv2
 
-from uavgram.imaging.photos.preview import Pixels, read_reduced
+from uavgram.imaging.photos.decode import read_reduced
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.shrink import half, shrunk
 from uavgram.imaging.photos.tone import automatic_tone, toned
 from uavgram.model.result.pictures import Picture, Region
