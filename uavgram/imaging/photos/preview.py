@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.imaging.photos.decode import REDUCED, read_reduced
-from uavgram.imaging.photos.shrink import shrunk
+from uavgram.imaging.photos.decode import REDUCED, read_pixels, read_reduced
+from uavgram.imaging.photos.shrink import half, shrunk
 from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, toned
 
 Pixels = NDArray[np.uint8]
@@ -51,7 +51,7 @@ class Preview:
 def read_preview(
     path: str | os.PathLike[str],
     max_width_px: int = MAX_WIDTH_PX,
-    whole: Callable[[Pixels], object] | None = None,
+    whole: Callable[[list[Pixels], Tone], object] | None = None,
 ) -> tuple[Preview, Pixels]:
     """Reduce one photo, and brighten it where it is too dark or flat to be seen.
 
@@ -62,8 +62,8 @@ def read_preview(
     max_width_px
         The preview is at most this wide, and never wider than the photo.
     whole
-        Called with the photo's own pixels where all of them are decoded for the preview: a JPEG
-        that is much wider is decoded at a fraction of its size.
+        Called with all of the photo, which is decoded once for both, then its halves as far as
+        there are any, and the tone. Without it a JPEG that is much wider is decoded at a fraction.
 
     Returns
     -------
@@ -74,14 +74,22 @@ def read_preview(
     InputError
         The file cannot be read, or is no photo.
     """
-    pixels, reduction = read_reduced(path, lambda width: _reduction(width, max_width_px))
-    if whole is not None and reduction == 1:
-        whole(pixels)
-    height, width = pixels.shape[:2]
-    # libjpeg's last column stands for a partial block: its pixels are `reduction` wide all the same
+    if whole is None:
+        pixels, reduction = read_reduced(path, lambda width: _reduction(width, max_width_px))
+    else:
+        pixels, reduction = read_pixels(path), 1
+    halves = [pixels]
+    if reduction == 1:
+        reduction = _reduction(pixels.shape[1], max_width_px)
+        while len(halves) < reduction.bit_length():
+            halves.append(half(halves[-1]))
+    height, width = halves[-1].shape[:2]
+    # the last column may stand for a part of a pixel: it is `reduction` wide all the same
     covered = np.array([width, height], dtype=np.float64) * reduction
-    pixels = shrunk(pixels, max_width_px, across_only=True)
+    pixels = shrunk(halves[-1], max_width_px, across_only=True)
     tone = automatic_tone(pixels)
+    if whole is not None:
+        whole(halves, tone)
     preview = _encoded(toned(pixels, tone), (float(covered[0]), float(covered[1])))
     return replace(preview, tone=tone), pixels
 
