@@ -131,11 +131,13 @@ class Mosaic:
         everywhere = box_of(corner)
         places = grid.places_about(self._cameras, frame, everywhere)
         for box in bands(corner, everywhere, grid.cell_px):
-            pixel = grid.pixels_at(self._cameras, places, box)
+            u, v = grid.pixels_at(self._cameras, places, box)
             weight = weights_within(corner, box, grid.cell_px)
-            weight[np.isnan(pixel[0])] = 0.0
+            hidden = np.isnan(u)
+            if hidden.any():
+                u[hidden] = v[hidden] = weight[hidden] = 0.0
             at = box.pixels(grid.cell_px)
-            self._sums[at] += _times(sampled.at(pixel), weight, np.float32)
+            self._sums[at] += _times(sampled.at(u, v), weight, np.float32)
             self._weight[at] += weight
         self._light[frame] = self._light_of(frame, pixels)
 
@@ -146,7 +148,7 @@ class Mosaic:
         # a node stands for what is around it, how much is no matter; halving is quick
         reduction = 1 << int(np.log2(max(pixels.shape[1] / LIGHT_PX, 1.0)))
         sampled = _Sampled(pixels, reduction, self._size_px)
-        return light_at(at, sampled.at(pixel[at].T[..., None])[:, 0])
+        return light_at(at, sampled.at(*pixel[at].T[..., None])[:, 0])
 
     def _reduction(self, frame: int, width_px: int) -> int:
         """How many pixels of a preview of this width make one of the mosaic; at least 1."""
@@ -164,11 +166,11 @@ class Mosaic:
         gains = gains_between(self._light, len(self._cameras.center_m))
         factor = gain_field(grid, self._choice, gains)
         factor /= np.maximum(self._weight, np.finfo(np.float32).tiny)
-        plain = _times(self._sums, factor, np.uint8)[..., ::-1]
+        plain = _times(self._sums, factor, np.uint8)
         some = np.s_[::TONE_STEP_PX, ::TONE_STEP_PX]
-        tone = automatic_tone(plain[some][covered[some]][:, None, ::-1])
-        shown = np.ascontiguousarray(toned(plain, tone))
-        return GroundTexture(shown, covered, grid.west_m, grid.north_m, grid.pixel_size_m, tone)
+        tone = automatic_tone(plain[some][covered[some]][:, None])
+        rgb = np.asarray(cv2.cvtColor(toned(plain, tone), cv2.COLOR_BGR2RGB), np.uint8)
+        return GroundTexture(rgb, covered, grid.west_m, grid.north_m, grid.pixel_size_m, tone)
 
 
 def _lay_grid(result: Result, cameras: Cameras, preview_scale: float, max_size_px: int) -> Grid:
@@ -238,13 +240,12 @@ class _Sampled:
             )
         self._pixels = pixels
 
-    def at(self, at_px: Values) -> Pixels:
-        """(n, m, 3) BGR at u and v (2, n, m) in original pixels; anything for NaN."""
+    def at(self, u: Values, v: Values) -> Pixels:
+        """(n, m, 3) BGR at u and v (n, m) in original pixels."""
         column, row = (
-            ((at + 0.5) / step - 0.5).astype(np.float32)
-            for at, step in zip(at_px, self._step.tolist(), strict=True)
+            ((at + 0.5) / step - 0.5).astype(np.float32, copy=False)
+            for at, step in zip((u, v), self._step.tolist(), strict=True)
         )
-        column[np.isnan(column)] = row[np.isnan(row)] = 0.0
         shown = cv2.remap(
             self._pixels, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )
