@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from uavgram.errors import InputError
-from uavgram.imaging.photos.cutouts import LONGEST_PX, cut_out, read_whole
+from uavgram.imaging.photos.cutouts import LONGEST_PX, cut_out
+from uavgram.imaging.photos.decode import read_pixels
+from uavgram.imaging.photos.shrink import half
+from uavgram.imaging.photos.tone import AS_IT_IS, automatic_tone
 from uavgram.model.arrays import Floats
 from uavgram.model.result.pictures import Region, Subject
 
@@ -37,7 +40,7 @@ def decoded(content: bytes) -> Floats:
 
 
 def test_a_part_shows_the_pixels_of_the_photo_and_says_that_they_are_as_stored(photo: Path) -> None:
-    (picture,) = cut_out(read_whole(photo), [region(120, 200, 90, 60)])
+    (picture,) = cut_out([read_pixels(photo)], AS_IT_IS, [region(120, 200, 90, 60)])
     wanted = decoded(photo.read_bytes())[200:260, 120:210]
 
     assert decoded(picture.jpeg).shape == wanted.shape
@@ -46,7 +49,7 @@ def test_a_part_shows_the_pixels_of_the_photo_and_says_that_they_are_as_stored(p
 
 
 def test_a_large_part_is_reduced(photo: Path) -> None:
-    (picture,) = cut_out(read_whole(photo), [region(0, 0, WIDTH, HEIGHT)])
+    (picture,) = cut_out([read_pixels(photo)], AS_IT_IS, [region(0, 0, WIDTH, HEIGHT)])
     shown = decoded(picture.jpeg)
 
     assert picture.shown_px == shown.shape[1] == LONGEST_PX["point"]
@@ -54,33 +57,46 @@ def test_a_large_part_is_reduced(photo: Path) -> None:
 
 
 def test_a_dark_photo_is_brightened_alike_in_all_parts_and_says_so(
-    photo: Path, tmp_path: Path
+    photo: Path,
 ) -> None:
     dark = (decoded(photo.read_bytes()) // 5).astype(np.uint8)
-    cv2.imwrite(str(tmp_path / "dark.png"), dark)
     parts = [region(0, 0, 60, 60), region(400, 300, 60, 60)]
-    pictures = cut_out(read_whole(tmp_path / "dark.png"), parts)
+    pictures = cut_out([dark], automatic_tone(dark), parts)
 
     assert pictures[0].stretch == pictures[1].stretch is not None
     assert decoded(pictures[1].jpeg).mean() > 2 * dark[300:360, 400:460].mean()
 
 
-def test_what_is_no_photo_is_refused_by_name(tmp_path: Path) -> None:
-    (tmp_path / "b.jpg").write_bytes(b"nothing")
+def test_parts_of_the_same_place_are_the_same_picture_and_each_keeps_its_own_row(
+    photo: Path,
+) -> None:
+    parts = [region(0, 0, 400, 400), region(0, 0, 400, 400, "measurement"), region(2, 0, 400, 400)]
+    first, larger, higher = cut_out([read_pixels(photo)], AS_IT_IS, parts)
+    again = cut_out([read_pixels(photo)], AS_IT_IS, [*parts, replace(parts[0], row=7)])
 
-    with pytest.raises(InputError, match=r"b\.jpg"):
-        read_whole(tmp_path / "b.jpg")
+    assert again[:3] == (first, larger, higher)
+    assert again[3] == replace(first, region=replace(parts[0], row=7))
+    assert len({first.jpeg, larger.jpeg, higher.jpeg}) == 3
+
+
+def test_a_half_that_is_there_already_is_the_one_that_is_made(photo: Path) -> None:
+    pixels = read_pixels(photo)
+    large = region(0, 0, 2 * LONGEST_PX["point"], 200)
+    pixels = np.hstack([pixels, pixels])
+
+    assert cut_out([pixels, half(pixels)], AS_IT_IS, [large]) == cut_out(
+        [pixels], AS_IT_IS, [large]
+    )
 
 
 @pytest.mark.parametrize(("left", "at_edge"), [(2, (0, 255)), (3, (128, 255))])
 def test_parts_shown_at_half_size_lie_where_they_are_in_the_photo(
-    tmp_path: Path, left: int, at_edge: tuple[int, int]
+    left: int, at_edge: tuple[int, int]
 ) -> None:
     pixels = np.zeros((740, 740, 3), np.uint8)
     pixels[:, 402:] = 255
-    cv2.imwrite(str(tmp_path / "edge.png"), pixels)
 
-    (picture,) = cut_out(read_whole(tmp_path / "edge.png"), [region(left, 4, 720, 720)])
+    (picture,) = cut_out([pixels], AS_IT_IS, [region(left, 4, 720, 720)])
 
     assert picture.shown_px == 360
     assert decoded(picture.jpeg)[100, 199:201].mean(axis=1) == pytest.approx(at_edge, abs=25)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -10,14 +11,15 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
+from uavgram.imaging.photos.decode import jpeg_size
 from uavgram.imaging.photos.preview import (
     Pixels,
     decode_preview,
     jpeg_of_width,
-    jpeg_size,
     preview_of,
     read_preview,
 )
+from uavgram.imaging.photos.tone import Tone
 from uavgram.model.arrays import Floats
 
 
@@ -62,17 +64,30 @@ def test_the_scale_leads_back_to_original_pixels(
     np.testing.assert_allclose(back, centroid(rgb), atol=0.15)
 
 
-@pytest.mark.parametrize(("width", "times"), [(600, 1), (1600, 0)])
-def test_whoever_wants_the_whole_photo_sees_its_pixels_or_nothing(
-    tmp_path: Path, width: int, times: int
+@pytest.mark.parametrize("suffix", ["jpg", "png"])
+@pytest.mark.parametrize(
+    ("width", "height"), [(600, 500), (1600, 1200), (1603, 1201), (3203, 2401)]
+)
+def test_a_photo_of_which_all_is_wanted_has_the_preview_of_any_other(
+    tmp_path: Path, suffix: str, width: int, height: int
 ) -> None:
-    path = write(tmp_path / "photo.jpg", photo(width, 500))
-    seen: list[Pixels] = []
-    read_preview(path, 400, whole=seen.append)
+    path = write(tmp_path / f"photo.{suffix}", photo(width, height))
+    seen: list[list[Pixels]] = []
+    tones: list[Tone] = []
+    other, reduced = read_preview(path, 400)
+    preview, pixels = read_preview(
+        path, 400, whole=lambda halves, tone: (seen.append(halves), tones.append(tone))
+    )
+    (halves,) = seen
 
-    assert len(seen) == times
-    for pixels in seen:  # not those of the preview
-        np.testing.assert_array_equal(pixels, cv2.imread(str(path)))
+    np.testing.assert_array_equal(halves[0], cv2.imread(str(path)))
+    for large, small in pairwise(halves):  # means of 2 x 2
+        even = large[: large.shape[0] // 2 * 2, : large.shape[1] // 2 * 2].astype(float)
+        means = even.reshape(even.shape[0] // 2, 2, -1, 2, 3).mean(axis=(1, 3))
+        np.testing.assert_allclose(small[: len(means), : means.shape[1]], means, atol=0.5)
+    assert (preview.scale, pixels.shape, tones) == (other.scale, reduced.shape, [preview.tone])
+    assert np.abs(pixels.astype(float) - reduced).mean() < 1.0
+    assert np.abs(pixels.astype(float) - reduced).max() < 8.0
 
 
 def test_colours_stay_in_their_channels(tmp_path: Path) -> None:

@@ -13,9 +13,10 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos import tiled_photos as module
+from uavgram.imaging.photos.decode import read_pixels
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
-from uavgram.imaging.photos.tiles import FIRST_COARSE, TILE_PX, fine_tile, overview_of, read_pixels
+from uavgram.imaging.photos.tiles import FIRST_COARSE, TILE_PX, fine_tile, overview_of
 from uavgram.imaging.photos.tone import AS_IT_IS
 
 WIDTH, HEIGHT = 1500, 1100

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
+from uavgram.imaging.photos.decode import read_pixels
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.shrink import half
 from uavgram.imaging.photos.tiles import (
@@ -18,7 +19,6 @@ from uavgram.imaging.photos.tiles import (
     fine_tile,
     level_count,
     overview_of,
-    read_pixels,
     reduced,
 )
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.preview import jpeg_size, preview_of
+from uavgram.imaging.photos.decode import jpeg_size
+from uavgram.imaging.photos.preview import preview_of
 from uavgram.imaging.targets.draw_board import draw_board
 from uavgram.imaging.targets.observations import collect_observations
 from uavgram.imaging.targets.sighting import Sighting

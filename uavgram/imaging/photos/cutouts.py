@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 
 import cv2
 
-from uavgram.imaging.photos.preview import Pixels, read_reduced
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.shrink import half, shrunk
-from uavgram.imaging.photos.tone import automatic_tone, toned
+from uavgram.imaging.photos.tone import Tone, toned
 from uavgram.model.result.pictures import Picture, Region
 
 QUALITY = 85
@@ -17,46 +16,36 @@ LONGEST_PX = {"overview": 1400, "measurement": 900, "point": 360}
 """Longer side of a picture: a larger part is reduced to it."""
 
 
-def read_whole(path: str | os.PathLike[str]) -> Pixels:
-    """(height, width, 3) BGR of a photo in any format that OpenCV reads.
-
-    EXIF rotation is not applied.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is no photo.
-    """
-    return read_reduced(path, lambda _: 1)[0]
-
-
-def cut_out(pixels: Pixels, regions: Sequence[Region]) -> tuple[Picture, ...]:
-    """Cut parts out of a photo.
-
-    All of them are brightened alike, where the whole photo is too dark or flat to be seen. Pixels
-    are those of the photo, or means of those that they cover.
+def cut_out(halves: Sequence[Pixels], tone: Tone, regions: Sequence[Region]) -> tuple[Picture, ...]:
+    """Cut parts out of a photo. Pixels are those of the photo, or means of what they cover.
 
     Parameters
     ----------
-    pixels
-        (height, width, 3) BGR of the whole photo.
+    halves
+        (height, width, 3) BGR of the whole photo; then, if they are there already, its halves.
+    tone
+        By which all of them are brightened, where the photo is too dark or flat to be seen.
     regions
         Parts of it.
     """
     # Many parts of a photo overlap: what all are reduced by is done to the photo, once.
-    halved = half(pixels)
-    tone = automatic_tone(pixels if pixels.shape[0] % 2 or pixels.shape[1] % 2 else halved)
+    levels = list(halves[:2])
     stretch = None if tone.is_identity else (tone.black, tone.white, tone.gamma)
+    shown: dict[tuple[int, ...], tuple[bytes, int]] = {}  # some measurements have the same points
     pictures = []
     for region in regions:
         longest = LONGEST_PX[region.subject]
-        step = 2 if _is_halved(region, longest) else 1
-        part = shrunk(_part(halved if step == 2 else pixels, region, step), longest)
-        shown = toned(part, tone)
-        encoded = cv2.imencode(".jpg", shown, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1]
-        pictures.append(
-            Picture(region=region, jpeg=encoded.tobytes(), shown_px=part.shape[1], stretch=stretch)
-        )
+        place = region.left_px, region.top_px, region.width_px, region.height_px, longest
+        if place not in shown:
+            level = int(_is_halved(region, longest))
+            if level == len(levels):
+                levels.append(half(levels[0]))
+            part = shrunk(_part(levels[level], region, 1 << level), longest)
+            quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
+            encoded = cv2.imencode(".jpg", toned(part, tone), quality)[1]
+            shown[place] = encoded.tobytes(), part.shape[1]
+        jpeg, width = shown[place]
+        pictures.append(Picture(region=region, jpeg=jpeg, shown_px=width, stretch=stretch))
     return tuple(pictures)
 
 

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.errors import InputError
-from uavgram.imaging.photos.shrink import shrunk
+from uavgram.imaging.photos.decode import REDUCED, read_pixels, read_reduced
+from uavgram.imaging.photos.shrink import half, shrunk
 from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, toned
 
 Pixels = NDArray[np.uint8]
@@ -21,13 +19,6 @@ Pixels = NDArray[np.uint8]
 MAX_WIDTH_PX = 1600
 JPEG_QUALITY = 75
 
-# Decoding at 1/2, 1/4 or 1/8 of the size costs a fraction of decoding all of a JPEG.
-_REDUCED = {
-    1: cv2.IMREAD_COLOR,
-    2: cv2.IMREAD_REDUCED_COLOR_2,
-    4: cv2.IMREAD_REDUCED_COLOR_4,
-    8: cv2.IMREAD_REDUCED_COLOR_8,
-}
 # A reduced photo may be this much narrower than asked for: sooner that than decode four times as
 # many pixels.
 _NARROWER = 0.8
@@ -60,7 +51,7 @@ class Preview:
 def read_preview(
     path: str | os.PathLike[str],
     max_width_px: int = MAX_WIDTH_PX,
-    whole: Callable[[Pixels], object] | None = None,
+    whole: Callable[[list[Pixels], Tone], object] | None = None,
 ) -> tuple[Preview, Pixels]:
     """Reduce one photo, and brighten it where it is too dark or flat to be seen.
 
@@ -71,8 +62,8 @@ def read_preview(
     max_width_px
         The preview is at most this wide, and never wider than the photo.
     whole
-        Called with the photo's own pixels where all of them are decoded for the preview: a JPEG
-        that is much wider is decoded at a fraction of its size.
+        Called with all of the photo, which is decoded once for both, then its halves as far as
+        there are any, and the tone. Without it a JPEG that is much wider is decoded at a fraction.
 
     Returns
     -------
@@ -83,67 +74,24 @@ def read_preview(
     InputError
         The file cannot be read, or is no photo.
     """
-    pixels, reduction = read_reduced(path, lambda width: _reduction(width, max_width_px))
-    if whole is not None and reduction == 1:
-        whole(pixels)
-    height, width = pixels.shape[:2]
-    # libjpeg's last column stands for a partial block: its pixels are `reduction` wide all the same
+    if whole is None:
+        pixels, reduction = read_reduced(path, lambda width: _reduction(width, max_width_px))
+    else:
+        pixels, reduction = read_pixels(path), 1
+    halves = [pixels]
+    if reduction == 1:
+        reduction = _reduction(pixels.shape[1], max_width_px)
+        while len(halves) < reduction.bit_length():
+            halves.append(half(halves[-1]))
+    height, width = halves[-1].shape[:2]
+    # the last column may stand for a part of a pixel: it is `reduction` wide all the same
     covered = np.array([width, height], dtype=np.float64) * reduction
-    pixels = shrunk(pixels, max_width_px, across_only=True)
+    pixels = shrunk(halves[-1], max_width_px, across_only=True)
     tone = automatic_tone(pixels)
+    if whole is not None:
+        whole(halves, tone)
     preview = _encoded(toned(pixels, tone), (float(covered[0]), float(covered[1])))
     return replace(preview, tone=tone), pixels
-
-
-def read_reduced(path: str | os.PathLike[str], choose: Callable[[int], int]) -> tuple[Pixels, int]:
-    """Decode a photo, a JPEG at a fraction of its size, which costs a fraction.
-
-    Parameters
-    ----------
-    path
-        Any format that OpenCV reads. EXIF rotation is not applied.
-    choose
-        Original pixels per pixel (1, 2, 4 or 8) of a JPEG of a width; others are not reduced.
-
-    Returns
-    -------
-    (height, width, 3) BGR, and original pixels per pixel.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is no photo.
-    """
-    try:
-        encoded = Path(path).read_bytes()
-    except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror}") from error
-    size = jpeg_size(encoded)
-    reduction = choose(size[0]) if size else 1
-    return decoded(path, encoded, _REDUCED[reduction]), reduction
-
-
-def decoded(path: str | os.PathLike[str], encoded: bytes, flags: int) -> Pixels:
-    """Pixels of a photo's content as stored; EXIF rotation is not applied.
-
-    Parameters
-    ----------
-    path
-        Names the photo in the error.
-    encoded
-        Content of the file.
-    flags
-        Of OpenCV: grey or colour, and by how much it is reduced.
-
-    Raises
-    ------
-    InputError
-        It is no photo.
-    """
-    pixels = _decode(encoded, flags | cv2.IMREAD_IGNORE_ORIENTATION)
-    if pixels is None:
-        raise InputError(path, "is no photo that can be decoded; replace it or leave it out")
-    return pixels
 
 
 def preview_of(pixels: Pixels, max_width_px: int = MAX_WIDTH_PX) -> Preview:
@@ -181,42 +129,12 @@ def jpeg_of_width(jpeg: bytes, width_px: int) -> bytes:
 
 
 def _decode_own(jpeg: bytes) -> Pixels:
-    pixels = _decode(jpeg, cv2.IMREAD_COLOR)
+    pixels = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
     if pixels is None:  # previews are encoded by this module
         raise ValueError("a preview holds no JPEG")
-    return pixels
-
-
-def jpeg_size(encoded: bytes) -> tuple[int, int] | None:
-    """Width and height of the stored pixels from the header of a JPEG; None for other formats.
-
-    ISO/IEC 10918-1, B.2.2: the frame header is the first marker SOF0 to SOF15 that is none of DHT
-    (C4), JPG (C8) and DAC (CC).
-    """
-    if encoded[:2] != b"\xff\xd8":
-        return None
-    at = 2
-    while at + 9 <= len(encoded):
-        marker = encoded[at + 1]
-        if encoded[at] != 0xFF or marker == 0xFF:  # fill bytes before a marker
-            at += 1
-            continue
-        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
-            height, width = struct.unpack(">HH", encoded[at + 5 : at + 9])
-            return width, height
-        at += 2 + struct.unpack(">H", encoded[at + 2 : at + 4])[0]
-    return None
+    return np.asarray(pixels, np.uint8)
 
 
 def _reduction(width_px: int, max_width_px: int) -> int:
     """The strongest reduction that leaves (nearly) enough pixels."""
-    return max((r for r in _REDUCED if width_px / r >= _NARROWER * max_width_px), default=1)
-
-
-def _decode(encoded: bytes, flags: int) -> Pixels | None:
-    try:
-        pixels = cv2.imdecode(np.frombuffer(encoded, np.uint8), flags)
-    except cv2.error:  # an empty buffer, or a header with absurd sizes
-        return None
-    # OpenCV's stubs promise an array; it returns None for what is no picture
-    return None if pixels is None else np.asarray(pixels, dtype=np.uint8)
+    return max((r for r in REDUCED if width_px / r >= _NARROWER * max_width_px), default=1)

@@ -52,10 +52,23 @@ def _reduction(pixels: Pixels, size: tuple[int, int]) -> float:
 
 def half(pixels: Pixels) -> Pixels:
     """Means of 2 x 2 pixels, odd edges repeated."""
-    even = evened(pixels)
-    size = even.shape[1] // 2, even.shape[0] // 2
-    # INTER_AREA at exactly one half is the mean of 2 x 2 pixels, rounded.
-    return np.asarray(cv2.resize(even, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
+    rows, columns = pixels.shape[0] // 2, pixels.shape[1] // 2
+    halved = np.empty(
+        (-(-pixels.shape[0] // 2), -(-pixels.shape[1] // 2), *pixels.shape[2:]), np.uint8
+    )
+    _halve(pixels[: 2 * rows, : 2 * columns], halved[:rows, :columns])
+    if len(halved) > rows:
+        _halve(evened(pixels[-1:]), halved[-1:])
+    if halved.shape[1] > columns:
+        _halve(evened(pixels[:, -1:]), halved[:, -1:])
+    return halved
+
+
+def _halve(even: Pixels, halved: Pixels) -> None:
+    """Fill a picture with means of 2 x 2 pixels of another one."""
+    if halved.size:
+        # INTER_AREA at exactly one half is that mean, rounded.
+        cv2.resize(even, halved.shape[1::-1], dst=halved, interpolation=cv2.INTER_AREA)
 
 
 def evened(pixels: Pixels) -> Pixels:

@@ -12,14 +12,9 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from uavgram.imaging.photos.cache import LruCache
+from uavgram.imaging.photos.decode import read_pixels
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.photos.tiles import (
-    FIRST_COARSE,
-    Overview,
-    fine_tile,
-    overview_of,
-    read_pixels,
-)
+from uavgram.imaging.photos.tiles import FIRST_COARSE, Overview, fine_tile, overview_of
 from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, stretched_tone
 
 PIXELS_BYTES = 200_000_000

@@ -7,13 +7,12 @@ resizing to half of an odd width would stretch the picture by a pixel along its 
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
-from uavgram.imaging.photos.preview import Pixels, read_reduced
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.shrink import half
 from uavgram.imaging.photos.tone import AS_IT_IS, Tone, toned
 
@@ -27,7 +26,6 @@ FIRST_COARSE = 2
 
 _STRIP_PX = 512  # a multiple of 2**FIRST_COARSE
 
-_AS_STORED = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
 # 4:4:4: colour at full resolution, or thin coloured marks smear over their neighbours.
 _TILE_CODING = [
     cv2.IMWRITE_JPEG_QUALITY,
@@ -120,48 +118,6 @@ def level_count(width_px: int, height_px: int) -> int:
     while longer > SMALLEST_LEVEL_PX:
         count, longer = count + 1, (longer + 1) // 2
     return count
-
-
-def read_pixels(path: str | os.PathLike[str], size_px: tuple[int, int] | None = None) -> Pixels:
-    """Decode a photo as it is stored, whatever its EXIF orientation says.
-
-    Parameters
-    ----------
-    path
-        The file.
-    size_px
-        Its width and height as stored, where they are known: decoding takes half the memory then.
-
-    Returns
-    -------
-    (height, width, 3) BGR.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or is no photo.
-    """
-    pixels = None
-    if size_px is not None and os.access(path, os.R_OK):
-        pixels = _decoded_into(path, *size_px)
-    return read_reduced(path, lambda _: 1)[0] if pixels is None else pixels
-
-
-def _decoded_into(path: str | os.PathLike[str], width: int, height: int) -> Pixels | None:
-    """Decode into an array that is there already; None where that does not work.
-
-    `imdecode` and `imread` alone fill an array of their own and copy it. A file that cannot be
-    read leaves the array as it was, without a word: so its last row says whether it was filled.
-    """
-    pixels = np.empty((height, width, 3), np.uint8)
-    pixels[-1] = untouched = np.random.default_rng(0).integers(0, 256, (width, 3), np.uint8)
-    try:
-        found = cv2.imread(os.fspath(path), pixels, _AS_STORED)
-    except cv2.error:
-        return None
-    if found is None or found.shape != pixels.shape or np.array_equal(found[-1], untouched):
-        return None
-    return np.asarray(found, dtype=np.uint8)
 
 
 def overview_of(photo: Pixels) -> Overview:

@@ -113,11 +113,9 @@ def _stretched(values: Values) -> Tone:
 
 def _luminance(pixels: Values) -> Values:
     """Grey of a reduced copy: whatever size the picture came in, its curve is the same."""
-    if min(pixels.shape[:2]) > 1:
-        pixels = shrunk(pixels, SMALL_PX)
-    if pixels.ndim == 2 or not pixels.size:
-        return pixels
-    return np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), np.uint8)
+    if pixels.ndim == 3 and pixels.size:  # before it is reduced: one channel for three
+        pixels = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), np.uint8)
+    return shrunk(pixels, SMALL_PX) if min(pixels.shape[:2]) > 1 else pixels
 
 
 def curve(tone: Tone) -> Values:

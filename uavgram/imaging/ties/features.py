@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.preview import decoded, jpeg_size
+from uavgram.imaging.photos.decode import decoded, jpeg_size
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats, Ints
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from uavgram.imaging.photos.shrink import shrunk
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.arrays import Floats
 from uavgram.model.result.pictures import GroundPicture
@@ -38,12 +39,9 @@ def cut_ground(texture: GroundTexture, low_m: Floats, high_m: Floats) -> GroundP
     shown = cv2.bitwise_or(
         texture.rgb[top:bottom, left:right], cv2.cvtColor(white, cv2.COLOR_GRAY2RGB)
     )
-    share = min(1.0, MOST_PX / max(shown.shape[:2]))
-    if share < 1.0:
-        wanted = [max(1, round(side * share)) for side in shown.shape[1::-1]]
-        shown = cv2.resize(shown, wanted, interpolation=cv2.INTER_AREA)
+    small = shrunk(np.asarray(shown, np.uint8), MOST_PX)
     quality = [int(cv2.IMWRITE_JPEG_QUALITY), QUALITY]
-    encoded = cv2.imencode(".jpg", cv2.cvtColor(shown, cv2.COLOR_RGB2BGR), quality)[1]
+    encoded = cv2.imencode(".jpg", cv2.cvtColor(small, cv2.COLOR_RGB2BGR), quality)[1]
     return GroundPicture(
         jpeg=bytes(encoded.tobytes()),
         west_m=float(texture.west_m + left * size),

@@ -15,6 +15,7 @@ from uavgram.imaging.photos.shrink import half
 from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, toned
 from uavgram.imaging.top_view.gains import Light, gains_between, light_at
 from uavgram.imaging.top_view.mosaic_grid import (
+    BAND_PX,
     Cameras,
     Grid,
     Singles,
@@ -127,26 +128,29 @@ class Mosaic:
             return
         grid = self._grid
         corner = corner_weights(grid, self._choice == frame)
-        sampled = _Sampled(pixels, self._reduction(frame, pixels.shape[1]), self._size_px)
+        halves = [pixels]
+        sampled = _Sampled(halves, self._reduction(frame, pixels.shape[1]), self._size_px)
         everywhere = box_of(corner)
         places = grid.places_about(self._cameras, frame, everywhere)
         for box in bands(corner, everywhere, grid.cell_px):
-            pixel = grid.pixels_at(self._cameras, places, box)
+            u, v = grid.pixels_at(self._cameras, places, box)
             weight = weights_within(corner, box, grid.cell_px)
-            weight[np.isnan(pixel[0])] = 0.0
+            hidden = np.isnan(u)
+            if hidden.any():
+                u[hidden] = v[hidden] = weight[hidden] = 0.0
             at = box.pixels(grid.cell_px)
-            self._sums[at] += _times(sampled.at(pixel), weight, np.float32)
+            cv2.accumulate(_times(sampled.at(u, v), weight, np.float32), self._sums[at])
             self._weight[at] += weight
-        self._light[frame] = self._light_of(frame, pixels)
+        self._light[frame] = self._light_of(frame, halves)
 
-    def _light_of(self, frame: int, pixels: Pixels) -> Light:
+    def _light_of(self, frame: int, halves: list[Pixels]) -> Light:
         """How bright a preview is at the nodes that it shows."""
         pixel = self._grid.pixels_in(self._cameras, frame, self._nodes)
         at = np.flatnonzero(np.isfinite(pixel[:, 0]))
         # a node stands for what is around it, how much is no matter; halving is quick
-        reduction = 1 << int(np.log2(max(pixels.shape[1] / LIGHT_PX, 1.0)))
-        sampled = _Sampled(pixels, reduction, self._size_px)
-        return light_at(at, sampled.at(pixel[at].T[..., None])[:, 0])
+        reduction = 1 << int(np.log2(max(halves[0].shape[1] / LIGHT_PX, 1.0)))
+        sampled = _Sampled(halves, reduction, self._size_px)
+        return light_at(at, sampled.at(*pixel[at].T[..., None])[:, 0])
 
     def _reduction(self, frame: int, width_px: int) -> int:
         """How many pixels of a preview of this width make one of the mosaic; at least 1."""
@@ -164,11 +168,11 @@ class Mosaic:
         gains = gains_between(self._light, len(self._cameras.center_m))
         factor = gain_field(grid, self._choice, gains)
         factor /= np.maximum(self._weight, np.finfo(np.float32).tiny)
-        plain = _times(self._sums, factor, np.uint8)[..., ::-1]
+        plain = _times(self._sums, factor, np.uint8)
         some = np.s_[::TONE_STEP_PX, ::TONE_STEP_PX]
-        tone = automatic_tone(plain[some][covered[some]][:, None, ::-1])
-        shown = np.ascontiguousarray(toned(plain, tone))
-        return GroundTexture(shown, covered, grid.west_m, grid.north_m, grid.pixel_size_m, tone)
+        tone = automatic_tone(plain[some][covered[some]][:, None])
+        rgb = np.asarray(cv2.cvtColor(toned(plain, tone), cv2.COLOR_BGR2RGB), np.uint8)
+        return GroundTexture(rgb, covered, grid.west_m, grid.north_m, grid.pixel_size_m, tone)
 
 
 def _lay_grid(result: Result, cameras: Cameras, preview_scale: float, max_size_px: int) -> Grid:
@@ -216,19 +220,39 @@ def _extent(result: Result, cameras: Cameras) -> tuple[Floats, Floats]:
 def _times(picture: Pixels | Singles, factor: Singles, like: type[Shade]) -> NDArray[Shade]:
     """(H, W, 3) a picture times (H, W) factors, as numbers like these, rounded to the next."""
     kind = cv2.CV_8U if like is np.uint8 else cv2.CV_32F
-    made = cv2.multiply(picture, cv2.cvtColor(factor, cv2.COLOR_GRAY2BGR), dtype=kind)
-    return np.asarray(made, dtype=like)
+    made = np.empty(picture.shape, like)
+    for top in range(
+        0, len(picture), BAND_PX
+    ):  # what is large takes long to be given by the system
+        rows = slice(top, top + BAND_PX)
+        each = cv2.cvtColor(factor[rows], cv2.COLOR_GRAY2BGR)
+        cv2.multiply(picture[rows], each, dst=made[rows], dtype=kind)
+    return made
 
 
 class _Sampled:
     """A preview reduced as far as the mosaic is coarser, which would flicker otherwise."""
 
-    def __init__(self, pixels: Pixels, reduction: int, size_px: Floats) -> None:
-        """Of a photo of (2,) such a size: width and height."""
-        height, width = pixels.shape[:2]
+    def __init__(self, halves: list[Pixels], reduction: int, size_px: Floats) -> None:
+        """Take a preview and, further on in the list, its halves: those that lack are made.
+
+        Parameters
+        ----------
+        halves
+            (height, width, 3) BGR.
+        reduction
+            How many pixels become one.
+        size_px
+            (2,) width and height of the photo.
+        """
+        height, width = halves[0].shape[:2]
         self._step = size_px / [width, height] * reduction
+        level = 0
         while reduction % 2 == 0:
-            pixels, reduction = half(pixels), reduction // 2
+            level, reduction = level + 1, reduction // 2
+            if level == len(halves):
+                halves.append(half(halves[-1]))
+        pixels = halves[level]
         height, width = pixels.shape[:2]
         if reduction > 1:  # of whole blocks, for which OpenCV is ten times faster
             rows, columns = max(height // reduction, 1), max(width // reduction, 1)
@@ -238,13 +262,12 @@ class _Sampled:
             )
         self._pixels = pixels
 
-    def at(self, at_px: Values) -> Pixels:
-        """(n, m, 3) BGR at u and v (2, n, m) in original pixels; anything for NaN."""
+    def at(self, u: Values, v: Values) -> Pixels:
+        """(n, m, 3) BGR at u and v (n, m) in original pixels."""
         column, row = (
-            ((at + 0.5) / step - 0.5).astype(np.float32)
-            for at, step in zip(at_px, self._step.tolist(), strict=True)
+            ((at + 0.5) / step - 0.5).astype(np.float32, copy=False)
+            for at, step in zip((u, v), self._step.tolist(), strict=True)
         )
-        column[np.isnan(column)] = row[np.isnan(row)] = 0.0
         shown = cv2.remap(
             self._pixels, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
         )

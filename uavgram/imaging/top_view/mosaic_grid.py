@@ -144,11 +144,12 @@ class Grid:
         sine = _sine(ground - cameras.center_m[frame])
         return Places(frame, box, pixel[..., 0], pixel[..., 1], sine)
 
-    def pixels_at(self, cameras: Cameras, places: Places, box: Box) -> Singles:
-        """(2, H, W) u and v of a frame, NaN as above, at the middles of all pixels of cells.
+    def pixels_at(self, cameras: Cameras, places: Places, box: Box) -> tuple[Singles, Singles]:
+        """(H, W) u and (H, W) v of a frame, NaN as above, at the middles of all pixels of cells.
 
-        Between places a few pixels apart, what a frame sees is almost linear. Where one of four
-        such places is not seen at all, those between them are counted out one by one.
+        Between places a few pixels apart, what a frame sees is almost linear, and lies in the photo
+        where they do. Where one of four such places is not seen at all, those between them are
+        counted out one by one.
 
         Parameters
         ----------
@@ -164,19 +165,19 @@ class Grid:
         columns = slice(
             (box.left - places.box.left) * share, (box.right - places.box.left) * share + 2
         )
-        u, v, sine = (
-            _enlarged(one[rows, columns], STEP_PX)[inner, inner]
-            for one in (places.u, places.v, places.sine)
-        )
-        shows = self._shows(u, v, sine)
-        found = np.stack([np.where(shows, one, NOWHERE) for one in (u, v)])
+        some = [one[rows, columns] for one in (places.u, places.v, places.sine)]
+        u, v = (_enlarged(one, STEP_PX)[inner, inner] for one in some[:2])
+        if self._shows(*some).all():
+            return u, v
         unknown = np.isnan(u)
+        hidden = ~self._shows(u, v, _enlarged(some[2], STEP_PX)[inner, inner])
+        u[hidden] = v[hidden] = NOWHERE
         if unknown.any():
             down, across = np.nonzero(unknown)
             corner = self.cell_px * np.array([box.left, box.top]) + 0.5
             each = self.world(across + corner[0], down + corner[1])
-            found[:, unknown] = self.pixels_in(cameras, places.frame, each).T
-        return found
+            u[unknown], v[unknown] = self.pixels_in(cameras, places.frame, each).T
+        return u, v
 
     def finest_pixel(self, cameras: Cameras, frame: int, preview_scale: float) -> float:
         """What a pixel of a frame's preview measures on the ground below it [m].

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.imaging.photos.cache import LruCache
-from uavgram.imaging.photos.preview import Pixels, read_reduced
+from uavgram.imaging.photos.decode import read_reduced
+from uavgram.imaging.photos.preview import Pixels
 
 CACHE_BYTES = 1_000_000_000
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.preview import decoded
+from uavgram.imaging.photos.decode import decoded
 from uavgram.io.digest import digest_inputs
 from uavgram.io.inputs import read_bytes
 from uavgram.io.photos.camera_tags import read_all_camera_tags

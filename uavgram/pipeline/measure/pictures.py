@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import groupby
 
-from uavgram.imaging.photos.cutouts import cut_out, read_whole
+from uavgram.imaging.photos.cutouts import cut_out
 from uavgram.imaging.photos.preview import Pixels
+from uavgram.imaging.photos.tone import Tone
 from uavgram.imaging.top_view.ground_cut import cut_ground
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.pictures import GroundPicture, Picture, Pictures, Region
@@ -20,7 +22,7 @@ _ORDER = {"overview": 0, "measurement": 1, "point": 2}
 
 
 class ReportPictures:
-    """What a report shows of the photos: cut out of those that pass by, then out of the others."""
+    """What a report shows of the photos: cut out of those that pass by."""
 
     def __init__(self, result: Result) -> None:
         """Choose what is shown of which photo."""
@@ -31,22 +33,16 @@ class ReportPictures:
         }
         self._made: dict[str, tuple[Picture, ...]] = {}
 
-    def cut(self, path: str, pixels: Pixels) -> None:
-        """Cut its parts out of a photo that is decoded anyway: (height, width, 3) BGR, whole."""
-        if regions := self._wanted.get(path):
-            self._made[path] = cut_out(pixels, regions)
+    def wants(self, path: str) -> bool:
+        """Whether any part of a photo is shown."""
+        return path in self._wanted
+
+    def cut(self, path: str, halves: Sequence[Pixels], tone: Tone) -> None:
+        """Cut its parts out of a photo, as `cut_out` does; one photo at a time."""
+        self._made[path] = cut_out(halves, tone, self._wanted[path])
 
     def pictures(self) -> Pictures:
-        """All that are shown; photos that did not pass by are decoded, one at a time.
-
-        Raises
-        ------
-        InputError
-            A photo cannot be read.
-        """
-        for path in self._wanted:
-            if path not in self._made:
-                self.cut(path, read_whole(path))
+        """All that are shown, once all photos have passed by."""
         made = [picture for path in self._wanted for picture in self._made[path]]
         made.sort(key=lambda one: (_ORDER[one.region.subject], one.region.row))
         shown: list[Picture] = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from enum import Enum
@@ -121,7 +122,7 @@ def _write_outputs(
     parts = ReportPictures(result)
     with journal.step("write recording.rrd"):
         texture = write_review(result, folder / "recording.rrd", progress, ties, parts)
-    with journal.step("cut the report's pictures out of the photos"):
+    with journal.step("put the report's pictures together"):
         pictures = replace(parts.pictures(), ground=ground_picture(result, texture))
     writers: dict[str, Callable[[Path], None]] = {
         **exports(result, texture),
@@ -189,7 +190,7 @@ def write_review(
     ties
         Tie points, where there are any.
     parts
-        Of photos that pass by, what the report shows: cut out of those that are decoded whole.
+        What the report shows of photos that pass by: these are decoded whole, one at a time.
 
     Returns
     -------
@@ -205,10 +206,14 @@ def write_review(
     """
     names = result.frames.frame_id
     shown_photos = {names[row] for row in carried(len(names))}
+    one_whole = threading.Lock()  # of many megapixels each: memory is bounded, whatever the cores
     mosaic = Mosaic(result, names, jpeg_preview_scale(result.camera.width_px))
 
     def reduced_photo(path: str) -> tuple[Preview, Pixels]:
-        return read_preview(path, whole=None if parts is None else partial(parts.cut, path))
+        if parts is None or not parts.wants(path):
+            return read_preview(path)
+        with one_whole:
+            return read_preview(path, whole=partial(parts.cut, path))
 
     def photos() -> Iterator[tuple[str, Preview]]:
         reduced = prefetch(reduced_photo, result.frames.path)

@@ -1,0 +1,59 @@
+"""Pixels of photo files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.imaging.photos.decode import REDUCED, read_pixels, read_reduced
+
+
+def written(path: Path, width: int, height: int) -> bytes:
+    noise = np.random.default_rng(2).integers(0, 256, (height, width, 3), np.uint8)
+    assert cv2.imwrite(str(path), cv2.GaussianBlur(noise, (0, 0), 3))
+    return path.read_bytes()
+
+
+@pytest.mark.parametrize("reduction", REDUCED)
+@pytest.mark.parametrize(("width", "height"), [(320, 240), (323, 241), (5, 3)])
+def test_a_photo_at_a_fraction_of_its_size_is_what_opencv_makes_of_its_content(
+    tmp_path: Path, width: int, height: int, reduction: int
+) -> None:
+    content = written(tmp_path / "photo.jpg", width, height)
+    pixels, by = read_reduced(tmp_path / "photo.jpg", lambda _: reduction)
+
+    wanted = cv2.imdecode(np.frombuffer(content, np.uint8), REDUCED[reduction])
+    assert by == reduction
+    np.testing.assert_array_equal(pixels, wanted)
+
+
+def test_what_is_no_jpeg_is_never_reduced(tmp_path: Path) -> None:
+    written(tmp_path / "photo.png", 64, 48)
+    pixels, by = read_reduced(tmp_path / "photo.png", lambda _: 2)
+
+    assert (by, pixels.shape) == (1, (48, 64, 3))
+
+
+@pytest.mark.parametrize("reduction", REDUCED)
+@pytest.mark.parametrize("share", [0.03, 0.1, 0.5, 0.99])
+def test_a_photo_that_is_cut_off_is_refused(tmp_path: Path, share: float, reduction: int) -> None:
+    content = written(tmp_path / "photo.jpg", 320, 240)
+    thumbnail = b"\xff\xe1\x00\x06\xff\xd8\xff\xd9"  # it has an end of its own
+    whole = content[:2] + thumbnail + content[2:]
+    (tmp_path / "photo.jpg").write_bytes(whole[: int(share * len(whole))])
+    with pytest.raises(InputError, match=r"photo\.jpg: is no photo"):
+        read_reduced(tmp_path / "photo.jpg", lambda _: reduction)
+    with pytest.raises(InputError, match=r"photo\.jpg: is no photo"):
+        read_pixels(tmp_path / "photo.jpg", (320, 240))
+
+
+def test_a_header_that_promises_more_than_there_can_be_is_refused(tmp_path: Path) -> None:
+    content = written(tmp_path / "photo.jpg", 320, 240)
+    size = content.index(b"\x00\xf0\x01\x40")
+    (tmp_path / "photo.jpg").write_bytes(content[:size] + b"\xff\xff" * 2 + content[size + 4 :])
+    with pytest.raises(InputError, match=r"photo\.jpg: is no photo"):
+        read_reduced(tmp_path / "photo.jpg", lambda _: 1)
