@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy import ndimage
+from scipy.ndimage import median_filter, minimum_filter, percentile_filter
 
 from uavgram.geometry.motion.running import running_median, running_rank, windows
 
@@ -13,12 +13,10 @@ def test_running_ranks_are_those_of_scipys_filters(count: int, size: int) -> Non
     values = np.random.default_rng(count).normal(size=(count, 2))
 
     median, ninth = running_median(values, size), running_rank(values, size, size * 9 // 10)
-    of_scipy = {"size": (size, 1), "mode": "nearest"}
-    np.testing.assert_array_equal(median, ndimage.median_filter(values, **of_scipy))
-    np.testing.assert_array_equal(ninth, ndimage.percentile_filter(values, 90, **of_scipy))
-    np.testing.assert_array_equal(
-        windows(values, size).min(axis=-1), ndimage.minimum_filter(values, **of_scipy)
-    )
+    least, about = windows(values, size).min(axis=-1), (size, 1)
+    np.testing.assert_array_equal(median, median_filter(values, about, mode="nearest"))
+    np.testing.assert_array_equal(ninth, percentile_filter(values, 90, about, mode="nearest"))
+    np.testing.assert_array_equal(least, minimum_filter(values, about, mode="nearest"))
 
 
 def test_a_running_median_keeps_what_is_infinite_apart() -> None:
