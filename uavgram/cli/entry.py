@@ -46,6 +46,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Of damaged photos OpenCV speaks in terms of its own source; our messages say what to do.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
+    # pydantic asks every installed package whether it has a plugin for it; we use none.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     if arguments is None:  # this process is ours alone
         load_little()
         seldom_look_for_cycles()

@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from uavgram.config.board_text import parse_board
 from uavgram.config.faults import Fault, show
 from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import validate
@@ -192,6 +191,8 @@ def _no_board(data: dict[str, Plain]) -> tuple[Fault, ...]:
     family = targets.get("family") if isinstance(targets, dict) else None
     if not isinstance(family, str) or not family.startswith(f"{BOARD_PLATE}:"):
         return ()
+    from uavgram.config.board_text import parse_board  # noqa: PLC0415 - loads OpenCV
+
     try:
         parse_board(family)
     except InputError as fault:

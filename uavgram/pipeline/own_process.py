@@ -17,18 +17,27 @@ a second. Where the search for a module fails, it is not installed."""
 
 LATE = frozenset(
     {
+        "PIL.ExifTags",
+        "ezdxf.fonts.lff",
+        "ezdxf.fonts.shapefile",
+        "ezdxf.tools.pattern",
+        "ezdxf.tools.text_size",
         "numpy.ctypeslib",
         "numpy.f2py",
         "numpy.ma",
         "numpy.polynomial",
         "numpy.testing",
+        "psutil",
+        "pydoc",
         "rerun.experimental",
         "rerun.server",
         "rerun.urdf",
+        "scipy.spatial.transform",
     }
 )
-"""scipy loads all of numpy, down to its compiler of Fortran, and Rerun all that one can do with its
-viewer. These are executed when somebody asks for something in them, which hardly anybody does."""
+"""scipy loads all of numpy, down to its compiler of Fortran, Rerun all that one can do with its
+viewer, and ezdxf all hatches and fonts of CAD. These are executed when somebody asks for something
+in them, which hardly anybody does."""
 
 
 def seldom_look_for_cycles() -> None:

@@ -9,7 +9,6 @@ from typing import Any, TypeVar
 
 from uavgram.errors import UavgramError
 from uavgram.pipeline.cores import cores
-from uavgram.pipeline.executor.processes import in_workers
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")
@@ -59,6 +58,8 @@ def in_processes(
     if count < 2 or len(items) <= FEW:
         yield from map(work, items)
         return
+    from uavgram.pipeline.executor.processes import in_workers  # noqa: PLC0415 - slow to load
+
     early: dict[int, Any] = {}
     due = 0
     for one in in_workers(work, items, count):

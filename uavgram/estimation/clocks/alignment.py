@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d
 
 from uavgram.estimation.clocks.camera_clock import CameraClock, fit_camera_clock, is_within
 from uavgram.estimation.clocks.offset_search import Search, search_offsets
+from uavgram.geometry.motion.running import windows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.pairing import PairStatus
 
@@ -215,7 +215,7 @@ def _could_hide_its_own(time_s: Floats, event_s: Floats, index: Ints, tolerance_
     """
     if len(event_s) < 2:
         return np.ones(len(time_s), dtype=bool)
-    spacing = minimum_filter1d(np.diff(event_s), _SPACINGS_AROUND, mode="nearest")
+    spacing = windows(np.diff(event_s), _SPACINGS_AROUND).min(axis=1)
     padded = np.concatenate([[-np.inf], event_s, [np.inf]])
     k = np.maximum(index, 0)
     least = np.maximum(_SPACING_SHARE * spacing[np.minimum(k, len(spacing) - 1)], _FASTEST_S)

@@ -12,7 +12,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
 from scipy.special import bdtrc
 
 from uavgram.estimation.clocks.camera_clock import (
@@ -22,6 +21,7 @@ from uavgram.estimation.clocks.camera_clock import (
     is_within,
     rough_clock,
 )
+from uavgram.geometry.motion.running import running_median
 from uavgram.model.arrays import Bools, Floats, Ints
 
 # Of shutters about their events: behind a feedback pin a few milliseconds, behind a command some
@@ -222,7 +222,7 @@ def _usual_spacing(event_s: Floats) -> Floats:
     spacing = np.diff(event_s)
     if not len(spacing):
         return spacing
-    return np.asarray(median_filter(spacing, size=min(11, len(spacing)), mode="nearest"))
+    return running_median(spacing, min(11, len(spacing)))
 
 
 def _may_be_missing(time_s: Floats, event_s: Floats, usual_s: Floats, tolerance_s: float) -> Bools:

@@ -10,8 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from uavgram.geometry.motion.rotation import xyzw_from_matrix
 from uavgram.io.cameras.colmap import colmap_text
 from uavgram.io.tables.csv_rows import csv_text
 from uavgram.model.arrays import Floats, Ints
@@ -63,7 +63,7 @@ def _images(result: Result, frames: Ints, seen: dict[str, list[tuple[int, Floats
     ]
     rotation = np.swapaxes(result.frames.refined.world_from_camera, 1, 2)
     for number, k in enumerate(frames, start=1):
-        x, y, z, w = Rotation.from_matrix(rotation[k]).as_quat()
+        x, y, z, w = xyzw_from_matrix(rotation[k])
         shift = -rotation[k] @ result.frames.refined.center_world_m[k]
         name = result.frames.frame_id[k]
         pose = " ".join(f"{value:.12g}" for value in (w, x, y, z, *shift))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.poses.read import FROM_PHOTOS
 from uavgram.io.photos.poses.sources import read_pose_sources
 from uavgram.io.photos.poses.tags import first_maker
-from uavgram.io.results.plan_json import read_plan
 from uavgram.io.tables.control_lines import CONTROL_LINES_COLUMNS, read_control_lines
 from uavgram.io.tables.csv_tables import own_columns
 from uavgram.io.tables.known import KNOWN_COLUMNS, read_known
@@ -34,7 +34,6 @@ from uavgram.model.flight.log import FlightLog
 from uavgram.model.flight.photo_poses import PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_UNKNOWN, TIES_FILE, TIES_FOUND, Project
-from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.provenance import InputDigest
 from uavgram.model.survey.control_lines import NO_CONTROL_LINES, ControlLines
 from uavgram.model.survey.known import NO_KNOWN, KnownThings
@@ -43,6 +42,9 @@ from uavgram.model.survey.ties import NO_TIES, TiePicks
 from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
 from uavgram.pipeline.measure.in_photos import check_picks, check_ties
 from uavgram.stages.duplicates import Duplicates, find_duplicates
+
+if TYPE_CHECKING:
+    from uavgram.model.planned.plan import FlightPlanned
 
 NO_PICKS = Picks(
     image=(),
@@ -131,7 +133,11 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     known = read_known(project.known) if project.known else NO_KNOWN
     ties_file = _existing(ties_path(project, path.absolute().parent))
     ties = read_ties(ties_file) if ties_file else NO_TIES
-    planned = read_plan(project.plan) if project.plan else None
+    planned = None
+    if project.plan:
+        from uavgram.io.results.plan_json import read_plan  # noqa: PLC0415 - slow to load
+
+        planned = read_plan(project.plan)
     columns = _column_messages(
         picks_file, lines_file, measure_file, project.known, ties_file, project.control_lines
     )

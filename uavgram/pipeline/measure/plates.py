@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from uavgram.config.board_text import parse_board
 from uavgram.model.arrays import Floats
 from uavgram.model.options import TargetOptions
 from uavgram.model.survey.observations import KnownLines, Picks
@@ -13,6 +12,8 @@ def plate_outline(targets: TargetOptions) -> Floats:
     """(4, 2) corners of a plate in metres; of a ChArUco board, its outermost inner corners."""
     if targets.side_m is not None:
         return SQUARE * targets.side_m
+    from uavgram.config.board_text import parse_board  # noqa: PLC0415 - slow to load
+
     board = parse_board(targets.family)
     return SQUARE * board.square_m * [board.columns - 1, board.rows - 1]
 

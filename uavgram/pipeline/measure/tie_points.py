@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from uavgram.io.digest import digest_file
 from uavgram.io.outputs import replace_bytes
@@ -14,9 +15,11 @@ from uavgram.model.survey.ties import TiePicks
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, ties_path
 from uavgram.pipeline.measure.pose import Posed, pose_frames, unposed
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.ties.search import Found, Scene, find_ties
 from uavgram.stages.synchronise.boots import has_events
 from uavgram.stages.tie.remarks import remarks
+
+if TYPE_CHECKING:
+    from uavgram.pipeline.ties.search import Found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,6 +63,8 @@ def tied(inputs: Inputs, posed: Posed, progress: Progress = silent) -> Tied:
     InputError
         A photo cannot be read.
     """
+    from uavgram.pipeline.ties.search import Scene, find_ties  # noqa: PLC0415 - slow to load
+
     copies = duplicates_of(inputs).photos
     rows = [k for k, name in enumerate(inputs.photos.frame_id) if name not in copies]
     ground = inputs.project.ground

@@ -14,9 +14,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import maximum_filter, median_filter
 
 from uavgram.geometry.motion.rotation import log_so3, matrix_from_xyzw
+from uavgram.geometry.motion.running import running_median, windows
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.log import Track
 from uavgram.model.flight.second_opinions import FaultKind, FlightEvidence, LogFault
@@ -182,8 +182,7 @@ def _turn_steps(time: Floats, stated: tuple[Floats, Floats], turn: Floats) -> _S
     agility = np.where(known, _TURN_RAD_S2 / 4, _TURN_RAD_S2 / 2)
     floor = np.maximum(_SMALLEST_RAD, agility * np.diff(time) ** 2)
     # A jump stands alone: where the vehicle turns fast before or after, it turns.
-    others = np.array([[True], [True], [False], [True], [True]])
-    turning = maximum_filter(_sizes(np.nan_to_num(turn)), footprint=others, mode="nearest")
+    turning = np.delete(windows(_sizes(np.nan_to_num(turn)), 5), 2, axis=-1).max(axis=-1)
     slack = np.where(known, _UNEVEN * uneven, _CALM * turning.max(axis=1))
     allowed = np.maximum(floor[:, None], usual_size(_sizes(change))) + slack[:, None]
     return _Steps(time, change, allowed)
@@ -248,7 +247,7 @@ def _receiver_apart(
     apart = apart - np.clip(lag_s, -1.0, 1.0) * way
     apart = apart - np.median(apart, axis=0)
     width = 2 * int(_SMOOTH_S / 2 / max(float(np.median(np.diff(time))), 1e-3)) + 1
-    smooth = median_filter(apart, size=(width, 1), mode="nearest")
+    smooth = running_median(apart, width)
     scatter = 1.48 * float(np.median(np.linalg.norm(apart - smooth, axis=1)))
     allowed = _APART_SIGMAS * np.maximum(_sigma(track, time)[:, 0], scatter)
     size = np.linalg.norm(smooth, axis=1)

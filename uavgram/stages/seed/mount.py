@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
+from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.pose import Poses
 from uavgram.model.message import Message
@@ -87,7 +87,7 @@ def _turned_heading(survey: Survey, ray_camera: Floats, least_m: float) -> Messa
     assert seeds is not None  # noqa: S101  (the caller asked)
     scatter = {}
     for turn in (90, 180, -90):
-        world = np.asarray(Rotation.from_euler("z", -turn, degrees=True).as_matrix())
+        world = _rotation(0, -turn)
         there = replace(seeds, world_from_camera=world @ seeds.world_from_camera)
         scatter[turn] = _scatter_m(survey, there, ray_camera, np.eye(3))
     best = min(scatter, key=scatter.__getitem__)
@@ -105,7 +105,7 @@ def _turned_heading(survey: Survey, ray_camera: Floats, least_m: float) -> Messa
 
 def _rotation(tilt_deg: float, turn_deg: float) -> Floats:
     """(3, 3) of the camera as it would be mounted, in the camera as it is."""
-    return np.asarray(Rotation.from_euler("xz", [tilt_deg, turn_deg], degrees=True).as_matrix())
+    return matrix_from_ypr(np.radians(turn_deg), 0.0, np.radians(tilt_deg))
 
 
 def _scatter_m(

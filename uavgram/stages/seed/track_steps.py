@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import binary_closing, percentile_filter
 
+from uavgram.geometry.motion.running import running_rank
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.second_opinions import FlightEvidence
 
@@ -35,9 +35,17 @@ def stands_still(change: Floats, stated: Floats, least: Floats) -> Bools:
     """
     moves = np.linalg.norm(np.nan_to_num(stated), axis=1)
     nearly = np.linalg.norm(change, axis=1) < _NEARLY * moves
-    # One noisy step in a standstill does not end it.
-    nearly = binary_closing(nearly & (moves > least), np.ones(3, dtype=np.bool_))
-    return np.asarray((change == 0).all(axis=1) | nearly)
+    return np.asarray((change == 0).all(axis=1) | _closed(nearly & (moves > least)))
+
+
+def _closed(still: Bools) -> Bools:
+    """One or two noisy steps in a standstill do not end it: dilated, then eroded by three steps."""
+    wide = still.copy()
+    wide[1:] |= still[:-1]
+    wide[:-1] |= still[1:]
+    closed = np.zeros_like(still)
+    closed[1:-1] = wide[:-2] & wide[1:-1] & wide[2:]
+    return closed
 
 
 def still_runs(time: Floats, same: Bools) -> Sequence[tuple[int, int]]:
@@ -131,8 +139,7 @@ def stated_turn(evidence: FlightEvidence, time: Floats, rotation: Floats) -> tup
 def usual_size(size: Floats) -> Floats:
     """(M, K) above which sizes (M, K) are unusual among those about them."""
     about = min(_ABOUT, len(size))
-    columns = [percentile_filter(column, 90, size=about, mode="nearest") for column in size.T]
-    return np.asarray(_UNUSUAL * np.stack(columns, axis=1))
+    return np.asarray(_UNUSUAL * running_rank(size, about, about * 9 // 10))
 
 
 def interpolated(at: Floats | float, time: Floats, value: Floats) -> Floats:

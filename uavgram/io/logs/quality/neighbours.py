@@ -10,11 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
-from scipy.ndimage import median_filter
 
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix
+from uavgram.geometry.motion.running import running_median, windows
 from uavgram.io.logs.quality.samples import rows_of
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Boot, PositionSamples
@@ -101,7 +100,7 @@ def _uneven_turn(time_s: Floats, rates: TurnRateSamples | None) -> Floats:
     if rates is None or len(time_s) < _FEWEST_ROWS:
         return np.zeros(len(time_s))
     columns = [np.interp(time_s, rates.time_boot_s, c) for c in rates.body_rad_s.T]
-    span = [np.ptp(sliding_window_view(np.pad(c, 2, "edge"), 5), axis=1) for c in columns]
+    span = [np.ptp(windows(c, 5), axis=1) for c in columns]
     return np.asarray(np.linalg.norm(span, axis=0) * np.gradient(time_s))
 
 
@@ -127,7 +126,7 @@ def _off(time_s: Floats, values: Floats, usual: _Agility, slack: Floats | float 
     nearest_s = np.minimum(np.append(np.inf, step_s), np.append(step_s, np.inf))
     # Two rows at almost one instant: what they differ by becomes a speed without bounds.
     share = np.minimum(nearest_s / (_CROWDED * float(np.median(step_s))), 1.0)
-    unrest = median_filter(off, size=15, mode="nearest")
+    unrest = running_median(off, 15)
     allowed = (
         usual.floor * share + usual.acceleration * share * widest_s**2 + _UNREST * unrest + slack
     )

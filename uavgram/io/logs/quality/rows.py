@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavgram.geometry.motion.running import running_median
 from uavgram.model.arrays import Bools, Floats, Ints
 
 LONGEST_BOOT_S = 30 * 86400.0
+_BESIDE = 7  # rows of which one is the middle
 _DENSE_ROWS, _LONE_ROWS, _LONE_GAP_S = 20, 3, 1800.0
 # Faster than any aircraft that takes photos of the ground, gusts and steps of the estimator added.
 _FASTEST_M_S, _FASTEST_CLIMB_M_S, _STEP_M = 200.0, 50.0, 30.0
@@ -28,13 +30,6 @@ def as_numbers(column: NDArray[Any]) -> Floats:
         return np.asarray(column, dtype=np.float64)
 
 
-def _running_median(values: NDArray[np.floating[Any]]) -> Floats:
-    """(N,) the median of each value and three on either side, the ends repeated."""
-    from scipy.ndimage import median_filter  # noqa: PLC0415 - 25 MB that columns alone do not need
-
-    return np.asarray(median_filter(values, size=7, mode="nearest"))
-
-
 def is_spike(time_s: Floats) -> Bools:
     """(N,) whether a time lies off its neighbours: damaged bytes, as DataFlash has no checksum.
 
@@ -45,7 +40,7 @@ def is_spike(time_s: Floats) -> Bools:
     spike = ~finite
     time = time_s[finite]
     if len(time) >= 3 and (time[1:] < time[:-1]).any():
-        spike[finite] = np.abs(time - _running_median(time)) > RESTART_S
+        spike[finite] = np.abs(time - running_median(time, _BESIDE)) > RESTART_S
     return spike
 
 
@@ -201,7 +196,7 @@ def _shifted(values: Floats, by: int) -> Floats:
 
 def _off_its_median(values: NDArray[np.floating]) -> Floats:
     """(N,) distance from the median of seven neighbours; at the ends of the seven end rows."""
-    found = _running_median(values)
+    found = running_median(values, _BESIDE)
     found[:3], found[-3:] = np.median(values[:7]), np.median(values[-7:])
     return np.asarray(np.abs(values - found))
 
