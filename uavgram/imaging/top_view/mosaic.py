@@ -168,8 +168,8 @@ class Mosaic:
         plain = np.zeros(self._sums.shape, np.uint8)
         for box, gain in gain_fields(grid, self._choice, gains):
             at = box.pixels(grid.cell_px)
-            factor = gain / np.maximum(self._weight[at], np.finfo(np.float32).tiny)
-            plain[at] = _times(self._sums[at], factor, np.uint8)
+            weight = np.maximum(self._weight[at], np.finfo(np.float32).tiny)
+            plain[at] = _times(self._sums[at], np.divide(gain, weight), np.uint8)
         some = np.s_[::TONE_STEP_PX, ::TONE_STEP_PX]
         tone = automatic_tone(plain[some][covered[some]][:, None])
         rgb = np.asarray(cv2.cvtColor(toned(plain, tone), cv2.COLOR_BGR2RGB), np.uint8)
