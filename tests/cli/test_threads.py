@@ -1,4 +1,4 @@
-"""The command gives its small matrices one thread, unless the user says otherwise."""
+"""The command gives small matrices and OpenCV one thread, unless the user says otherwise."""
 
 from __future__ import annotations
 
@@ -11,20 +11,21 @@ import pytest
 PROGRAM = """
 import os, sys
 from uavgram.cli import main
-print("numpy" in sys.modules)
+print("numpy" in sys.modules, "cv2" in sys.modules)
 main(["check", "nowhere.yaml"])
 print("numpy" in sys.modules, os.environ["OPENBLAS_NUM_THREADS"])
+import cv2
+print(cv2.getNumThreads())
 """
+THREADS = ("OPENBLAS_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 
 
 @pytest.mark.parametrize(("given", "expected"), [(None, "1"), ("3", "3")])
-def test_it_is_settled_before_numpy_is_loaded(given: str | None, expected: str) -> None:
-    environment = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
+def test_it_is_settled_before_they_are_loaded(given: str | None, expected: str) -> None:
+    environment = {k: v for k, v in os.environ.items() if k not in THREADS}
     if given is not None:
-        environment["OPENBLAS_NUM_THREADS"] = given
+        environment.update(dict.fromkeys(THREADS, given))
     done = subprocess.run(
         [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True
     )
-    before, after = done.stdout.splitlines()
-    assert before == "False"
-    assert after == f"True {expected}"
+    assert done.stdout.splitlines() == ["False False", f"True {expected}", expected]

@@ -44,6 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Most matrices here are small: more threads wait for each other longer than they help. numpy's
     # library reads this when a command loads it.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Photos are looked at by threads of ours, as many as there are cores: those of OpenCV would
+    # wait beside them, and waiting takes a core too. It reads this when it is loaded.
+    os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
     # Of damaged photos OpenCV speaks in terms of its own source; our messages say what to do.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     # pydantic asks every installed package whether it has a plugin for it; we use none.

@@ -51,6 +51,20 @@ def test_a_photo_that_is_cut_off_is_refused(tmp_path: Path, share: float, reduct
         read_pixels(tmp_path / "photo.jpg", (320, 240))
 
 
+@pytest.mark.parametrize("suffix", ["jpg", "png"])
+def test_pixels_take_the_room_of_others_where_these_are_as_many(
+    tmp_path: Path, suffix: str
+) -> None:
+    path = tmp_path / f"photo.{suffix}"
+    written(path, 320, 240)
+    wanted = read_pixels(path)
+    for height, width in ((240, 320), (320, 240), (241, 320)):
+        room = np.zeros((height, width, 3), np.uint8)
+        pixels = read_pixels(path, (320, 240), room)
+        np.testing.assert_array_equal(pixels, wanted)
+        assert (pixels is room) == (room.shape == wanted.shape)
+
+
 def test_a_header_that_promises_more_than_there_can_be_is_refused(tmp_path: Path) -> None:
     content = written(tmp_path / "photo.jpg", 320, 240)
     size = content.index(b"\x00\xf0\x01\x40")

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.decode import jpeg_size
+from uavgram.imaging.photos.decode import jpeg_size, read_pixels
 from uavgram.imaging.photos.preview import (
     Pixels,
     decode_preview,
     jpeg_of_width,
     preview_of,
+    preview_of_whole,
     read_preview,
 )
-from uavgram.imaging.photos.tone import Tone
 from uavgram.model.arrays import Floats
 
 
@@ -72,20 +72,15 @@ def test_a_photo_of_which_all_is_wanted_has_the_preview_of_any_other(
     tmp_path: Path, suffix: str, width: int, height: int
 ) -> None:
     path = write(tmp_path / f"photo.{suffix}", photo(width, height))
-    seen: list[list[Pixels]] = []
-    tones: list[Tone] = []
     other, reduced = read_preview(path, 400)
-    preview, pixels = read_preview(
-        path, 400, whole=lambda halves, tone: (seen.append(halves), tones.append(tone))
-    )
-    (halves,) = seen
+    preview, pixels, halves = preview_of_whole(read_pixels(path), 400)
 
     np.testing.assert_array_equal(halves[0], cv2.imread(str(path)))
     for large, small in pairwise(halves):  # means of 2 x 2
         even = large[: large.shape[0] // 2 * 2, : large.shape[1] // 2 * 2].astype(float)
         means = even.reshape(even.shape[0] // 2, 2, -1, 2, 3).mean(axis=(1, 3))
         np.testing.assert_allclose(small[: len(means), : means.shape[1]], means, atol=0.5)
-    assert (preview.scale, pixels.shape, tones) == (other.scale, reduced.shape, [preview.tone])
+    assert (preview.scale, pixels.shape, preview.tone) == (other.scale, reduced.shape, other.tone)
     assert np.abs(pixels.astype(float) - reduced).mean() < 1.0
     assert np.abs(pixels.astype(float) - reduced).max() < 8.0
 

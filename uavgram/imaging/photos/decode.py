@@ -25,7 +25,11 @@ _UNTURNED = cv2.IMREAD_IGNORE_ORIENTATION
 _END_OF_JPEG = b"\xff\xd9"
 
 
-def read_pixels(path: str | os.PathLike[str], size_px: tuple[int, int] | None = None) -> Pixels:
+def read_pixels(
+    path: str | os.PathLike[str],
+    size_px: tuple[int, int] | None = None,
+    room: Pixels | None = None,
+) -> Pixels:
     """Decode a photo, all of it.
 
     Parameters
@@ -35,6 +39,9 @@ def read_pixels(path: str | os.PathLike[str], size_px: tuple[int, int] | None = 
     size_px
         Its width and height as stored, where they are known: what is no JPEG takes half the memory
         then.
+    room
+        Pixels that are no longer needed: where they are as many, these take their place. Memory
+        that was used before is there at once.
 
     Returns
     -------
@@ -45,7 +52,7 @@ def read_pixels(path: str | os.PathLike[str], size_px: tuple[int, int] | None = 
     InputError
         The file cannot be read, or is no photo.
     """
-    return _read(path, lambda _: 1, size_px)[0]
+    return _read(path, lambda _: 1, size_px, room)[0]
 
 
 def read_reduced(path: str | os.PathLike[str], choose: Callable[[int], int]) -> tuple[Pixels, int]:
@@ -74,6 +81,7 @@ def _read(
     path: str | os.PathLike[str],
     choose: Callable[[int], int],
     size_px: tuple[int, int] | None = None,
+    room: Pixels | None = None,
 ) -> tuple[Pixels, int]:
     try:
         encoded = Path(path).read_bytes()
@@ -85,14 +93,14 @@ def _read(
         reduction = choose(size_px[0])
         if encoded.rfind(_END_OF_JPEG, at) < 0:  # cut off: OpenCV would make up the rest of a file
             size_px = None
-    pixels = None if size_px is None else _decoded_into(path, size_px, reduction)
+    pixels = None if size_px is None else _decoded_into(path, size_px, reduction, room)
     if pixels is None:
         pixels = decoded(path, encoded, REDUCED[reduction])
     return pixels, reduction
 
 
 def _decoded_into(
-    path: str | os.PathLike[str], size_px: tuple[int, int], reduction: int
+    path: str | os.PathLike[str], size_px: tuple[int, int], reduction: int, room: Pixels | None
 ) -> Pixels | None:
     """Decode a photo of a width and height into an array; None where that does not work.
 
@@ -102,9 +110,10 @@ def _decoded_into(
     whether it was filled.
     """
     width, height = (-(-side // reduction) for side in size_px)
+    shape = height, width, 3
     untouched = np.random.default_rng(0).integers(0, 256, (width, 3), np.uint8)
     try:
-        pixels = np.empty((height, width, 3), np.uint8)
+        pixels = np.empty(shape, np.uint8) if room is None or room.shape != shape else room
         pixels[-1] = untouched
         found = cv2.imread(os.fspath(path), pixels, REDUCED[reduction] | _UNTURNED)
     except (cv2.error, MemoryError):  # a header with absurd sizes

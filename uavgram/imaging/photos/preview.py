@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.imaging.photos.decode import REDUCED, read_pixels, read_reduced
+from uavgram.imaging.photos.decode import REDUCED, read_reduced
 from uavgram.imaging.photos.shrink import half, shrunk
 from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, toned
 
@@ -49,9 +48,7 @@ class Preview:
 
 
 def read_preview(
-    path: str | os.PathLike[str],
-    max_width_px: int = MAX_WIDTH_PX,
-    whole: Callable[[list[Pixels], Tone], object] | None = None,
+    path: str | os.PathLike[str], max_width_px: int = MAX_WIDTH_PX
 ) -> tuple[Preview, Pixels]:
     """Reduce one photo, and brighten it where it is too dark or flat to be seen.
 
@@ -61,9 +58,6 @@ def read_preview(
         Any format that OpenCV reads. EXIF rotation is not applied.
     max_width_px
         The preview is at most this wide, and never wider than the photo.
-    whole
-        Called with all of the photo, which is decoded once for both, then its halves as far as
-        there are any, and the tone. Without it a JPEG that is much wider is decoded at a fraction.
 
     Returns
     -------
@@ -74,22 +68,41 @@ def read_preview(
     InputError
         The file cannot be read, or is no photo.
     """
-    if whole is None:
-        pixels, reduction = read_reduced(path, lambda width: _reduction(width, max_width_px))
-    else:
-        pixels, reduction = read_pixels(path), 1
-    halves = [pixels]
+    pixels, reduction = read_reduced(path, lambda width: _reduction(width, max_width_px))
     if reduction == 1:
-        reduction = _reduction(pixels.shape[1], max_width_px)
-        while len(halves) < reduction.bit_length():
-            halves.append(half(halves[-1]))
-    height, width = halves[-1].shape[:2]
+        return preview_of_whole(pixels, max_width_px)[:2]
+    return _shown(pixels, reduction, max_width_px)
+
+
+def preview_of_whole(
+    pixels: Pixels, max_width_px: int = MAX_WIDTH_PX
+) -> tuple[Preview, Pixels, list[Pixels]]:
+    """Reduce a photo of which all is decoded, as far as `read_preview` does.
+
+    Parameters
+    ----------
+    pixels
+        (height, width, 3) BGR.
+    max_width_px
+        The preview is at most this wide, and never wider than the photo.
+
+    Returns
+    -------
+    The preview, its pixels, and the photo with its halves as far as it was halved.
+    """
+    halves, reduction = [pixels], _reduction(pixels.shape[1], max_width_px)
+    while len(halves) < reduction.bit_length():
+        halves.append(half(halves[-1]))
+    return *_shown(halves[-1], reduction, max_width_px), halves
+
+
+def _shown(pixels: Pixels, reduction: int, max_width_px: int) -> tuple[Preview, Pixels]:
+    """Preview and pixels of a photo whose pixels are `reduction` wide."""
+    height, width = pixels.shape[:2]
     # the last column may stand for a part of a pixel: it is `reduction` wide all the same
     covered = np.array([width, height], dtype=np.float64) * reduction
-    pixels = shrunk(halves[-1], max_width_px, across_only=True)
+    pixels = shrunk(pixels, max_width_px, across_only=True)
     tone = automatic_tone(pixels)
-    if whole is not None:
-        whole(halves, tone)
     preview = _encoded(toned(pixels, tone), (float(covered[0]), float(covered[1])))
     return replace(preview, tone=tone), pixels
 

@@ -15,7 +15,6 @@ from uavgram.imaging.photos.shrink import half
 from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, toned
 from uavgram.imaging.top_view.gains import Light, gains_between, light_at
 from uavgram.imaging.top_view.mosaic_grid import (
-    BAND_PX,
     Cameras,
     Grid,
     Singles,
@@ -25,7 +24,7 @@ from uavgram.imaging.top_view.mosaic_grid import (
     boxes_below,
     choose,
     corner_weights,
-    gain_field,
+    gain_fields,
     weights_within,
 )
 from uavgram.model.arrays import Bools, Floats
@@ -166,9 +165,11 @@ class Mosaic:
             return None
         grid = self._grid
         gains = gains_between(self._light, len(self._cameras.center_m))
-        factor = gain_field(grid, self._choice, gains)
-        factor /= np.maximum(self._weight, np.finfo(np.float32).tiny)
-        plain = _times(self._sums, factor, np.uint8)
+        plain = np.zeros(self._sums.shape, np.uint8)
+        for box, gain in gain_fields(grid, self._choice, gains):
+            at = box.pixels(grid.cell_px)
+            weight = np.maximum(self._weight[at], np.finfo(np.float32).tiny)
+            plain[at] = _times(self._sums[at], np.divide(gain, weight), np.uint8)
         some = np.s_[::TONE_STEP_PX, ::TONE_STEP_PX]
         tone = automatic_tone(plain[some][covered[some]][:, None])
         rgb = np.asarray(cv2.cvtColor(toned(plain, tone), cv2.COLOR_BGR2RGB), np.uint8)
@@ -220,14 +221,8 @@ def _extent(result: Result, cameras: Cameras) -> tuple[Floats, Floats]:
 def _times(picture: Pixels | Singles, factor: Singles, like: type[Shade]) -> NDArray[Shade]:
     """(H, W, 3) a picture times (H, W) factors, as numbers like these, rounded to the next."""
     kind = cv2.CV_8U if like is np.uint8 else cv2.CV_32F
-    made = np.empty(picture.shape, like)
-    for top in range(
-        0, len(picture), BAND_PX
-    ):  # what is large takes long to be given by the system
-        rows = slice(top, top + BAND_PX)
-        each = cv2.cvtColor(factor[rows], cv2.COLOR_GRAY2BGR)
-        cv2.multiply(picture[rows], each, dst=made[rows], dtype=kind)
-    return made
+    made = cv2.multiply(picture, cv2.cvtColor(factor, cv2.COLOR_GRAY2BGR), dtype=kind)
+    return np.asarray(made, dtype=like)
 
 
 class _Sampled:

@@ -315,15 +315,17 @@ def _enlarged(places: Floats, times: int) -> Singles:
     return np.asarray(cv2.resize(single, size, interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def gain_field(grid: Grid, choice: Ints, gains: Floats) -> Singles:
-    """(H, W) factor of each pixel: of the frames that it is blended of, in their shares.
+def gain_fields(grid: Grid, choice: Ints, gains: Floats) -> Iterator[tuple[Box, Singles]]:
+    """(H, W) factors of the pixels of some cells: of the frames they are blended of, in shares.
+
+    Together these cells are all that any frame shows, a few rows at a time.
 
     Parameters
     ----------
     grid
         The cells.
     choice
-        (R, C) the frame of each; -1 for none.
+        (R, C) the frame of each, of one at least; -1 for none.
     gains
         (N,) of the frames.
     """
@@ -331,11 +333,11 @@ def gain_field(grid: Grid, choice: Ints, gains: Floats) -> Singles:
     for frame in np.unique(choice[choice >= 0]):
         share = corner_weights(grid, choice == frame)
         around += share * np.array([gains[frame], 1.0])[:, None, None]
-    everything = Box(0, grid.shape[0], 0, grid.shape[1])
-    weighted, weight = (weights_within(one, everything, grid.cell_px) for one in around)
-    field = np.ones_like(weight)
-    np.divide(weighted, weight, out=field, where=weight > LEAST_WEIGHT)
-    return field
+    for box in bands(around[1], box_of(around[1]), grid.cell_px):
+        weighted, weight = (weights_within(one, box, grid.cell_px) for one in around)
+        field = np.ones_like(weight)
+        np.divide(weighted, weight, out=field, where=weight > LEAST_WEIGHT)
+        yield box, field
 
 
 def _sine(rays: Floats) -> Floats:

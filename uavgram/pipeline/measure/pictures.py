@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import groupby
+from threading import Lock
 
 from uavgram.imaging.photos.cutouts import cut_out
-from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.photos.tone import Tone
+from uavgram.imaging.photos.decode import read_pixels
+from uavgram.imaging.photos.preview import Pixels, Preview, preview_of_whole
 from uavgram.imaging.top_view.ground_cut import cut_ground
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.pictures import GroundPicture, Picture, Pictures, Region
@@ -32,17 +32,37 @@ class ReportPictures:
             for frame, regions in groupby(sorted(self._plan.regions, key=_frame), _frame)
         }
         self._made: dict[str, tuple[Picture, ...]] = {}
+        self._one = Lock()
+        self._room: Pixels | None = None
 
     def wants(self, path: str) -> bool:
         """Whether any part of a photo is shown."""
         return path in self._wanted
 
-    def cut(self, path: str, halves: Sequence[Pixels], tone: Tone) -> None:
-        """Cut its parts out of a photo, as `cut_out` does; one photo at a time."""
-        self._made[path] = cut_out(halves, tone, self._wanted[path])
+    def cut(self, path: str) -> tuple[Preview, Pixels]:
+        """Cut its parts out of a photo, which is decoded once for all.
+
+        Of photos that are decoded whole one is in memory at a time, whatever the threads.
+
+        Returns
+        -------
+        What `read_preview` gives of it.
+
+        Raises
+        ------
+        InputError
+            The file cannot be read, or is no photo.
+        """
+        with self._one:
+            whole = read_pixels(path, room=self._room)
+            preview, pixels, halves = preview_of_whole(whole)
+            self._made[path] = cut_out(halves, preview.tone, self._wanted[path])
+            self._room = None if pixels is whole else whole
+        return preview, pixels
 
     def pictures(self) -> Pictures:
-        """All that are shown, once all photos have passed by."""
+        """All that are shown, once their photos have passed by."""
+        self._room = None
         made = [picture for path in self._wanted for picture in self._made[path]]
         made.sort(key=lambda one: (_ORDER[one.region.subject], one.region.row))
         shown: list[Picture] = []

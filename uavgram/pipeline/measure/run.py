@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from enum import Enum
-from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -190,7 +188,7 @@ def write_review(
     ties
         Tie points, where there are any.
     parts
-        What the report shows of photos that pass by: these are decoded whole, one at a time.
+        What the report shows of photos that pass by.
 
     Returns
     -------
@@ -206,14 +204,10 @@ def write_review(
     """
     names = result.frames.frame_id
     shown_photos = {names[row] for row in carried(len(names))}
-    one_whole = threading.Lock()  # of many megapixels each: memory is bounded, whatever the cores
     mosaic = Mosaic(result, names, jpeg_preview_scale(result.camera.width_px))
 
     def reduced_photo(path: str) -> tuple[Preview, Pixels]:
-        if parts is None or not parts.wants(path):
-            return read_preview(path)
-        with one_whole:
-            return read_preview(path, whole=partial(parts.cut, path))
+        return parts.cut(path) if parts and parts.wants(path) else read_preview(path)
 
     def photos() -> Iterator[tuple[str, Preview]]:
         reduced = prefetch(reduced_photo, result.frames.path)
