@@ -34,6 +34,7 @@ from uavgram.views.report.measured import (
 )
 from uavgram.views.report.method import method_facts
 from uavgram.views.report.pictures import gallery
+from uavgram.views.report.shapes import rings
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.drawing import largest_sigmas
 from uavgram.views.survey.key_facts import key_facts
@@ -154,6 +155,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             gallery=gallery(result, pictures),
             **_plans(result, pictures, first),
             ink=INK,
+            rings=rings,
             place=place(result),
             why_to_neighbours=WHY_TO_NEIGHBOURS,
             why_two_ellipses=WHY_TWO_ELLIPSES,

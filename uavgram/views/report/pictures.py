@@ -16,6 +16,7 @@ from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.views.report.inline import Inline
+from uavgram.views.report.shapes import SHAPES, Mark, cross
 from uavgram.views.style import BAD, MEASURED, OBSERVED, REFERENCE, Rgb, hex_colour
 from uavgram.views.survey.drawing import (
     project_from,
@@ -42,15 +43,6 @@ PICKED_BY: dict[Source, str] = {
     "match": "found by the program (matched)",
     "target": "found by the program (target)",
 }
-
-
-class Mark(NamedTuple):
-    """A pick: where, its shape (by who made it) and its colour."""
-
-    x: float
-    y: float
-    shape: str
-    colour: str
 
 
 class Tag(NamedTuple):
@@ -269,19 +261,22 @@ def _marks(
 ) -> tuple[tuple[Mark, ...], tuple[Tag, ...]]:
     """Marks of all picks, and their names: of a measurement only its own, and wrong ones."""
     picks, own = result.picks, _own(result, region)
+    is_point = region.subject == "point"
+    r, inner = round((15 if is_point else 7) * unit, 2), round(1.6 * unit, 2)
     marks, tags = [], []
     for i in rows:
         x, y = (round(float(part), 2) for part in picks.pixel_px[i])
         wrong = picks.status[i] in ("suspect", "removed")
-        shape = "removed" if picks.status[i] == "removed" else picks.source[i]
-        marks.append(Mark(x, y, shape, hex_colour(BAD if wrong else OBSERVED)))
+        shape = SHAPES["removed" if picks.status[i] == "removed" else picks.source[i]]
+        colour = hex_colour(BAD if wrong else OBSERVED)
+        marks.append(Mark(x, y, colour, shape(x, y, r), cross(x, y, inner)))
         if region.subject == "measurement" and not wrong and picks.label[i] not in own:
             continue
         half = (LETTER * len(picks.label[i]) / 2 + 3) * unit
         left, right = region.left_px + half, region.left_px + region.width_px - half
-        below = y + (31 if region.subject == "point" else 22) * unit
+        below = y + (31 if is_point else 22) * unit
         if below > region.top_px + region.height_px - 6 * unit:
-            below = y - (22 if region.subject == "point" else 14) * unit
+            below = y - (22 if is_point else 14) * unit
         tags.append(Tag(min(max(x, left), max(right, left)), below, half, picks.label[i]))
     tags.sort(key=lambda tag: tag.text not in own)
     anchors = np.reshape([(tag.x, tag.y) for tag in tags], (-1, 2))
