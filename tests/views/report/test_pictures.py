@@ -23,7 +23,8 @@ from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.report import render_report
-from uavgram.views.report.pictures import Gallery, _placed, gallery
+from uavgram.views.report.pictures import Gallery, gallery
+from uavgram.views.report.scale_bars import placed
 from uavgram.views.wording import measurement_text
 
 STRETCH = (12.0, 96.0, 1.5)
@@ -120,7 +121,7 @@ def test_a_scale_bar_stands_where_it_hides_less() -> None:
     y = part.top_px + part.height_px - 20 * one.unit
     ends = {}
     for side, x in (("left", part.left_px + 30 * one.unit), ("none", part.left_px - 99.0)):
-        bar = _placed(one.bar, part, (mark._replace(x=x, y=y),), one.unit)
+        bar = placed(one.bar, part, (mark._replace(x=x, y=y),), one.unit)
         assert bar is not None
         ends[side] = bar.left, bar.left + bar.width
 

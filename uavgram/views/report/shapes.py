@@ -7,6 +7,7 @@ each path of its own.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 from typing import NamedTuple
 
 
@@ -20,37 +21,61 @@ class Mark(NamedTuple):
     middle: str
 
 
-def ring(x: float, y: float, r: float) -> str:
-    """Four curves, off a circle by 0.03 % of its radius: arcs take some readers thrice as long."""
+def mark(
+    place: tuple[float, float], kind: str, colour: str, half_widths: tuple[float, float]
+) -> Mark:
+    """Draw a pick.
+
+    Parameters
+    ----------
+    place
+        Of its middle.
+    kind
+        Who made it, as `Source` has it; or ``removed``, of one that was taken out.
+    colour
+        Of its lines.
+    half_widths
+        Of the outline, and of the cross in its middle.
+    """
+    outer, inner = half_widths
+    return Mark(*place, colour, _SHAPES[kind](*place, outer), _cross(*place, inner))
+
+
+def rings(places: Iterable[tuple[float, float]], r: float) -> str:
+    """One ring about each place, as one path."""
+    return "".join(_ring(x, y, r) for x, y in places)
+
+
+def _ring(x: float, y: float, r: float) -> str:
+    return f"M{round(x - r, 2)} {round(y, 2)} {_curves(r)}"
+
+
+@lru_cache(64)
+def _curves(r: float) -> str:
+    """Four, off a circle by 0.03 % of its radius: with arcs some readers take thrice as long.
+
+    Hundreds of rings of a page are of the same size.
+    """
     k = round(0.5523 * r, 2)
     q = round(r - k, 2)
     return (
-        f"M{round(x - r, 2)} {round(y, 2)} c0 {-k} {q} {-r} {r} {-r} {k} 0 {r} {q} {r} {r} "
+        f"c0 {-k} {q} {-r} {r} {-r} {k} 0 {r} {q} {r} {r} "
         f"0 {k} {-q} {r} {-r} {r} {-k} 0 {-r} {-q} {-r} {-r} Z"
     )
 
 
-def rings(places: Iterable[tuple[float, float]], r: float) -> str:
-    """One about each place, as one path."""
-    return "".join(ring(x, y, r) for x, y in places)
-
-
-def cross(x: float, y: float, r: float) -> str:
-    """Two strokes from corner to corner of a square."""
+def _cross(x: float, y: float, r: float) -> str:
     left, top, right, bottom = (round(part, 2) for part in (x - r, y - r, x + r, y + r))
     return f"M{left} {top} L{right} {bottom} M{left} {bottom} L{right} {top}"
 
 
-def square(x: float, y: float, r: float) -> str:
-    """Of twice that width."""
+def _square(x: float, y: float, r: float) -> str:
     return f"M{round(x - r, 2)} {round(y - r, 2)} h{2 * r} v{2 * r} h{-2 * r} Z"
 
 
-def diamond(x: float, y: float, r: float) -> str:
-    """A square that stands on a corner."""
-    top, right, bottom, left = (round(part, 2) for part in (y - r, x + r, y + r, x - r))
+def _diamond(x: float, y: float, r: float) -> str:
+    left, top, right, bottom = (round(part, 2) for part in (x - r, y - r, x + r, y + r))
     return f"M{x} {top} L{right} {y} L{x} {bottom} L{left} {y} Z"
 
 
-SHAPES = {"match": square, "target": diamond, "hand": ring, "removed": cross}
-"""Of picks that fit or may not, by who made them; and of those that were taken out."""
+_SHAPES = {"match": _square, "target": _diamond, "hand": _ring, "removed": _cross}
