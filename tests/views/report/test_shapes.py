@@ -38,4 +38,5 @@ def _bounds(path: str) -> tuple[float, float, float, float]:
     pen = BoundsPen(None)
     parse_path(path, pen)
     assert pen.bounds is not None
-    return pen.bounds
+    left, top, right, bottom = pen.bounds
+    return left, top, right, bottom

@@ -10,7 +10,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.result.pictures import GroundPicture, Pictures
 from uavgram.model.result.result import Result
 from uavgram.views.report.brief import brief
-from uavgram.views.report.inline import Inline
+from uavgram.views.report.inline import GROUND, picture_mark
 from uavgram.views.survey.top_view import TopView, lay_out
 
 
@@ -21,7 +21,7 @@ class Backdrop(NamedTuple):
     y: float
     width: float
     height: float
-    data: Inline
+    data: str
 
 
 def shown_ground(result: Result) -> tuple[Floats, Floats] | None:
@@ -50,5 +50,5 @@ def _placed(view: TopView, ground: GroundPicture) -> Backdrop:
         y=round(float(y), 2),
         width=round(ground.width_m * scale, 2),
         height=round(ground.height_m * scale, 2),
-        data=Inline(ground.jpeg),
+        data=picture_mark(GROUND),
     )

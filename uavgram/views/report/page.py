@@ -21,6 +21,7 @@ from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.contents import with_contents
 from uavgram.views.report.gauge import gauge
 from uavgram.views.report.ground import backdrop
+from uavgram.views.report.inline import with_pictures
 from uavgram.views.report.known import known_table
 from uavgram.views.report.long_tables import rows_told
 from uavgram.views.report.measured import (
@@ -104,9 +105,10 @@ def write_report(
     """
     target = Path(path)
     unfinished = target.with_name(f".{target.name}.unfinished")
-    page = render_report(result, pictures)
+    page = _page(result, pictures)
     try:
-        unfinished.write_text(page, encoding="utf-8")
+        with unfinished.open("wb") as file:
+            file.writelines(with_pictures(page, pictures))
         unfinished.replace(target)
     except OSError as error:
         raise OutputError(f"{target}: the report cannot be written: {error}") from error
@@ -116,6 +118,11 @@ def write_report(
 
 def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
     """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
+    return b"".join(with_pictures(_page(result, pictures), pictures)).decode()
+
+
+def _page(result: Result, pictures: Pictures) -> str:
+    """The page with marks for its pictures."""
     units, first = units_of(result), brief(result)
     position_m, attitude_deg = largest_sigmas(result.frames.refined)
     return with_contents(

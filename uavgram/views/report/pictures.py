@@ -15,7 +15,7 @@ from uavgram.model.result.pictures import Picture, Pictures, Region
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
-from uavgram.views.report.inline import Inline
+from uavgram.views.report.inline import picture_mark
 from uavgram.views.report.scale_bars import Bar, placed, scale_bars
 from uavgram.views.report.shapes import Mark, mark
 from uavgram.views.style import BAD, MEASURED, OBSERVED, REFERENCE, Rgb, hex_colour
@@ -63,7 +63,7 @@ class Shown(NamedTuple):
     region
         Of the photo.
     data
-        The picture itself.
+        Where the picture itself comes.
     unit
         Pixels of the photo for one unit of a drawing.
     lines
@@ -77,7 +77,7 @@ class Shown(NamedTuple):
     """
 
     region: Region
-    data: Inline
+    data: str
     unit: float
     lines: tuple[tuple[str, str], ...]
     marks: tuple[Mark, ...]
@@ -139,9 +139,9 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
     several = sum(one.region.subject == "measurement" for one in pictures.shown) > MOST_HALVES
     widths = {**WIDTHS, "measurement": THIRD_WIDTH} if several else WIDTHS
     drawn = _drawn(result, [one.region for one in pictures.shown])
-    for picture in pictures.shown:
+    for row, picture in enumerate(pictures.shown):
         unit = picture.region.width_px / widths[picture.region.subject]
-        by_subject[picture.region.subject].append(_shown(result, drawn, picture, unit))
+        by_subject[picture.region.subject].append(_shown(result, drawn, picture, unit, row))
     stretch = {one.region.frame: _stretch_text(one) for one in pictures.shown}
     names = result.frames.frame_id
     return Gallery(
@@ -189,14 +189,14 @@ def _stretch_text(picture: Picture) -> str:
     )
 
 
-def _shown(result: Result, drawn: _Drawn, picture: Picture, unit: float) -> Shown:
+def _shown(result: Result, drawn: _Drawn, picture: Picture, unit: float, row: int) -> Shown:
     region = picture.region
     picks = _picks_in(result, drawn, region)
     marks, tags = _marks(result, region, picks, unit)
     name, told = _words(result, drawn, region, picks)
     return Shown(
         region=region,
-        data=Inline(picture.jpeg),
+        data=picture_mark(row),
         unit=unit,
         lines=tuple(_lines(drawn.lines[region], unit)),
         marks=marks,
