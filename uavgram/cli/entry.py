@@ -32,6 +32,8 @@ from uavgram.cli.terminal import as_told, drop_output, tell_in
 from uavgram.errors import UavgramError
 from uavgram.model.units import METRIC
 
+__all__ = ["app", "called"]
+
 
 def called(arguments: Sequence[str] | None) -> int:
     """Run the command that the arguments, or the process's own, name; its exit status."""
