@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from uavgram.cli.entry import main
+from uavgram.cli import main
 
 
 def test_a_scenario_is_repeated_and_told(

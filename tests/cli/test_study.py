@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from uavgram.cli.entry import main
+from uavgram.cli import main
 
 
 def test_a_study_is_made_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

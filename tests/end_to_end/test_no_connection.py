@@ -17,7 +17,7 @@ import yaml
 from pick_pages import small_project
 from small_recording import write_small_recording
 
-from uavgram.cli import app
+from uavgram.cli.entry import app
 
 UAVGRAM = ("-m", "uavgram")
 STRACE = shutil.which("strace")

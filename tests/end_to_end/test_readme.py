@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from flight_projects import Demo
 
-from uavgram.cli import app
+from uavgram.cli.entry import app
 
 
 @pytest.fixture(scope="module")

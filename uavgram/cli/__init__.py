@@ -1,6 +1,5 @@
 """The command line: arguments -> one call of the pipeline -> exit status; one file per command."""
 
-from uavgram.cli.application import app
-from uavgram.cli.entry import main
+from uavgram.cli.start import main
 
-__all__ = ["app", "main"]
+__all__ = ["main"]

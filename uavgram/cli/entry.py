@@ -1,8 +1,7 @@
-"""The entry point: every command, and the form in which errors are told."""
+"""Every command, and the form in which errors are told."""
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Sequence
 
@@ -32,28 +31,12 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
 from uavgram.cli.terminal import as_told, drop_output, tell_in
 from uavgram.errors import UavgramError
 from uavgram.model.units import METRIC
-from uavgram.pipeline.own_process import load_little, seldom_look_for_cycles
+
+__all__ = ["app", "called"]
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit status.
-
-    0: done; 1: a problem that the user can solve, told in one message; 2: wrong usage. Anything
-    else is a bug and keeps its traceback.
-    """
-    # Most matrices here are small: more threads wait for each other longer than they help. numpy's
-    # library reads this when a command loads it.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Photos are looked at by threads of ours, as many as there are cores: those of OpenCV would
-    # wait beside them, and waiting takes a core too. It reads this when it is loaded.
-    os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
-    # Of damaged photos OpenCV speaks in terms of its own source; our messages say what to do.
-    os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
-    # pydantic asks every installed package whether it has a plugin for it; we use none.
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    if arguments is None:  # this process is ours alone
-        load_little()
-        seldom_look_for_cycles()
+def called(arguments: Sequence[str] | None) -> int:
+    """Run the command that the arguments, or the process's own, name; its exit status."""
     tell_in(METRIC)
     try:
         status = app(arguments)

@@ -23,7 +23,8 @@ from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.report import render_report
-from uavgram.views.report.pictures import Gallery, _placed, gallery
+from uavgram.views.report.pictures import Gallery, gallery
+from uavgram.views.report.scale_bars import placed
 from uavgram.views.wording import measurement_text
 
 STRETCH = (12.0, 96.0, 1.5)
@@ -41,11 +42,16 @@ def result() -> Result:
 
 @cache
 def pictures() -> Pictures:
-    """Grey ones: what they show is not the subject here."""
-    plan = picture_plan(result())
-    grey = cv2.imencode(".jpg", np.full((8, 8), 128, np.uint8))[1].tobytes()
-    shown = [Picture(region=one, jpeg=grey, shown_px=8, stretch=STRETCH) for one in plan.regions]
+    """Grey ones, each of another grey: what they show is not the subject here."""
+    shown = [
+        Picture(region=one, jpeg=_grey(row), shown_px=8, stretch=STRETCH)
+        for row, one in enumerate(picture_plan(result()).regions)
+    ]
     return Pictures(shown=tuple(shown), left_out=("P77",))
+
+
+def _grey(value: int) -> bytes:
+    return cv2.imencode(".jpg", np.full((8, 8), value, np.uint8))[1].tobytes()
 
 
 @cache
@@ -70,10 +76,18 @@ def test_pictures_are_in_the_page_itself_which_allows_itself_no_others() -> None
     images = [str(attrs["href"]) for tag, attrs in page.tags if tag == "image"]
     policy = [attrs["content"] for tag, attrs in page.tags if "http-equiv" in attrs]
 
-    assert len(images) == len(pictures().shown)
     assert all(image.startswith("data:image/jpeg;base64,") for image in images)
-    assert base64.b64decode(images[0].partition(",")[2]) == pictures().shown[0].jpeg
+    held = [base64.b64decode(image.partition(",")[2]) for image in images]
+    of_region = {one.region: one.jpeg for one in pictures().shown}
+    cards = (*shown().overview, *shown().measurements, *shown().points)
+    assert held == [of_region[one.region] for one in cards]
     assert policy == ["default-src 'none'; style-src 'unsafe-inline'; img-src data:"]
+
+
+def test_a_name_that_looks_like_a_picture_stays_a_name() -> None:
+    named = replace(result(), name="<!-- picture 0 -->")
+
+    assert "&lt;!-- picture 0 --&gt;" in render_report(named, pictures())
 
 
 def test_the_mark_of_a_point_is_where_it_was_picked() -> None:
@@ -120,7 +134,7 @@ def test_a_scale_bar_stands_where_it_hides_less() -> None:
     y = part.top_px + part.height_px - 20 * one.unit
     ends = {}
     for side, x in (("left", part.left_px + 30 * one.unit), ("none", part.left_px - 99.0)):
-        bar = _placed(one.bar, part, (mark._replace(x=x, y=y),), one.unit)
+        bar = placed(one.bar, part, (mark._replace(x=x, y=y),), one.unit)
         assert bar is not None
         ends[side] = bar.left, bar.left + bar.width
 

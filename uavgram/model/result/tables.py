@@ -6,6 +6,7 @@ NaN stands for "there is none" (null in the file).
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, Literal
 
 import numpy as np
@@ -342,7 +343,7 @@ class MeasurementResults:
                 object.__setattr__(self, name, np.full(len(self.name), np.nan))
         freeze(self)
 
-    @property
+    @cached_property
     def outlines(self) -> tuple[tuple[str, ...], ...]:
         """(M,) labels that are drawn: of a volume those around it, without its top and plane."""
         beside = [("top=" in text) + 3 * ("plane=" in text) for text in self.parameters]
@@ -351,10 +352,12 @@ class MeasurementResults:
             for labels, kind, more in zip(self.points, self.kind, beside, strict=True)
         )
 
-    @property
+    @cached_property
     def is_ambiguous(self) -> Bools:
         """(M,) whether another solution puts the value outside its interval."""
-        return np.array([len(values) > 0 for values in self.alternative_values], dtype=bool)
+        ambiguous = np.array([len(values) > 0 for values in self.alternative_values], dtype=bool)
+        ambiguous.flags.writeable = False
+        return ambiguous
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -10,8 +10,8 @@ from uavgram.model.arrays import Floats
 from uavgram.model.result.pictures import GroundPicture, Pictures
 from uavgram.model.result.result import Result
 from uavgram.views.report.brief import brief
-from uavgram.views.report.inline import Inline
-from uavgram.views.survey.top_view import TopView, top_view
+from uavgram.views.report.inline import GROUND, picture_mark
+from uavgram.views.survey.top_view import TopView, lay_out
 
 
 class Backdrop(NamedTuple):
@@ -21,13 +21,13 @@ class Backdrop(NamedTuple):
     y: float
     width: float
     height: float
-    data: Inline
+    data: str
 
 
 def shown_ground(result: Result) -> tuple[Floats, Floats] | None:
     """South-west and north-east corner (2,) of what the report's plans cover; None without one."""
-    views = [top_view(result), top_view(result, brief(result).plan_height)]
-    corners = [view.sheet.extent_m for view in views if view is not None]
+    plans = [lay_out(result), lay_out(result, brief(result).plan_height)]
+    corners = [plan.sheet.extent_m for plan in plans if plan is not None]
     if not corners:
         return None
     low, high = np.stack(corners, axis=1)
@@ -50,5 +50,5 @@ def _placed(view: TopView, ground: GroundPicture) -> Backdrop:
         y=round(float(y), 2),
         width=round(ground.width_m * scale, 2),
         height=round(ground.height_m * scale, 2),
-        data=Inline(ground.jpeg),
+        data=picture_mark(GROUND),
     )

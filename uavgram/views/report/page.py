@@ -21,6 +21,7 @@ from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.contents import with_contents
 from uavgram.views.report.gauge import gauge
 from uavgram.views.report.ground import backdrop
+from uavgram.views.report.inline import with_pictures
 from uavgram.views.report.known import known_table
 from uavgram.views.report.long_tables import rows_told
 from uavgram.views.report.measured import (
@@ -34,6 +35,7 @@ from uavgram.views.report.measured import (
 )
 from uavgram.views.report.method import method_facts
 from uavgram.views.report.pictures import gallery
+from uavgram.views.report.shapes import rings
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.drawing import largest_sigmas
 from uavgram.views.survey.key_facts import key_facts
@@ -103,9 +105,10 @@ def write_report(
     """
     target = Path(path)
     unfinished = target.with_name(f".{target.name}.unfinished")
-    page = render_report(result, pictures)
+    page = _page(result, pictures)
     try:
-        unfinished.write_text(page, encoding="utf-8")
+        with unfinished.open("wb") as file:
+            file.writelines(with_pictures(page, pictures))
         unfinished.replace(target)
     except OSError as error:
         raise OutputError(f"{target}: the report cannot be written: {error}") from error
@@ -115,6 +118,11 @@ def write_report(
 
 def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
     """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
+    return b"".join(with_pictures(_page(result, pictures), pictures)).decode()
+
+
+def _page(result: Result, pictures: Pictures) -> str:
+    """The page with marks for its pictures."""
     units, first = units_of(result), brief(result)
     position_m, attitude_deg = largest_sigmas(result.frames.refined)
     return with_contents(
@@ -154,6 +162,7 @@ def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
             gallery=gallery(result, pictures),
             **_plans(result, pictures, first),
             ink=INK,
+            rings=rings,
             place=place(result),
             why_to_neighbours=WHY_TO_NEIGHBOURS,
             why_two_ellipses=WHY_TWO_ELLIPSES,

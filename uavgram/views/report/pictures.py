@@ -15,7 +15,9 @@ from uavgram.model.result.pictures import Picture, Pictures, Region
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
-from uavgram.views.report.inline import Inline
+from uavgram.views.report.inline import picture_mark
+from uavgram.views.report.scale_bars import Bar, placed, scale_bars
+from uavgram.views.report.shapes import Mark, mark
 from uavgram.views.style import BAD, MEASURED, OBSERVED, REFERENCE, Rgb, hex_colour
 from uavgram.views.survey.drawing import (
     project_from,
@@ -26,7 +28,7 @@ from uavgram.views.survey.drawing import (
 )
 from uavgram.views.survey.sources import measured_alone
 from uavgram.views.survey.verdict import status_text
-from uavgram.views.units import round_bar, units_of
+from uavgram.views.units import units_of
 from uavgram.views.wording import measurement_text, number, size_text
 
 WIDTHS = {"overview": 900.0, "measurement": 400.0, "point": 210.0}
@@ -44,15 +46,6 @@ PICKED_BY: dict[Source, str] = {
 }
 
 
-class Mark(NamedTuple):
-    """A pick: where, its shape (by who made it) and its colour."""
-
-    x: float
-    y: float
-    shape: str
-    colour: str
-
-
 class Tag(NamedTuple):
     """A name beside a mark: middle, half its width, and the text."""
 
@@ -60,15 +53,6 @@ class Tag(NamedTuple):
     y: float
     half: float
     text: str
-
-
-class Bar(NamedTuple):
-    """A scale bar in pixels of the photo, its length in words, and where its box begins."""
-
-    length: float
-    text: str
-    left: float = 0.0
-    width: float = 0.0
 
 
 class Shown(NamedTuple):
@@ -79,7 +63,7 @@ class Shown(NamedTuple):
     region
         Of the photo.
     data
-        The picture itself.
+        Where the picture itself comes.
     unit
         Pixels of the photo for one unit of a drawing.
     lines
@@ -93,7 +77,7 @@ class Shown(NamedTuple):
     """
 
     region: Region
-    data: Inline
+    data: str
     unit: float
     lines: tuple[tuple[str, str], ...]
     marks: tuple[Mark, ...]
@@ -130,6 +114,8 @@ class _Drawn(NamedTuple):
     ----------
     lines
         By region, polylines in pixels of the photo, and their colours.
+    bars
+        Scale bars by region; of some there is none.
     alone
         What measurements rest on alone, in words.
     picks
@@ -139,6 +125,7 @@ class _Drawn(NamedTuple):
     """
 
     lines: dict[Region, list[tuple[Floats, str]]]
+    bars: dict[Region, Bar]
     alone: Sequence[str]
     picks: dict[int, Ints]
     sha256: dict[int, str]
@@ -152,9 +139,9 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
     several = sum(one.region.subject == "measurement" for one in pictures.shown) > MOST_HALVES
     widths = {**WIDTHS, "measurement": THIRD_WIDTH} if several else WIDTHS
     drawn = _drawn(result, [one.region for one in pictures.shown])
-    for picture in pictures.shown:
+    for row, picture in enumerate(pictures.shown):
         unit = picture.region.width_px / widths[picture.region.subject]
-        by_subject[picture.region.subject].append(_shown(result, drawn, picture, unit))
+        by_subject[picture.region.subject].append(_shown(result, drawn, picture, unit, row))
     stretch = {one.region.frame: _stretch_text(one) for one in pictures.shown}
     names = result.frames.frame_id
     return Gallery(
@@ -177,6 +164,7 @@ def _drawn(result: Result, regions: Sequence[Region]) -> _Drawn:
     names = result.frames.frame_id
     return _Drawn(
         lines=_lines_in(result, regions),
+        bars=scale_bars(result, regions),
         alone=measured_alone(result),
         picks={frame: seen[image[seen] == names[frame]] for frame in frames},
         sha256={frame: photo_sha256(result, frame) for frame in frames},
@@ -201,19 +189,19 @@ def _stretch_text(picture: Picture) -> str:
     )
 
 
-def _shown(result: Result, drawn: _Drawn, picture: Picture, unit: float) -> Shown:
+def _shown(result: Result, drawn: _Drawn, picture: Picture, unit: float, row: int) -> Shown:
     region = picture.region
     picks = _picks_in(result, drawn, region)
     marks, tags = _marks(result, region, picks, unit)
     name, told = _words(result, drawn, region, picks)
     return Shown(
         region=region,
-        data=Inline(picture.jpeg),
+        data=picture_mark(row),
         unit=unit,
         lines=tuple(_lines(drawn.lines[region], unit)),
         marks=marks,
         tags=tags,
-        bar=_placed(_bar(result, region), region, marks, unit),
+        bar=placed(drawn.bars.get(region), region, marks, unit),
         name=name,
         told=told,
         origin=_origin(result, picture, drawn.sha256[region.frame]),
@@ -269,19 +257,21 @@ def _marks(
 ) -> tuple[tuple[Mark, ...], tuple[Tag, ...]]:
     """Marks of all picks, and their names: of a measurement only its own, and wrong ones."""
     picks, own = result.picks, _own(result, region)
+    is_point = region.subject == "point"
+    half_widths = round((15 if is_point else 7) * unit, 2), round(1.6 * unit, 2)
     marks, tags = [], []
     for i in rows:
         x, y = (round(float(part), 2) for part in picks.pixel_px[i])
         wrong = picks.status[i] in ("suspect", "removed")
-        shape = "removed" if picks.status[i] == "removed" else picks.source[i]
-        marks.append(Mark(x, y, shape, hex_colour(BAD if wrong else OBSERVED)))
+        kind = "removed" if picks.status[i] == "removed" else picks.source[i]
+        marks.append(mark((x, y), kind, hex_colour(BAD if wrong else OBSERVED), half_widths))
         if region.subject == "measurement" and not wrong and picks.label[i] not in own:
             continue
         half = (LETTER * len(picks.label[i]) / 2 + 3) * unit
         left, right = region.left_px + half, region.left_px + region.width_px - half
-        below = y + (31 if region.subject == "point" else 22) * unit
+        below = y + (31 if is_point else 22) * unit
         if below > region.top_px + region.height_px - 6 * unit:
-            below = y - (22 if region.subject == "point" else 14) * unit
+            below = y - (22 if is_point else 14) * unit
         tags.append(Tag(min(max(x, left), max(right, left)), below, half, picks.label[i]))
     tags.sort(key=lambda tag: tag.text not in own)
     anchors = np.reshape([(tag.x, tag.y) for tag in tags], (-1, 2))
@@ -333,39 +323,3 @@ def _lines(runs: Sequence[tuple[Floats, str]], unit: float) -> Iterator[tuple[st
     for run, colour in runs:
         kept = thinned(run, DRAWN_OFF * unit)
         yield " ".join(f"{x:.1f},{y:.1f}" for x, y in kept.tolist()), colour
-
-
-def _placed(bar: Bar | None, region: Region, marks: tuple[Mark, ...], unit: float) -> Bar | None:
-    """The bar at the left end of the lower edge, or at the right one where it would hide less."""
-    if bar is None:
-        return None
-    width = max(bar.length + 12 * unit, 48 * unit)
-    low = region.top_px + region.height_px - 36 * unit
-    sides = (region.left_px + 4 * unit, region.left_px + region.width_px - width - 4 * unit)
-    hidden = [
-        sum(m.y > low and x - 8 * unit < m.x < x + width + 8 * unit for m in marks) for x in sides
-    ]
-    return bar._replace(left=sides[hidden[1] < hidden[0]], width=width)
-
-
-def _bar(result: Result, region: Region) -> Bar | None:
-    """What a length looks like at the depth of what is shown; None in an overview."""
-    if region.subject == "overview":
-        return None
-    labels = (
-        _own(result, region)
-        if region.subject == "point"
-        else result.measurements.outlines[region.row]
-    )
-    rows = [result.points.label.index(label) for label in labels]
-    middle = result.points.position_world_m[rows].mean(axis=0)
-    poses = row_poses(result, region.frame)
-    depth_m = float((middle - poses.center) @ poses.rotation[:, 2])
-    if not depth_m > 0:
-        return None
-    pixel_m = depth_m / float(result.shared.intrinsics.value[0])
-    bar_m, text = round_bar(0.35 * region.width_px * pixel_m, units_of(result))
-    half = poses.rotation[:, 0] * bar_m / 2
-    ends = project_from(result, poses, np.stack([middle - half, middle + half]))
-    length = float(np.linalg.norm(ends[1] - ends[0]))
-    return Bar(length, text) if np.isfinite(length) else None

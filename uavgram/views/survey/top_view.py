@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -143,19 +144,47 @@ class TopView:
         return tuple(Stroke(" M".join(points), *look) for look, points in alike.items())
 
 
-def top_view(result: Result, most_height: float = MOST_HEIGHT) -> TopView | None:
-    """Lay out the drawing, not higher than that; None where there is no point to draw."""
+class Layout(NamedTuple):
+    """What lies where in the drawing.
+
+    Attributes
+    ----------
+    sheet
+        From the world to it.
+    extent_m
+        Of the points, the larger one of east and north.
+    ellipse_factor, ellipse_m
+        Exaggeration of the ellipses within the survey, and half the length of the median one.
+    """
+
+    sheet: Sheet
+    extent_m: float
+    ellipse_factor: int
+    ellipse_m: float
+
+
+def lay_out(result: Result, most_height: float = MOST_HEIGHT) -> Layout | None:
+    """Lay the points into a drawing, not higher than that; None where there is none."""
     position = result.points.position_world_m
     if not len(position):
         return None
     low, high = position[:, :2].min(axis=0), position[:, :2].max(axis=0)
     extent_m = max(float((high - low).max()), 1.0)
     major = result.points.relative.ellipse_95_m[:, 0]
-    factor = nice_factor(float(np.median(major)), ELLIPSE_SHARE * extent_m)
+    usual = float(np.median(major))
+    factor = nice_factor(usual, ELLIPSE_SHARE * extent_m)
     # room for the ellipses too, unless they would leave none for the points
     room = min(factor * float(major.max()), MOST_ROOM * extent_m)
-    low, high = low - room, high + room
-    sheet = lay_sheet(low, high, most_height)
+    return Layout(lay_sheet(low - room, high + room, most_height), extent_m, factor, usual)
+
+
+def top_view(result: Result, most_height: float = MOST_HEIGHT) -> TopView | None:
+    """Lay out the drawing, not higher than that; None where there is no point to draw."""
+    layout = lay_out(result, most_height)
+    if layout is None:
+        return None
+    sheet, extent_m, factor, usual = layout
+    position = result.points.position_world_m
     units = units_of(result)
     bar_m, bar_text = round_bar(extent_m / 5, units)
     uneven = departures(result)
@@ -172,7 +201,7 @@ def top_view(result: Result, most_height: float = MOST_HEIGHT) -> TopView | None
         full_m=uneven.full_m if uneven else 0.0,
         texts=tuple(_texts(result, sheet, uneven)),
         ellipse_factor=factor,
-        fill_ellipses=factor * float(np.median(major)) <= FILL_SHARE * extent_m,
+        fill_ellipses=factor * usual <= FILL_SHARE * extent_m,
         bar_text=bar_text,
         bar=bar_m * sheet.scale,
         small_unit="centimetres" if units.length == "m" else "inches",

@@ -1,0 +1,84 @@
+"""Scale bars of the report's photos."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.geometry.ground.row_projection import row_poses
+from uavgram.model.result.pictures import Region
+from uavgram.model.result.result import Result
+from uavgram.views.report.shapes import Mark
+from uavgram.views.survey.drawing import project_from
+from uavgram.views.units import round_bar, units_of
+
+
+class Bar(NamedTuple):
+    """A scale bar in pixels of the photo, its length in words, and where its box begins."""
+
+    length: float
+    text: str
+    left: float = 0.0
+    width: float = 0.0
+
+
+def scale_bars(result: Result, regions: Sequence[Region]) -> dict[Region, Bar]:
+    """What a length looks like at the depth of what each picture shows; none in an overview."""
+    shown = [region for region in regions if region.subject != "overview"]
+    if not shown:
+        return {}
+    row_of = {label: row for row, label in enumerate(result.points.label)}
+    place = result.points.position_world_m
+    around = [[row_of[label] for label in _around(result, region)] for region in shown]
+    middle = np.stack([place[rows].mean(axis=0) for rows in around])
+    poses = row_poses(result, np.array([region.frame for region in shown]))
+    depth_m = np.sum((middle - poses.center) * poses.rotation[:, :, 2], axis=1)
+    pixel_m = depth_m / float(result.shared.intrinsics.value[0])
+    units = units_of(result)
+    bars = [
+        round_bar(0.35 * region.width_px * size_m, units) if size_m > 0 else (np.nan, "")
+        for region, size_m in zip(shown, pixel_m.tolist(), strict=True)
+    ]
+    half = poses.rotation[:, :, 0] * np.array([[bar_m] for bar_m, _ in bars]) / 2
+    # of all pictures at once: there may be hundreds
+    ends = project_from(result, poses, np.stack([middle - half, middle + half]))
+    length = np.linalg.norm(ends[1] - ends[0], axis=1)
+    return {
+        region: Bar(long, text)
+        for region, long, (_, text) in zip(shown, length.tolist(), bars, strict=True)
+        if np.isfinite(long)
+    }
+
+
+def placed(bar: Bar | None, region: Region, marks: Sequence[Mark], unit: float) -> Bar | None:
+    """The bar at the left end of the lower edge, or at the right one where it would hide less.
+
+    Parameters
+    ----------
+    bar
+        To be placed, if there is any.
+    region
+        Of the photo.
+    marks
+        What it should not hide.
+    unit
+        Pixels of the photo for one unit of a drawing.
+    """
+    if bar is None:
+        return None
+    width = max(bar.length + 12 * unit, 48 * unit)
+    low = region.top_px + region.height_px - 36 * unit
+    sides = (region.left_px + 4 * unit, region.left_px + region.width_px - width - 4 * unit)
+    hidden = [
+        sum(m.y > low and x - 8 * unit < m.x < x + width + 8 * unit for m in marks) for x in sides
+    ]
+    return bar._replace(left=sides[hidden[1] < hidden[0]], width=width)
+
+
+def _around(result: Result, region: Region) -> tuple[str, ...]:
+    """Labels in whose middle a scale bar holds."""
+    if region.subject == "point":
+        return (result.points.label[region.row],)
+    return result.measurements.outlines[region.row]
