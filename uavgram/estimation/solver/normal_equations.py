@@ -16,7 +16,7 @@ from typing import ClassVar
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, csr_array
 
 from uavgram.estimation.solver.dense import DenseFactor
 from uavgram.estimation.solver.sparse.block_matrix import Assembly, BlockMatrix
@@ -63,6 +63,17 @@ class Block:
     residual: Floats
     columns: Ints
     jacobian: Floats
+
+    def pulled(self, along: Floats) -> Floats:
+        """(..., n, k) products of (..., n, r) with the Jacobian: J^T v, row by row."""
+        return np.asarray((along[..., None, :] @ self.jacobian)[..., 0, :])
+
+    def sparse(self, size: int) -> csr_array:
+        """(n r, size) the Jacobian by all unknowns."""
+        n, r, k = self.jacobian.shape
+        column = np.repeat(self.columns, r, axis=0)
+        begin = np.arange(0, n * r * k + 1, k)
+        return csr_array((self.jacobian.ravel(), column.ravel(), begin), (n * r, size))
 
     def times(self, rows: slice, several: Floats) -> Floats:
         """(n, r, m) product of some rows of the Jacobian with (size, m) columns.
@@ -174,16 +185,26 @@ def gradient_of(blocks: Iterable[Block], size: int) -> Floats:
     """J^T r of all blocks, (..., size), with the leading axes that residuals have, if any."""
     gradient = np.zeros(size)
     for block in blocks:
-        product = (block.residual[..., None, :] @ block.jacobian)[..., 0, :]
-        if product.ndim == 2:
-            gradient += np.bincount(block.columns.ravel(), product.ravel(), minlength=size)
-            continue
-        many = product.shape[:-2]
-        first = size * np.arange(math.prod(many))[:, None]
-        at = (first + block.columns.ravel()).ravel()
-        found = np.bincount(at, product.ravel(), minlength=size * len(first))
-        gradient = gradient + found.reshape(*many, size)
+        gradient = gradient + gathered(block.columns, block.pulled(block.residual), size)
     return gradient
+
+
+def gathered(columns: Ints, product: Floats, size: int) -> Floats:
+    """(..., size) sums by unknown.
+
+    Parameters
+    ----------
+    columns, product
+        (n, k) unknowns, and (..., n, k) what each row says of its own.
+    size
+        Number of unknowns.
+    """
+    many = product.shape[:-2]
+    at = columns.ravel()
+    if many:
+        at = (size * np.arange(math.prod(many))[:, None] + at).ravel()
+    found = np.bincount(at, product.ravel(), minlength=size * math.prod(many))
+    return np.asarray(found, dtype=np.float64).reshape(*many, size)
 
 
 def _stack_dense(blocks: list[Block], size: int) -> Floats:

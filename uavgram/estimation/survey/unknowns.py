@@ -227,7 +227,7 @@ def unstacked(states: State) -> Iterator[State]:
     return (State(*each) for each in zip(*arrays, strict=True))
 
 
-def some(states: State, rows: Ints | int) -> State:
+def some(states: State, rows: Ints | int | slice) -> State:
     """Those of stacked states that stand at `rows`, stacked as well; at one row, that state."""
     return State(*(getattr(states, field.name)[rows] for field in fields(states)))
 
