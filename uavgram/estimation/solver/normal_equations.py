@@ -12,13 +12,13 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, cast
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
-from uavgram.estimation.solver.dense import DenseFactor
+from uavgram.estimation.solver.dense import DenseFactor, DenseStack
 from uavgram.estimation.solver.sparse.block_matrix import Assembly, BlockMatrix
 from uavgram.estimation.solver.sparse.multifrontal import NotPositiveError
 from uavgram.estimation.solver.sparse.schur import SparseFactor, Symbolic
@@ -66,7 +66,7 @@ class Block:
 
     def pulled(self, along: Floats) -> Floats:
         """(..., n, k) products of (..., n, r) with the Jacobian: J^T v, row by row."""
-        return np.asarray((along[..., None, :] @ self.jacobian)[..., 0, :])
+        return cast("Floats", (along[..., None, :] @ self.jacobian)[..., 0, :])
 
     def sparse(self, size: int) -> csr_array:
         """(n r, size) the Jacobian by all unknowns."""
@@ -105,7 +105,7 @@ class NormalEquations:
     structure
         What they are; of use in large systems.
     plan
-        What serves every large system of the same columns, from one of them.
+        What serves every system of the same columns, from one of them.
     """
 
     def __init__(
@@ -113,7 +113,7 @@ class NormalEquations:
         blocks: list[Block],
         size: int,
         structure: Structure | None = None,
-        plan: Plan | None = None,
+        plan: Plan | DenseStack | None = None,
     ) -> None:
         self.size = size
         self._blocks = blocks
@@ -127,13 +127,16 @@ class NormalEquations:
     @cached_property
     def normal(self) -> Floats | BlockMatrix:
         """J^T J."""
-        if self.is_dense:
-            jacobian = _stack_dense(self._blocks, self.size)
-            return np.asarray(jacobian.T @ jacobian)
         columns = [b.columns for b in self._blocks]
-        if self.plan is None or not self.plan.assembly.serves(columns):
+        jacobians = [b.jacobian for b in self._blocks]
+        if self.is_dense:
+            if not isinstance(self.plan, DenseStack) or not self.plan.serves(columns, jacobians):
+                self.plan = DenseStack(columns, jacobians, self.size)
+            jacobian = self.plan.jacobian(jacobians)
+            return np.asarray(jacobian.T @ jacobian)
+        if not isinstance(self.plan, Plan) or not self.plan.assembly.serves(columns):
             self.plan = Plan.of(columns, self._structure)
-        return self.plan.assembly.normal([b.jacobian for b in self._blocks])
+        return self.plan.assembly.normal(jacobians)
 
     def factor(self, damping: float = 0.0) -> Factor:
         """Factor J^T J + damping * diag(J^T J).
@@ -199,25 +202,13 @@ def gathered(columns: Ints, product: Floats, size: int) -> Floats:
     size
         Number of unknowns.
     """
-    many = product.shape[:-2]
-    at = columns.ravel()
-    if many:
-        at = (size * np.arange(math.prod(many))[:, None] + at).ravel()
-    found = np.bincount(at, product.ravel(), minlength=size * math.prod(many))
-    return np.asarray(found, dtype=np.float64).reshape(*many, size)
-
-
-def _stack_dense(blocks: list[Block], size: int) -> Floats:
-    """Whitened Jacobian of all blocks, (rows, size); duplicate entries are added."""
-    entry, weight, first = [np.zeros(0, dtype=np.int64)], [np.zeros(0)], 0
-    for block in blocks:
-        n, r, _ = block.jacobian.shape
-        row = first + np.arange(n * r).reshape(n, r, 1)
-        entry.append((row * size + block.columns[:, None, :]).ravel())
-        weight.append(block.jacobian.ravel())
-        first += n * r
-    flat = np.bincount(np.concatenate(entry), np.concatenate(weight), minlength=first * size)
-    return np.asarray(flat, dtype=np.float64).reshape(first, size)
+    many, at = product.shape[:-2], columns.ravel()
+    if not many:
+        return cast("Floats", np.bincount(at, product.ravel(), minlength=size))
+    count = math.prod(many)
+    at = (size * np.arange(count)[:, None] + at).ravel()
+    found = np.bincount(at, product.ravel(), minlength=size * count)
+    return cast("Floats", found.reshape(*many, size))
 
 
 class Factor:
@@ -228,7 +219,11 @@ class Factor:
     """
 
     def __init__(
-        self, normal: Floats | BlockMatrix, plan: Plan | None, diagonal: Floats, damping: float
+        self,
+        normal: Floats | BlockMatrix,
+        plan: Plan | DenseStack | None,
+        diagonal: Floats,
+        damping: float,
     ) -> None:
         self._scale = 1.0 / np.sqrt(diagonal)
         self._damping = damping
@@ -241,7 +236,7 @@ class Factor:
                 scaled.flat[:: self.size + 1] += damping
                 self._factor = DenseFactor(scaled, SINGULAR)
                 return
-            assert plan is not None  # noqa: S101  (it came with the block matrix)
+            assert isinstance(plan, Plan)  # noqa: S101  (it came with the block matrix)
             matrix = normal.scaled(self._scale, damping)
             self._factor = SparseFactor(matrix, plan.symbolic, SINGULAR)
         except NotPositiveError as error:

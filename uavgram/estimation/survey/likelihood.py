@@ -55,7 +55,9 @@ class SurveyProblem:
         self.known = tuple(thing for thing in survey.known if says_something(survey, thing))
         self.intrinsic_basis = covariance_root(survey.calibration.covariance)
         self.tapes = tapes_of(survey, self.line_index)
-        self.layout: Layout = layout_of(survey, self.intrinsic_basis.shape[1], len(self.tapes))
+        point_size = 3 if self.third.is_unknown or survey.ties.points else 2
+        intrinsics = self.intrinsic_basis.shape[1]
+        self.layout: Layout = layout_of(survey, point_size, intrinsics, len(self.tapes))
         telemetry = survey.telemetry
         if telemetry is not None:
             self.telemetry_whitening = np.linalg.inv(np.linalg.cholesky(telemetry.covariance))

@@ -16,6 +16,9 @@ from uavgram.geometry.motion.rotation import (
 )
 from uavgram.model.arrays import Floats, Ints
 
+MANY = 100
+"""Instants from which on many lie in the same pieces: those of many states at once."""
+
 
 class _Pieces(NamedTuple):
     """M pieces of a smooth path: origin, and the cubic from there in the place s from 0 to 1.
@@ -64,7 +67,10 @@ class _SmoothPath:
 
     def _of(self, index: bytes) -> _Pieces:
         """Pieces (M,) by the bytes of their indices, of which many may be the same."""
-        piece, place = np.unique(np.frombuffer(index, np.int64), return_inverse=True)
+        piece = np.frombuffer(index, np.int64)
+        if len(piece) < MANY:
+            return self._make(piece)
+        piece, place = np.unique(piece, return_inverse=True)
         return _Pieces(*(one[place] for one in self._make(piece)))
 
     def _make(self, index: Ints) -> _Pieces:
