@@ -169,8 +169,11 @@ def test_a_row_may_name_an_unknown_twice(branch: str) -> None:
     np.testing.assert_allclose(variances, np.sum(jacobian @ inverse * jacobian, axis=1))
 
 
-def test_a_plan_serves_only_the_columns_it_was_made_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
+@pytest.mark.parametrize("dense_entries", [0, 1000], ids=["sparse", "dense"])
+def test_a_plan_serves_only_the_columns_it_was_made_for(
+    dense_entries: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", dense_entries)
     rng = np.random.default_rng(1)
     one, other = (
         Block(np.zeros((9, 2)), rng.permuted(np.tile(np.arange(5), (9, 1)), axis=1)[:, :3], j)
