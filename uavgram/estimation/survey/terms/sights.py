@@ -6,6 +6,7 @@ which makes the Jacobian J, or one weighted sum of the two, which makes J^T v wi
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -58,12 +59,13 @@ class Sights:
         """(..., n, r, k) from (..., n, r, 3) and (..., n, r, P)."""
         by_world = by_camera @ self.camera_from_world
         # One product for all rows, where the stack's own would take one for each.
-        by_intrinsic = by_lens.reshape(-1, by_lens.shape[-1]) @ self.lens
+        many, (parameters, unknowns) = by_lens.shape[:-1], self.lens.shape
+        by_intrinsic = by_lens.reshape(math.prod(many), parameters) @ self.lens
         parts = [
             by_world @ self.by_point,
             -by_world,
             by_camera @ self.by_turn,
-            by_intrinsic.reshape(*by_lens.shape[:-1], -1),
+            by_intrinsic.reshape(*many, unknowns),
             by_world @ self.by_ground,
             *(by_camera @ each for each in self.by_rest),
         ]
