@@ -117,12 +117,16 @@ class NormalEquations:
     ) -> None:
         self.size = size
         self._blocks = blocks
-        self.cost = cost_of(blocks)
         self.gradient = gradient_of(blocks, size)
         rows = sum(b.residual.size for b in blocks)
         self.is_dense = rows * size <= DENSE_ENTRIES
         self._structure = structure or Structure.plain(size)
         self.plan = plan
+
+    @cached_property
+    def cost(self) -> float:
+        """Weighted sum of squared residuals."""
+        return cost_of(self._blocks)
 
     @cached_property
     def normal(self) -> Floats | BlockMatrix:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uavgram.geometry.lengths import lengths_of
 from uavgram.model.arrays import Floats
 
 
@@ -64,7 +65,7 @@ def hat(v: Floats) -> Floats:
 def exp_so3(v: Floats) -> Floats:
     """Rotation matrices of rotation vectors [rad] (Rodrigues); (..., 3) to (..., 3, 3)."""
     v = np.asarray(v, np.float64)
-    half = 0.5 * np.sqrt(np.add.reduce(v * v, axis=-1))
+    half = 0.5 * lengths_of(v)
     # sin(t / 2) / (t / 2): neither sin t / t nor (1 - cos t) / t^2 loses digits near zero by it.
     ratio = _sinc(half)
     return _combine(v, ratio * np.cos(half), 0.5 * ratio * ratio)
@@ -77,7 +78,7 @@ def log_so3(rotation: Floats) -> Floats:
     """
     q = xyzw_from_matrix(rotation)
     vector, w = q[..., :3], q[..., 3]
-    size = np.sqrt(np.add.reduce(vector * vector, axis=-1))
+    size = lengths_of(vector)
     tiny = size < 1e-12
     # angle / sin(angle / 2); its limit at zero is 2, and w is 1 to the last digit there
     factor = np.where(tiny, 2.0, 2 * np.arctan2(size, w) / np.where(tiny, 1.0, size))
@@ -168,7 +169,7 @@ def xyzw_from_matrix(rotation: Floats) -> Floats:
     best = diagonal.argmax(axis=-1)
     each = outer.reshape(-1, 4, 4)
     q = each[np.arange(len(each)), best.ravel()].reshape(outer.shape[:-1])
-    q /= np.sqrt(np.add.reduce(q * q, axis=-1, keepdims=True))
+    q /= lengths_of(q)[..., None]
     return np.asarray(np.where(q[..., 3:] < 0, -q, q))
 
 
