@@ -66,7 +66,7 @@ class Block:
 
     def pulled(self, along: Floats) -> Floats:
         """(..., n, k) products of (..., n, r) with the Jacobian: J^T v, row by row."""
-        return cast("Floats", (along[..., None, :] @ self.jacobian)[..., 0, :])
+        return (along[..., None, :] @ self.jacobian)[..., 0, :]
 
     def sparse(self, size: int) -> csr_array:
         """(n r, size) the Jacobian by all unknowns."""
@@ -154,7 +154,8 @@ class NormalEquations:
         empty = np.flatnonzero(diagonal <= 0)
         if empty.size:
             raise SingularError(int(empty[0]))
-        return Factor(self.normal, self.plan, diagonal, damping)
+        plan = self.plan if isinstance(self.plan, Plan) else None
+        return Factor(self.normal, plan, diagonal, damping)
 
 
 class Plan:
@@ -223,11 +224,7 @@ class Factor:
     """
 
     def __init__(
-        self,
-        normal: Floats | BlockMatrix,
-        plan: Plan | DenseStack | None,
-        diagonal: Floats,
-        damping: float,
+        self, normal: Floats | BlockMatrix, plan: Plan | None, diagonal: Floats, damping: float
     ) -> None:
         self._scale = 1.0 / np.sqrt(diagonal)
         self._damping = damping
@@ -240,7 +237,7 @@ class Factor:
                 scaled.flat[:: self.size + 1] += damping
                 self._factor = DenseFactor(scaled, SINGULAR)
                 return
-            assert isinstance(plan, Plan)  # noqa: S101  (it came with the block matrix)
+            assert plan is not None  # noqa: S101  (it came with the block matrix)
             matrix = normal.scaled(self._scale, damping)
             self._factor = SparseFactor(matrix, plan.symbolic, SINGULAR)
         except NotPositiveError as error:
