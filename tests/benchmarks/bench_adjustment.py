@@ -85,7 +85,7 @@ def one(frames: int) -> None:
 def parts(adjustment: Adjustment) -> None:
     """Time, and rate of memory and arithmetic, of what one iteration and the end consist of."""
     from uavgram.estimation.reliability.redundancy import reliability
-    from uavgram.estimation.solver.normal_equations import NormalEquations
+    from uavgram.estimation.solver.normal_equations import NormalEquations, Plan
     from uavgram.estimation.solver.sparse.block_matrix import BlockMatrix
     from uavgram.estimation.solver.sparse.multifrontal import Multifrontal
 
@@ -96,7 +96,7 @@ def parts(adjustment: Adjustment) -> None:
     first = NormalEquations(given, layout.size, layout.structure)
     first.factor()
     plan = first.plan
-    assert plan is not None
+    assert isinstance(plan, Plan)
 
     def normal() -> tuple[NormalEquations, Floats | BlockMatrix]:
         equations = NormalEquations(given, layout.size, layout.structure, plan)

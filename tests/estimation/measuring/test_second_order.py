@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from off_ground import with_third_coordinates
 from scenes import make_scene
 
 from uavgram.estimation.measuring.propagation import propagate
@@ -20,7 +21,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.measure import measurement_results
 from uavgram.stages.monte_carlo import sample
 from uavgram.stages.refine import refine
-from uavgram.stages.second_order import second_order
+from uavgram.stages.second_order import SIGMA_OFF, second_order
 
 ALONE: dict[str, Any] = {"frames": 1, "telemetry": False, "gauge": "plane"}
 PAIRS = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
@@ -73,6 +74,15 @@ def test_an_error_that_all_points_share_says_nothing_of_what_parts_them(bias_m: 
     found = compared(replace(survey, telemetry=telemetry), (distance("P0", "P1"), area))
     assert not found.second.off.any()
     np.testing.assert_allclose(found.second.sigma, found.first.sigma, rtol=0.02)
+
+
+def test_heights_over_the_ground_are_as_uncertain_as_to_first_order() -> None:
+    """What points depart from the ground moves them hardly more than the ground itself does."""
+    scene = make_scene(3, heights={0: 1.5, 3: 2.0, 4: -0.5}, control=2)
+    survey = with_third_coordinates(scene, free=(0, 7), stated={3: 0.1}).survey
+    heights = [MeasurementRequest(name=p, kind="height", points=(p,)) for p in ("P0", "P3", "P7")]
+    found = compared(survey, tuple(heights))
+    np.testing.assert_allclose(found.second.sigma, found.first.sigma, rtol=SIGMA_OFF)
 
 
 def test_two_points_that_nearly_coincide_are_further_apart_than_first_order_says() -> None:

@@ -9,7 +9,7 @@ import pytest
 from scenes import Scene, make_scene
 
 from uavgram.estimation.solver import normal_equations
-from uavgram.estimation.solver.normal_equations import Block, NormalEquations, SingularError
+from uavgram.estimation.solver.normal_equations import Block, NormalEquations, Plan, SingularError
 from uavgram.estimation.solver.sparse import multifrontal, nested_dissection
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -169,8 +169,11 @@ def test_a_row_may_name_an_unknown_twice(branch: str) -> None:
     np.testing.assert_allclose(variances, np.sum(jacobian @ inverse * jacobian, axis=1))
 
 
-def test_a_plan_serves_only_the_columns_it_was_made_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
+@pytest.mark.parametrize("dense_entries", [0, 1000], ids=["sparse", "dense"])
+def test_a_plan_serves_only_the_columns_it_was_made_for(
+    dense_entries: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", dense_entries)
     rng = np.random.default_rng(1)
     one, other = (
         Block(np.zeros((9, 2)), rng.permuted(np.tile(np.arange(5), (9, 1)), axis=1)[:, :3], j)
@@ -262,7 +265,7 @@ def test_a_deep_tree_of_fronts_gives_the_dense_inverse(
     normal = NormalEquations([block, prior], size, structure)
     factor = normal.factor()
 
-    assert normal.plan is not None
+    assert isinstance(normal.plan, Plan)
     levels = {front.level for front in normal.plan.symbolic.ordering.fronts}
     assert len(levels) > 4
     np.testing.assert_allclose(factor.joint(np.arange(size)), inverse, atol=1e-10)

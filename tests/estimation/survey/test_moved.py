@@ -16,7 +16,7 @@ from uavgram.estimation.solver.normal_equations import Block, gradient_of
 from uavgram.estimation.survey import moved as of_moved
 from uavgram.estimation.survey import neighbourhood as of_near
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.moved import Asked, moved, times
+from uavgram.estimation.survey.moved import Asked, moved
 from uavgram.estimation.survey.neighbourhood import groups, neighbourhood
 from uavgram.estimation.survey.refit import refit, with_errors
 from uavgram.estimation.survey.selection import select_picks
@@ -43,6 +43,12 @@ def distances(survey: Survey, count: int) -> tuple[MeasurementRequest, ...]:
     )
 
 
+def moved_by(block: Block, step: Floats) -> Floats:
+    """(n, r) by which whitened observations move with a step (size,)."""
+    moved: Floats = np.einsum("nrk,nk->nr", block.jacobian, step[block.columns])
+    return moved
+
+
 @pytest.mark.parametrize("straight", [0.0, of_moved.STRAIGHT], ids=["mixed", "one step"])
 def test_values_of_moved_observations_are_those_of_the_survey_adjusted_anew(
     adjustment: Adjustment, straight: float, monkeypatch: pytest.MonkeyPatch
@@ -63,7 +69,7 @@ def test_values_of_moved_observations_are_those_of_the_survey_adjusted_anew(
         assert state is not None
         value = values_at(near.problem, state, (request,), NO_TIMES)[0]
         blocks = adjustment.minimum.blocks
-        errors = {name: times(block, steps[row : row + 1])[0] for name, block in blocks.items()}
+        errors = {name: moved_by(block, steps[row]) for name, block in blocks.items()}
         alone = refit(adjustment, errors, 1e-12)
         assert alone is not None
         truth = values_at(adjustment.problem, alone, (request,), NO_TIMES)[0]
@@ -92,8 +98,7 @@ def test_what_the_last_step_leaves_is_told(
         blocks = adjustment.problem.evaluate(state)
         assert blocks is not None
         errors = {
-            name: times(block, steps[row : row + 1])[0]
-            for name, block in adjustment.minimum.blocks.items()
+            name: moved_by(block, steps[row]) for name, block in adjustment.minimum.blocks.items()
         }
         gradient = gradient_of(with_errors(blocks, errors).values(), size)
         further = -adjustment.minimum.factor.solve(gradient)

@@ -33,18 +33,19 @@ def adjusted(survey: Survey) -> Refined:
     return best_minima(Participants(survey, every, no_line, {}))
 
 
+def begun_falsely(survey: Survey, false: tuple[int, ...]) -> FirstValues:
+    """Frames in the pose of the other tilt, and their points where the others see them."""
+    true = first_values(survey)[0]
+    center, rotation = true.center.copy(), true.rotation.copy()
+    for frame in false:
+        seen = true.point_m[survey.pick_label[survey.pick_frame == frame]]
+        center[frame], rotation[frame] = other_pose((center[frame], rotation[frame]), seen)
+    return true._replace(center=center, rotation=rotation)
+
+
 def begin_falsely(monkeypatch: pytest.MonkeyPatch, false: tuple[int, ...]) -> None:
-    """Frames begin in the pose of the other tilt, and their points where the others see them."""
-
-    def values(survey: Survey) -> list[FirstValues]:
-        true = first_values(survey)[0]
-        center, rotation = true.center.copy(), true.rotation.copy()
-        for frame in false:
-            seen = true.point_m[survey.pick_label[survey.pick_frame == frame]]
-            center[frame], rotation[frame] = other_pose((center[frame], rotation[frame]), seen)
-        return [true._replace(center=center, rotation=rotation)]
-
-    monkeypatch.setattr(minima, "first_values", values)
+    """Frames begin in the pose of the other tilt."""
+    monkeypatch.setattr(minima, "first_values", lambda survey: [begun_falsely(survey, false)])
 
 
 @pytest.mark.parametrize("false", [(0,), (1, 4), (1, 2, 3, 4, 5)])
@@ -66,6 +67,19 @@ def test_frames_that_begin_with_the_other_tilt_end_where_they_are(
     assert lost.adjustment.minimum.cost > right.adjustment.minimum.cost + 80
     named = {int(name[1:]) for name in doubtful_frames(survey, lost)}
     assert named & set(false)
+
+
+def test_a_round_that_begins_with_other_values_than_the_last_is_made(
+    scene_factory: SceneFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    survey = made_up(scene_factory, 0)
+    right = adjusted(survey)
+    rounds = iter([(4,), ()])
+    begin_falsely(monkeypatch, (1, 4))
+    monkeypatch.setattr(minima, "other_values", lambda s, *_: [begun_falsely(s, next(rounds))])
+    found = adjusted(survey)
+    assert next(rounds, None) is None
+    assert found.adjustment.minimum.cost == pytest.approx(right.adjustment.minimum.cost, rel=1e-4)
 
 
 def test_picks_that_meet_no_ground_in_a_false_pose_come_back(

@@ -13,13 +13,13 @@ shape: near a coincidence of two points, say, that is what makes a distance too 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import helmert
-from scipy.sparse import csc_array, hstack
+from scipy.sparse import csc_array
 
 from uavgram.estimation.measuring.kinds import refers_to_ground
 from uavgram.estimation.measuring.propagation import MeasuredValues, values_at, values_of_each
@@ -33,6 +33,7 @@ from uavgram.estimation.survey.neighbourhood import (
     neighbourhood,
 )
 from uavgram.estimation.survey.unknowns import advance
+from uavgram.estimation.survey.unknowns import some as some_of
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
@@ -127,10 +128,11 @@ def _curved(
     near = neighbourhood(adjustment, np.unique(labels))
     directions = list(_directions(adjustment, near, measured, some))
     ends = iter(_adjusted(adjustment, near, measured, some, directions, frames))
-    for direction, (request, rows) in zip(directions, some, strict=True):
-        pairs = [next(ends) for _ in rows[: len(direction.steps)]]
-        plainly = direction.steps[len(pairs) :]
-        pairs += _plainly(near, request, frames, REACH * plainly)
+    towards = [min(len(rows), len(d.steps)) for d, (_, rows) in zip(directions, some, strict=True)]
+    plainly = [REACH * d.steps[first:] for d, first in zip(directions, towards, strict=True)]
+    values = _plainly(near, [request for request, _ in some], frames, plainly)
+    for first, others, (request, rows) in zip(towards, values, some, strict=True):
+        pairs = [next(ends) for _ in range(first)] + others
         sources = {source for row in rows for source in measured.rows[row].others}
         for source in sorted(sources):
             errors = (partial(_error_in, source, reach) for reach in (REACH, -REACH))
@@ -142,14 +144,20 @@ def _curved(
 
 
 def _plainly(
-    near: Neighbourhood, request: MeasurementRequest, frames: Frames, steps: Floats
-) -> list[tuple[Floats, Floats]]:
-    """Values of a request at both ends of steps that are taken as they are."""
-    if not len(steps):
-        return []
-    states = advance(near.problem.layout, near.state, np.concatenate([steps, -steps]))
-    values = values_of_each(near.problem, states, request, frames)
-    return list(zip(values[: len(steps)], values[len(steps) :], strict=True))
+    near: Neighbourhood,
+    requests: Sequence[MeasurementRequest],
+    frames: Frames,
+    steps: Sequence[Floats],
+) -> Iterator[list[tuple[Floats, Floats]]]:
+    """Values of each request at both ends of steps of its own, which are taken as they are."""
+    ends = np.cumsum([0, *(2 * len(own) for own in steps)])
+    both = np.concatenate([np.concatenate([own, -own]) for own in steps])
+    states = advance(near.problem.layout, near.state, both)
+    for request, first, end in zip(requests, ends[:-1], ends[1:], strict=True):
+        one = some_of(states, slice(first, end))
+        values = values_of_each(near.problem, one, request, frames) if end > first else ()
+        half = len(values) // 2
+        yield list(zip(values[:half], values[half:], strict=True))
 
 
 def _adjusted(
@@ -207,53 +215,71 @@ def _directions(
     The observations move along J s, which moves the unknowns by s, and s^T N s = 1: orthogonal
     directions of the observations' space, the first ones towards the measured values.
     """
-    factor = adjustment.minimum.factor
-    spreads = [_spread_of(adjustment, request) for request, _ in some]
-    if factor.sparse:
-        together = factor.solve(hstack(spreads, format="csc"))
-    else:
-        together = factor.solve(np.concatenate([one.toarray() for one in spreads], axis=1))
-    ends = np.cumsum([spread.shape[1] for spread in spreads])[:-1]
-    for spread, solved, (_, rows) in zip(
-        spreads, np.split(together, ends, axis=1), some, strict=True
-    ):
-        joint = spread.T @ solved
+    every = np.concatenate([rows for _, rows in some])
+    gradients = measured.gradient[:, every].toarray()
+    spreads = list(_spreads(adjustment, [request for request, _ in some]))
+    together = adjustment.minimum.factor.solve(_side_by_side(spreads, len(gradients)))
+    last = last_row = 0
+    for (unknowns, spread), (_, rows) in zip(spreads, some, strict=True):
+        first, last = last, last + spread.shape[1]
+        first_row, last_row = last_row, last_row + len(rows)
+        solved, gradient = together[:, first:last], gradients[:, first_row:last_row]
+        joint = spread.T @ solved[unknowns]
         sigma = np.sqrt(np.diag(joint))
         sigma = np.where(sigma > 0, sigma, 1.0)
         variance, axes = np.linalg.eigh(joint / np.outer(sigma, sigma))
         kept = variance > FLAT * variance.max()
         whitened = (axes[:, kept] / np.sqrt(variance[kept])) / sigma[:, None]
-        towards = whitened.T @ (solved.T @ measured.gradient[:, rows])
+        towards = whitened.T @ (solved.T @ gradient)
         turned, _ = np.linalg.qr(np.concatenate([towards, np.eye(len(towards))], axis=1))
         makes = whitened @ turned
         yield _Direction((solved[near.columns] @ makes).T, (solved, makes))
 
 
-def _spread_of(adjustment: Adjustment, request: MeasurementRequest) -> csc_array:
-    """Of the points of a request, and where it refers to the ground, of their heights over it."""
-    label = np.unique(adjustment.label_rows(request.points))
-    size = adjustment.problem.layout.size
+def _spreads(
+    adjustment: Adjustment, requests: Sequence[MeasurementRequest]
+) -> Iterator[tuple[Ints, Floats]]:
+    """Of the points of each request, and where it refers to the ground, of their heights over it.
+
+    The unknowns (u,) that they hang on, and gradients (u, 3n) by these.
+    """
+    own = [np.unique(adjustment.label_rows(request.points)) for request in requests]
+    label = np.unique(np.concatenate(own))
     _, jacobian, columns = adjustment.points_with_jacobian(label)
-    spread = _spread(size, jacobian, columns)
-    if not refers_to_ground(request):
-        return spread
-    _, of_feet, _ = adjustment.ground_with_jacobian(label)
-    return csc_array(hstack([spread, _spread(size, jacobian - of_feet, columns)]))
+    over_ground = jacobian - adjustment.ground_with_jacobian(label)[1]
+    for request, labels in zip(requests, own, strict=True):
+        rows = np.searchsorted(label, labels)
+        unknowns, place = np.unique(columns[rows], return_inverse=True)
+        parts = (jacobian, over_ground) if refers_to_ground(request) else (jacobian,)
+        spread = [_spread(part[rows], place.reshape(len(rows), -1)) for part in parts]
+        yield unknowns, np.concatenate(spread, axis=1)
 
 
-def _spread(size: int, jacobian: Floats, columns: Ints) -> csc_array:
-    """(size, 3n) gradients of n places, their mean apart from what parts them.
+def _spread(jacobian: Floats, columns: Ints) -> Floats:
+    """(u, 3n) gradients of n places by their unknowns (n, k).
 
-    All may share an error a million times as large.
+    Of their mean, apart from what parts them: all may share an error a million times as large.
     """
     n = len(jacobian)
-    at = 3 * np.arange(n)[:, None, None] + np.arange(3)[:, None]
-    where = (
-        np.broadcast_to(columns[:, None, :], jacobian.shape),
-        np.broadcast_to(at, jacobian.shape),
-    )
-    spread = csc_array((jacobian.ravel(), tuple(w.ravel() for w in where)), shape=(size, 3 * n))
-    return csc_array(spread @ csc_array(np.kron(helmert(n, full=True).T, np.eye(3))))
+    by_all = np.zeros((n, 3, columns.max() + 1))
+    at = np.arange(n)[:, None, None], np.arange(3)[:, None], columns[:, None, :]
+    np.add.at(by_all, at, jacobian)
+    return np.asarray((_means(n) @ by_all.reshape(n, -1)).reshape(3 * n, -1).T)
+
+
+@lru_cache
+def _means(count: int) -> Floats:
+    """(n, n) orthogonal: the mean of n numbers, and what parts them."""
+    return np.asarray(helmert(count, full=True))
+
+
+def _side_by_side(spreads: Sequence[tuple[Ints, Floats]], size: int) -> csc_array:
+    """(size, m) all gradients by all unknowns."""
+    many = [len(unknowns) for unknowns, spread in spreads for _ in range(spread.shape[1])]
+    where = [np.tile(unknowns, spread.shape[1]) for unknowns, spread in spreads]
+    entries = np.concatenate([spread.T.ravel() for _, spread in spreads])
+    ends = np.cumsum([0, *many])
+    return csc_array((entries, np.concatenate(where), ends), shape=(size, len(many)))
 
 
 def _collect(pairs: Floats, measured: MeasuredValues, rows: Ints, found: Curvature) -> None:

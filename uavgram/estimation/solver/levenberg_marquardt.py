@@ -136,7 +136,7 @@ def minimise(
     blocks = first or evaluate(state)
     if blocks is None:
         raise ValueError("the first values are impossible")
-    normal = NormalEquations(list(blocks.values()), size, structure)
+    normal, cost = NormalEquations(list(blocks.values()), size, structure), cost_of(blocks.values())
     at_rest = max(at_rest, CONVERGED, CONVERGED_EACH * size)
     damping, growth = 1e-9, 2.0
     iteration = 0
@@ -147,14 +147,14 @@ def minimise(
         factor = factor or normal.factor(damping)
         step = -factor.solve(normal.gradient)
         predicted = factor.predicted_fall(step, normal.gradient)
-        if predicted < max(at_rest, ROUNDING * normal.cost) or damping > MAX_DAMPING:
+        if predicted < max(at_rest, ROUNDING * cost) or damping > MAX_DAMPING:
             break
         trial = update(state, step)
         trial_blocks = evaluate(trial)
         trial_cost = np.inf if trial_blocks is None else cost_of(trial_blocks.values())
-        gain = (normal.cost - trial_cost) / predicted
+        gain = (cost - trial_cost) / predicted
         if trial_blocks is not None and gain > 0:
-            state, blocks = trial, trial_blocks
+            state, blocks, cost = trial, trial_blocks, trial_cost
             normal = NormalEquations(list(blocks.values()), size, structure, normal.plan)
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
             growth = 2.0
@@ -171,4 +171,4 @@ def minimise(
     # Newton's decrement without damping: how far below the minimum of the model still lies.
     decrement = float(normal.gradient @ factor.solve(normal.gradient))
     is_at_rest = decrement < AT_REST * max(1.0, size / MANY)
-    return Minimum(state, blocks, factor, normal.cost, iteration, is_at_rest)
+    return Minimum(state, blocks, factor, cost, iteration, is_at_rest)

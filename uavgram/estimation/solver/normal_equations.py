@@ -12,13 +12,13 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, cast
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
-from scipy.sparse import csc_array
+from scipy.sparse import csc_array, csr_array
 
-from uavgram.estimation.solver.dense import DenseFactor
+from uavgram.estimation.solver.dense import DenseFactor, DenseStack
 from uavgram.estimation.solver.sparse.block_matrix import Assembly, BlockMatrix
 from uavgram.estimation.solver.sparse.multifrontal import NotPositiveError
 from uavgram.estimation.solver.sparse.schur import SparseFactor, Symbolic
@@ -64,6 +64,17 @@ class Block:
     columns: Ints
     jacobian: Floats
 
+    def pulled(self, along: Floats) -> Floats:
+        """(..., n, k) products of (..., n, r) with the Jacobian: J^T v, row by row."""
+        return (along[..., None, :] @ self.jacobian)[..., 0, :]
+
+    def sparse(self, size: int) -> csr_array:
+        """(n r, size) the Jacobian by all unknowns."""
+        n, r, k = self.jacobian.shape
+        column = np.repeat(self.columns, r, axis=0)
+        begin = np.arange(0, n * r * k + 1, k)
+        return csr_array((self.jacobian.ravel(), column.ravel(), begin), (n * r, size))
+
     def times(self, rows: slice, several: Floats) -> Floats:
         """(n, r, m) product of some rows of the Jacobian with (size, m) columns.
 
@@ -94,7 +105,7 @@ class NormalEquations:
     structure
         What they are; of use in large systems.
     plan
-        What serves every large system of the same columns, from one of them.
+        What serves every system of the same columns, from one of them.
     """
 
     def __init__(
@@ -102,11 +113,10 @@ class NormalEquations:
         blocks: list[Block],
         size: int,
         structure: Structure | None = None,
-        plan: Plan | None = None,
+        plan: Plan | DenseStack | None = None,
     ) -> None:
         self.size = size
         self._blocks = blocks
-        self.cost = cost_of(blocks)
         self.gradient = gradient_of(blocks, size)
         rows = sum(b.residual.size for b in blocks)
         self.is_dense = rows * size <= DENSE_ENTRIES
@@ -114,15 +124,23 @@ class NormalEquations:
         self.plan = plan
 
     @cached_property
+    def cost(self) -> float:
+        """Weighted sum of squared residuals."""
+        return cost_of(self._blocks)
+
+    @cached_property
     def normal(self) -> Floats | BlockMatrix:
         """J^T J."""
-        if self.is_dense:
-            jacobian = _stack_dense(self._blocks, self.size)
-            return np.asarray(jacobian.T @ jacobian)
         columns = [b.columns for b in self._blocks]
-        if self.plan is None or not self.plan.assembly.serves(columns):
+        jacobians = [b.jacobian for b in self._blocks]
+        if self.is_dense:
+            if not isinstance(self.plan, DenseStack) or not self.plan.serves(columns, jacobians):
+                self.plan = DenseStack(columns, jacobians, self.size)
+            jacobian = self.plan.jacobian(jacobians)
+            return np.asarray(jacobian.T @ jacobian)
+        if not isinstance(self.plan, Plan) or not self.plan.assembly.serves(columns):
             self.plan = Plan.of(columns, self._structure)
-        return self.plan.assembly.normal([b.jacobian for b in self._blocks])
+        return self.plan.assembly.normal(jacobians)
 
     def factor(self, damping: float = 0.0) -> Factor:
         """Factor J^T J + damping * diag(J^T J).
@@ -136,7 +154,8 @@ class NormalEquations:
         empty = np.flatnonzero(diagonal <= 0)
         if empty.size:
             raise SingularError(int(empty[0]))
-        return Factor(self.normal, self.plan, diagonal, damping)
+        plan = self.plan if isinstance(self.plan, Plan) else None
+        return Factor(self.normal, plan, diagonal, damping)
 
 
 class Plan:
@@ -174,29 +193,27 @@ def gradient_of(blocks: Iterable[Block], size: int) -> Floats:
     """J^T r of all blocks, (..., size), with the leading axes that residuals have, if any."""
     gradient = np.zeros(size)
     for block in blocks:
-        product = (block.residual[..., None, :] @ block.jacobian)[..., 0, :]
-        if product.ndim == 2:
-            gradient += np.bincount(block.columns.ravel(), product.ravel(), minlength=size)
-            continue
-        many = product.shape[:-2]
-        first = size * np.arange(math.prod(many))[:, None]
-        at = (first + block.columns.ravel()).ravel()
-        found = np.bincount(at, product.ravel(), minlength=size * len(first))
-        gradient = gradient + found.reshape(*many, size)
+        gradient = gradient + gathered(block.columns, block.pulled(block.residual), size)
     return gradient
 
 
-def _stack_dense(blocks: list[Block], size: int) -> Floats:
-    """Whitened Jacobian of all blocks, (rows, size); duplicate entries are added."""
-    entry, weight, first = [np.zeros(0, dtype=np.int64)], [np.zeros(0)], 0
-    for block in blocks:
-        n, r, _ = block.jacobian.shape
-        row = first + np.arange(n * r).reshape(n, r, 1)
-        entry.append((row * size + block.columns[:, None, :]).ravel())
-        weight.append(block.jacobian.ravel())
-        first += n * r
-    flat = np.bincount(np.concatenate(entry), np.concatenate(weight), minlength=first * size)
-    return np.asarray(flat, dtype=np.float64).reshape(first, size)
+def gathered(columns: Ints, product: Floats, size: int) -> Floats:
+    """(..., size) sums by unknown.
+
+    Parameters
+    ----------
+    columns, product
+        (n, k) unknowns, and (..., n, k) what each row says of its own.
+    size
+        Number of unknowns.
+    """
+    many, at = product.shape[:-2], columns.ravel()
+    if not many:
+        return cast("Floats", np.bincount(at, product.ravel(), minlength=size))
+    count = math.prod(many)
+    at = (size * np.arange(count)[:, None] + at).ravel()
+    found = np.bincount(at, product.ravel(), minlength=size * count)
+    return cast("Floats", found.reshape(*many, size))
 
 
 class Factor:

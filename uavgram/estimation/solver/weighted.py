@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.solver.dense import DenseStack
 from uavgram.estimation.solver.normal_equations import Block, Factor, NormalEquations, Plan
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.model.arrays import Floats
@@ -53,7 +54,7 @@ class Weighted:
     ) -> None:
         self._groups, self._rest = list(groups), list(rest)
         self._size, self._structure = size, structure
-        self._plan: Plan | None = None
+        self._plan: Plan | DenseStack | None = None
         is_small = NormalEquations([*groups, *rest], size).is_dense
         self._parts = _Parts(groups, rest, size) if is_small else None
 

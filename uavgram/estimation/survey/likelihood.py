@@ -25,6 +25,7 @@ from uavgram.estimation.survey.terms.tapes import Taped, tape_rows, taped_lines,
 from uavgram.estimation.survey.terms.telemetry_terms import TelemetryTerms, telemetry_prior
 from uavgram.estimation.survey.terms.third_coordinate import ThirdCoordinate
 from uavgram.estimation.survey.unknowns import Layout, State, layout_of, unstacked
+from uavgram.geometry.lengths import lengths_of
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 
@@ -55,7 +56,9 @@ class SurveyProblem:
         self.known = tuple(thing for thing in survey.known if says_something(survey, thing))
         self.intrinsic_basis = covariance_root(survey.calibration.covariance)
         self.tapes = tapes_of(survey, self.line_index)
-        self.layout: Layout = layout_of(survey, self.intrinsic_basis.shape[1], len(self.tapes))
+        point_size = 3 if self.third.is_unknown or survey.ties.points else 2
+        intrinsics = self.intrinsic_basis.shape[1]
+        self.layout: Layout = layout_of(survey, point_size, intrinsics, len(self.tapes))
         telemetry = survey.telemetry
         if telemetry is not None:
             self.telemetry_whitening = np.linalg.inv(np.linalg.cholesky(telemetry.covariance))
@@ -266,7 +269,7 @@ class SurveyProblem:
         along = world[..., n:, :] - world[..., :n, :]
         if level is not None:
             along[..., level, 2] = 0.0
-        length = np.linalg.norm(along, axis=-1)
+        length = lengths_of(along)
         unit = (along / np.where(length > 0, length, 1.0)[..., None])[..., None, :]
         start_by, end_by = d_point[..., :n, :, :], d_point[..., n:, :, :]
         start_ground, end_ground = d_plane[..., :n, :, :], d_plane[..., n:, :, :]

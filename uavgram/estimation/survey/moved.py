@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array, vstack
 
-from uavgram.estimation.solver.normal_equations import Block, Factor, gradient_of
+from uavgram.estimation.solver.normal_equations import Block, Factor, gathered
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.neighbourhood import Neighbourhood
 from uavgram.estimation.survey.refit import refit
@@ -56,8 +57,8 @@ REPEATED = 1e-10
 TINY = 1e-300
 """Squared length of a step that is none."""
 
-ENTRIES = 2_000_000
-"""Numbers in the derivatives of all states that are evaluated together: 16 MB."""
+ENTRIES = 250_000
+"""Numbers in the derivatives of all states that are evaluated together: 2 MB, which caches hold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,12 +112,13 @@ def moved(near: Neighbourhood, factor: Factor, steps: Floats, asked: Asked) -> M
     """
     count, base = len(steps), near.problem.evaluate(near.state)
     assert base is not None  # noqa: S101  (the adjustment stands there)
+    plane = _Plane.of(base, steps.shape[1])
     found: list[State | None] = [None] * count
     rest = np.full((count, len(asked.gradient)), np.nan)
     left, way = np.arange(count), _Way.from_here(steps.shape)
     for taken in range(MOST):
         states = advance(near.problem.layout, near.state, steps[left] + way.beyond)
-        gradient, bent = _unexplained(near, base, states, steps[left], way.beyond)
+        gradient, bent = _unexplained(near, plane, states, steps[left], way.beyond)
         ahead = -gradient @ asked.solved.T - way.beyond @ asked.gradient.T
         # What is nearly straight ends at once; what is far from it, or impossible, leads nowhere.
         is_last = (bent < STRAIGHT) & (taken == 0)
@@ -189,12 +191,40 @@ def _solved(joint: Floats, right: Floats) -> Floats:
     return np.asarray(np.linalg.solve(scaled, right * scale) * scale)
 
 
+class _Plane(NamedTuple):
+    """The linear model of all rows near by, group by group.
+
+    Attributes
+    ----------
+    residual
+        (R,) at its middle.
+    jacobian
+        (R, n) by the unknowns near by.
+    observed
+        (R,) 1, but 0 of the gauge, which is no observation, and stays.
+    """
+
+    residual: Floats
+    jacobian: csr_array
+    observed: Floats
+
+    @classmethod
+    def of(cls, blocks: Mapping[str, Block], size: int) -> _Plane:
+        """That of an adjustment's blocks."""
+        observed = [np.full(b.residual.size, float(name != "gauge")) for name, b in blocks.items()]
+        return cls(
+            np.concatenate([block.residual.ravel() for block in blocks.values()]),
+            csr_array(vstack([block.sparse(size) for block in blocks.values()])),
+            np.concatenate(observed),
+        )
+
+    def times(self, steps: Floats) -> Floats:
+        """(m, R) by which steps (m, n) move the rows."""
+        return np.asarray((self.jacobian @ steps.T).T)
+
+
 def _unexplained(
-    near: Neighbourhood,
-    base: Mapping[str, Block],
-    states: State,
-    steps: Floats,
-    beyond: Floats,
+    near: Neighbourhood, plane: _Plane, states: State, steps: Floats, beyond: Floats
 ) -> tuple[Floats, Floats]:
     """What the linear model does not say of m states: gradients (m, n), and how much it is (m,).
 
@@ -203,51 +233,41 @@ def _unexplained(
     """
     count = len(steps)
     gradient, bent = np.full(steps.shape, np.nan), np.full(count, np.nan)
-    at_once = max(1, ENTRIES // sum(block.jacobian.size for block in base.values()))
+    at_once = max(1, ENTRIES // plane.jacobian.nnz)
     waiting = [np.arange(first, min(first + at_once, count)) for first in range(0, count, at_once)]
     while waiting:
         rows = waiting.pop()
         there = near.problem.evaluate(some(states, rows))
         if there is not None:
-            gradient[rows], bent[rows] = _off_linear(base, there, steps[rows], beyond[rows])
+            gradient[rows], bent[rows] = _off_linear(plane, there, steps[rows], beyond[rows])
         elif len(rows) > 1:  # one of them is impossible
             waiting += [rows[: len(rows) // 2], rows[len(rows) // 2 :]]
     return gradient, bent
 
 
 def _off_linear(
-    base: Mapping[str, Block], there: Mapping[str, Block], steps: Floats, beyond: Floats
+    plane: _Plane, there: Mapping[str, Block], steps: Floats, beyond: Floats
 ) -> tuple[Floats, Floats]:
     """Gradients (m, n) of what the linear model does not say, and its squared length (m,)."""
-    gradient, bent = np.zeros(steps.shape), np.zeros(len(steps))
-    size = steps.shape[1]
-    for name, block in base.items():
-        expected = block.residual + times(block, beyond)
-        found = there[name].residual
-        if name != "gauge":  # which is no observation, and stays
-            found = found - times(block, steps)
-        off = found - expected
-        bent += (off * off).reshape(len(steps), -1).sum(axis=1)
-        gradient += gradient_of([Block(found, block.columns, there[name].jacobian)], size)
-        gradient -= gradient_of([Block(expected, block.columns, block.jacobian)], size)
-    return gradient, bent
-
-
-def times(block: Block, steps: Floats) -> Floats:
-    """(m, n, r) by which whitened observations move with (m, size) steps; some rows at a time."""
-    n, r, k = block.jacobian.shape
-    moved_by = np.empty((len(steps), n, r))
-    at_once = max(1, ENTRIES // (k * len(steps)))
-    for first in range(0, n, at_once):
-        rows = slice(first, first + at_once)
-        moved_by[:, rows] = np.moveaxis(block.times(rows, steps.T), 2, 0)
-    return moved_by
+    count, size = steps.shape
+    moved_by = plane.observed * plane.times(steps)
+    expected = plane.residual + plane.times(beyond)
+    found = np.concatenate([b.residual.reshape(count, -1) for b in there.values()], axis=1)
+    found -= moved_by
+    gradient, first = -(plane.jacobian.T @ expected.T).T, 0
+    for block in there.values():
+        n, r = block.residual.shape[1:]
+        own = found[:, first : first + n * r].reshape(count, n, r)
+        gradient += gathered(block.columns, block.pulled(own), size)
+        first += n * r
+    off = found - expected
+    return gradient, np.einsum("mr,mr->m", off, off)
 
 
 def moved_alone(adjustment: Adjustment, step: Floats) -> State | None:
     """The whole survey adjusted to observations that moved as a step (size,) would move them."""
     errors = {
-        name: times(block, step[None])[0]
+        name: np.einsum("nrk,nk->nr", block.jacobian, step[block.columns])
         for name, block in adjustment.minimum.blocks.items()
         if name != "gauge"
     }

@@ -10,7 +10,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse
 from scipy.spatial import cKDTree
 
 from uavgram.estimation.solver.normal_equations import Block, Factor
@@ -128,7 +127,7 @@ def drawn_variances(factor: Factor, blocks: Iterable[Block], columns: Ints, by: 
         The functions: their gradients (n, k) by unknowns (n, k).
     """
     rng = np.random.default_rng(_SEED)
-    rows = [_sparse(block, factor.size) for block in blocks]
+    rows = [block.sparse(factor.size) for block in blocks]
     total = np.zeros(len(columns))
     for _ in range(DRAWS // _AT_ONCE):
         right = np.zeros((factor.size, _AT_ONCE))
@@ -140,11 +139,3 @@ def drawn_variances(factor: Factor, blocks: Iterable[Block], columns: Ints, by: 
             value += by[:, [k]] * drawn[columns[:, k]]
         total += np.sum(value**2, axis=1)
     return total / DRAWS
-
-
-def _sparse(block: Block, size: int) -> scipy.sparse.csr_array:
-    """The rows (n r, size) of a block."""
-    n, r, k = block.jacobian.shape
-    column = np.repeat(block.columns, r, axis=0)
-    begin = np.arange(0, n * r * k + 1, k)
-    return scipy.sparse.csr_array((block.jacobian.ravel(), column.ravel(), begin), (n * r, size))

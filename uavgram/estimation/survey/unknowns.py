@@ -10,7 +10,6 @@ import numpy as np
 
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE, fixed_planes, relief_size
-from uavgram.estimation.survey.terms.third_coordinate import ThirdCoordinate
 from uavgram.geometry.motion.rotation import exp_so3, log_so3
 from uavgram.geometry.motion.telemetry_pose import SHARED_SIZE
 from uavgram.model.arrays import Floats, Ints
@@ -227,7 +226,7 @@ def unstacked(states: State) -> Iterator[State]:
     return (State(*each) for each in zip(*arrays, strict=True))
 
 
-def some(states: State, rows: Ints | int) -> State:
+def some(states: State, rows: Ints | int | slice) -> State:
     """Those of stacked states that stand at `rows`, stacked as well; at one row, that state."""
     return State(*(getattr(states, field.name)[rows] for field in fields(states)))
 
@@ -237,13 +236,15 @@ def stacked(states: Sequence[State]) -> State:
     return State(*(np.stack([getattr(s, f.name) for s in states]) for f in fields(State)))
 
 
-def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
+def layout_of(survey: Survey, point_size: int, intrinsics: int, tapes: int) -> Layout:
     """Which unknowns a survey has.
 
     Parameters
     ----------
     survey
         The observations.
+    point_size
+        Number of each point's unknowns.
     intrinsics
         Number of unknown combinations of the interior orientation.
     tapes
@@ -251,7 +252,7 @@ def layout_of(survey: Survey, intrinsics: int, tapes: int) -> Layout:
     """
     return Layout(
         points=len(survey.label),
-        point_size=3 if ThirdCoordinate.of(survey).is_unknown or survey.ties.points else 2,
+        point_size=point_size,
         frames=len(survey.frame_id),
         intrinsics=intrinsics,
         plane=PLANE_SIZE * (len(survey.grounds) - fixed_planes(survey)),
@@ -287,7 +288,8 @@ def move(layout: Layout, state: State, step: Floats) -> State:
     """
     many = step.shape[:-1]
     frame_step = _of_frames(layout, step)
-    plane = np.array(np.broadcast_to(state.plane, (*many, state.plane.shape[-1])))
+    plane = np.empty((*many, state.plane.shape[-1]))
+    plane[:] = state.plane
     plane[..., plane.shape[-1] - layout.plane :] += step[
         ..., layout.first_plane : layout.first_relief
     ]
@@ -410,9 +412,10 @@ def _turned(state: State, about: Floats, cosine: Floats, sine: Floats) -> State:
     flat, about = np.swapaxes(turn[..., :2, :2], -1, -2), about[..., None, :]
 
     def of(places: Floats) -> Floats:
-        placed = np.array(np.broadcast_to(places, (*np.shape(cosine), *places.shape[-2:])))
+        placed = np.empty((*np.shape(cosine), *places.shape[-2:]))
         if placed.size:
-            placed[..., :2] = about + (placed[..., :2] - about) @ flat
+            placed[..., :2] = about + (places[..., :2] - about) @ flat
+            placed[..., 2:] = places[..., 2:]
         return placed
 
     rotation = turn[..., None, :, :] @ state.rotation

@@ -15,6 +15,7 @@ from uavgram.geometry.camera.lens import (
     BLOCK,
     Distorted,
     distort,
+    each,
     folded,
     largest_radius,
     write_parameter_derivative,
@@ -84,8 +85,10 @@ def project_with_jacobian(
 
     Parameters
     ----------
-    model, parameters, point_camera, beyond_fold
+    model, point_camera, beyond_fold
         As for `project`.
+    parameters
+        As for `project`; or (m, P) of as many lenses, for points (m, n, 3), with ``extend``.
 
     Returns
     -------
@@ -97,20 +100,24 @@ def project_with_jacobian(
     """
     parameters, flat, shape = _flatten(parameters, point_camera)
     fold = _fold(model, parameters, beyond_fold)
+    if parameters.ndim > 1:  # each point its own lens
+        parameters = np.repeat(parameters.T, shape[-1], axis=1)
     n, p = len(flat), len(parameters)
     pixel, d_point, d_parameters = np.empty((n, 2)), np.empty((n, 2, 3)), np.empty((n, 2, p))
     for start in range(0, n, BLOCK):
         block = slice(start, start + BLOCK)
+        own = parameters if parameters.ndim == 1 else parameters[:, block]
         x, y, inverse_depth = _normalise(flat[block])
-        lens = distort(model, parameters[4:], x, y)
+        lens = distort(model, own[4:], x, y)
         bad = np.isnan(inverse_depth)
         if fold is not None:
             bad |= folded(lens, x, y, fold)
-        _write_pixel(pixel[block], parameters, lens)
-        _write_point_derivative(d_point[block], parameters, lens, (x, y, inverse_depth))
-        write_parameter_derivative(d_parameters[block], model, parameters, lens, (x, y))
-        for out in (pixel, d_point, d_parameters):
-            out[block][bad] = np.nan
+        _write_pixel(pixel[block], own, lens)
+        _write_point_derivative(d_point[block], own, lens, (x, y, inverse_depth))
+        write_parameter_derivative(d_parameters[block], model, own, lens, (x, y))
+        if bad.any():
+            for out in (pixel, d_point, d_parameters):
+                out[block][bad] = np.nan
     return (
         pixel.reshape(*shape, 2),
         d_point.reshape(*shape, 2, 3),
@@ -119,7 +126,7 @@ def project_with_jacobian(
 
 
 def _write_pixel(out: Floats, parameters: Floats, lens: Distorted) -> None:
-    fx, fy, cx, cy = parameters[:4].tolist()
+    fx, fy, cx, cy = each(parameters[:4])
     np.add(fx * lens.x, cx, out=out[:, 0])
     np.add(fy * lens.y, cy, out=out[:, 1])
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.geometry.lengths import lengths_of
 from uavgram.model.arrays import Bools, Floats
 
 Measured = tuple[float, Floats]
@@ -225,7 +226,7 @@ def checked(points: Floats, *, exactly: int | None = None, at_least: int = 2) ->
 
 def _unit(vector: Floats) -> tuple[Floats, Floats]:
     """Vectors (..., 3) at unit length, and their lengths (...); both NaN for the zero vector."""
-    length = np.linalg.norm(vector, axis=-1)
+    length = lengths_of(vector)
     length = np.where(length > 0, length, np.nan)
     return vector / length[..., None], length
 

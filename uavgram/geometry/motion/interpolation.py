@@ -16,6 +16,9 @@ from uavgram.geometry.motion.rotation import (
 )
 from uavgram.model.arrays import Floats, Ints
 
+MANY = 100
+"""Instants from which on many lie in the same pieces: those of many states at once."""
+
 
 class _Pieces(NamedTuple):
     """M pieces of a smooth path: origin, and the cubic from there in the place s from 0 to 1.
@@ -60,9 +63,17 @@ class _SmoothPath:
         self._time = _checked(time_s)
         self._sample = np.asarray(sample, np.float64)
         # An adjustment asks for nearly the same instants again and again.
-        self._pieces = lru_cache(maxsize=2)(self._make)
+        self._pieces = lru_cache(maxsize=2)(self._of)
 
-    def _make(self, index: bytes) -> _Pieces:
+    def _of(self, index: bytes) -> _Pieces:
+        """Pieces (M,) by the bytes of their indices, of which many may be the same."""
+        piece = np.frombuffer(index, np.int64)
+        if len(piece) < MANY:
+            return self._make(piece)
+        piece, place = np.unique(piece, return_inverse=True)
+        return _Pieces(*(one[place] for one in self._make(piece)))
+
+    def _make(self, index: Ints) -> _Pieces:
         """Make the pieces (M,) of some indices."""
         raise NotImplementedError
 
@@ -117,7 +128,7 @@ class SmoothPositions(_SmoothPath):
         origin, moved, velocity = self._since_origin(at_s)
         return origin + moved, velocity
 
-    def _make(self, index: bytes) -> _Pieces:
+    def _make(self, index: Ints) -> _Pieces:
         around, width = _around(self._time, index)
         sample = self._sample[around]
         change = np.diff(sample, axis=1)
@@ -170,7 +181,7 @@ class SmoothRotations(_SmoothPath):
         turn, jacobian = exp_with_right_jacobian(phi)
         return origin @ turn, (jacobian @ slope[..., None])[..., 0]
 
-    def _make(self, index: bytes) -> _Pieces:
+    def _make(self, index: Ints) -> _Pieces:
         around, width = _around(self._time, index)
         rotation = matrix_from_xyzw(self._sample[around])
         turn = log_so3(np.swapaxes(rotation[:, :-1], -1, -2) @ rotation[:, 1:])
@@ -180,8 +191,8 @@ class SmoothRotations(_SmoothPath):
         return _Pieces.hermite(rotation[:, 1], turn[:, 1], (start, end), width[:, 1:2])
 
 
-def _around(time: Floats, index: bytes) -> tuple[Ints, Floats]:
-    """Samples before, at both ends of, and after each of M pieces, by the bytes of their indices.
+def _around(time: Floats, piece: Ints) -> tuple[Ints, Floats]:
+    """Samples before, at both ends of, and after each of M pieces, by their indices.
 
     Returns
     -------
@@ -190,7 +201,6 @@ def _around(time: Floats, index: bytes) -> tuple[Ints, Floats]:
     width : (M, 3)
         Of the three pieces between them [s]; 0 where there is none.
     """
-    piece = np.frombuffer(index, np.int64)
     around = np.clip(piece[:, None] + np.arange(-1, 3), 0, len(time) - 1)
     return around, np.diff(time[around], axis=1)
 

@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
+from uavgram.geometry.lengths import lengths_of
 from uavgram.model.arrays import Floats
 
 
@@ -27,6 +28,9 @@ ENU_FROM_NED: Floats = _constant([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])
 GIMBAL_FROM_CAMERA: Floats = _constant([[0, 0, 1], [1, 0, 0], [0, 1, 0.0]])
 
 _IDENTITY = _constant([[1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+
+# Where x, y and z stand among the nine entries of a matrix less its transpose.
+_SKEW = np.array([5, 6, 1])
 
 # Below this squared angle the series are more accurate than the closed forms, which cancel.
 _SMALL_ANGLE_SQUARED = 0.09
@@ -61,7 +65,7 @@ def hat(v: Floats) -> Floats:
 def exp_so3(v: Floats) -> Floats:
     """Rotation matrices of rotation vectors [rad] (Rodrigues); (..., 3) to (..., 3, 3)."""
     v = np.asarray(v, np.float64)
-    half = 0.5 * np.sqrt(np.add.reduce(v * v, axis=-1))
+    half = 0.5 * lengths_of(v)
     # sin(t / 2) / (t / 2): neither sin t / t nor (1 - cos t) / t^2 loses digits near zero by it.
     ratio = _sinc(half)
     return _combine(v, ratio * np.cos(half), 0.5 * ratio * ratio)
@@ -74,7 +78,7 @@ def log_so3(rotation: Floats) -> Floats:
     """
     q = xyzw_from_matrix(rotation)
     vector, w = q[..., :3], q[..., 3]
-    size = np.linalg.norm(vector, axis=-1)
+    size = lengths_of(vector)
     tiny = size < 1e-12
     # angle / sin(angle / 2); its limit at zero is 2, and w is 1 to the last digit there
     factor = np.where(tiny, 2.0, 2 * np.arctan2(size, w) / np.where(tiny, 1.0, size))
@@ -155,15 +159,17 @@ def xyzw_from_matrix(rotation: Floats) -> Floats:
     outer = np.empty((*r.shape[:-2], 4, 4))
     trace = r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2]
     outer[..., :3, :3] = r + np.swapaxes(r, -1, -2)
-    for i in range(3):
-        outer[..., i, i] = 1 - trace + 2 * r[..., i, i]
-        j, k = (i + 1) % 3, (i + 2) % 3
-        outer[..., 3, i] = outer[..., i, 3] = r[..., k, j] - r[..., j, k]
-    outer[..., 3, 3] = 1 + trace
-    best = outer.diagonal(axis1=-2, axis2=-1).argmax(axis=-1)
+    diagonal = np.empty(outer.shape[:-1])
+    diagonal[..., :3] = (1 - trace)[..., None] + 2 * r.diagonal(axis1=-2, axis2=-1)
+    diagonal[..., 3] = 1 + trace
+    outer.reshape(*trace.shape, 16)[..., ::5] = diagonal
+    skew = np.swapaxes(r, -1, -2) - r
+    axis = skew.reshape(*trace.shape, 9)[..., _SKEW]
+    outer[..., 3, :3] = outer[..., :3, 3] = axis
+    best = diagonal.argmax(axis=-1)
     each = outer.reshape(-1, 4, 4)
     q = each[np.arange(len(each)), best.ravel()].reshape(outer.shape[:-1])
-    q /= np.linalg.norm(q, axis=-1, keepdims=True)
+    q /= lengths_of(q)[..., None]
     return np.asarray(np.where(q[..., 3:] < 0, -q, q))
 
 
@@ -273,7 +279,8 @@ def _inverse_closed(squared: Floats) -> Floats:
 
 
 def _horner(coefficients: tuple[float, ...], x: Floats) -> Floats:
-    result = np.zeros_like(x)
-    for coefficient in reversed(coefficients):
+    *lower, highest = coefficients
+    result = np.full_like(x, highest)
+    for coefficient in reversed(lower):
         result = result * x + coefficient
     return result

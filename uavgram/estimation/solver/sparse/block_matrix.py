@@ -235,7 +235,7 @@ class Assembly:
     def serves(self, columns: list[Ints]) -> bool:
         """Whether these are the columns that it was made for."""
         return len(columns) == len(self._columns) and all(
-            np.array_equal(mine, theirs)
+            mine is theirs or np.array_equal(mine, theirs)
             for mine, theirs in zip(self._columns, columns, strict=True)
         )
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.terms.sights import SightedBlock, Sights
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.geometry.motion.row_poses import row_share
@@ -109,46 +110,36 @@ def rows_of_sightings(
             velocity = np.einsum("...ji,...j->...i", camera_from_world, velocity)
         camera_from_world = unturned @ camera_from_world
     camera = np.einsum("...ij,...j->...i", camera_from_world, from_center)
-    pixel, d_camera, d_intrinsics = _projected(problem, state, camera)
+    pixel, by_camera, by_lens = project_with_jacobian(
+        survey.calibration.model, problem.intrinsics(state), camera, beyond_fold="extend"
+    )
     if not np.isfinite(pixel).all():
         return None
-    weight = 1.0 / rows.sigma_px
-    d_world = d_camera @ camera_from_world
-    by_turn = hat(camera) if unturned is None else unturned @ hat(turns)
-    parts = [
-        d_world @ d_point,
-        -d_world,
-        d_camera @ by_turn,
-        d_intrinsics @ problem.intrinsic_basis,
-        d_world @ d_plane,
-    ]
+    by_rest = []
     if unturned is not None:
         # d/da of exp(-s) R^T (X - centre - a v), s = a w + t: camera x J w - R_row^T v, with J the
         # left Jacobian of the rotation exp(-s); by the turning t itself: camera x J
         left = _left_jacobian(-moved[..., 3:])
         by_time = np.cross(camera, np.einsum("...ij,...j->...i", left, motion[:, 3:]))
         by_time -= np.einsum("...ij,...j->...i", camera_from_world, velocity)
-        parts.append(d_camera @ (share * by_time)[..., None])
+        by_rest.append((share * by_time)[..., None])
         if problem.layout.turning:
-            parts.append(d_camera @ (hat(camera) @ left * share[..., None]))
-    jacobian = np.concatenate(parts, axis=-1)
+            by_rest.append(hat(camera) @ left * share[..., None])
+    sights = Sights(
+        by_camera=by_camera,
+        by_lens=by_lens,
+        camera_from_world=camera_from_world,
+        by_point=d_point,
+        by_ground=d_plane,
+        by_turn=hat(camera) if unturned is None else unturned @ hat(turns),
+        lens=problem.intrinsic_basis,
+        by_rest=tuple(by_rest),
+    )
+    weight = 1.0 / rows.sigma_px
     residual = (pixel - rows.pixel_px) * weight[:, None]
-    return Block(residual, rows.columns, jacobian * weight[:, None, None])
-
-
-def _projected(
-    problem: SurveyProblem, state: State, camera: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Pixels of points (..., n, 3), and derivatives; a lens has one set of parameters at a time."""
-    model, lens = problem.survey.calibration.model, problem.intrinsics(state)
-    if lens.ndim == 1:
-        return project_with_jacobian(model, lens, camera, beyond_fold="extend")
-    each = [
-        project_with_jacobian(model, own, points, beyond_fold="extend")
-        for own, points in zip(lens, camera, strict=True)
-    ]
-    pixel, d_camera, d_intrinsics = (np.stack(parts) for parts in zip(*each, strict=True))
-    return pixel, d_camera, d_intrinsics
+    block = SightedBlock(residual, rows.columns, sights, weight)
+    # Of many states nothing but products with the Jacobians is asked for.
+    return block if residual.ndim > 2 else Block(residual, rows.columns, block.jacobian)
 
 
 def _left_jacobian(turn: Floats) -> Floats:

@@ -7,7 +7,6 @@ from functools import cached_property
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.terms.priors import independent_prior
 from uavgram.estimation.survey.unknowns import Layout, State
 from uavgram.geometry.motion.rotation import log_so3, right_jacobian_inverse
 from uavgram.geometry.motion.telemetry_pose import (
@@ -91,11 +90,17 @@ class TelemetryTerms:
         jacobian[..., 3:, 6:] = -by_turn.swapaxes(-1, -2) @ d_shared[..., 3:, :]
         whitened = (white @ residual[..., None])[..., 0]
         blocks = {"telemetry": Block(whitened, self._columns, white @ jacobian)}
-        off = state.telemetry - self._mean
+        off = ((state.telemetry - self._mean) / self._sigma)[..., None]
         for name, part in TELEMETRY_PARTS.items():
-            first = layout.first_telemetry + part.start
-            blocks[name] = independent_prior(off[..., part], self._sigma[part], first)
+            blocks[name] = Block(off[..., part, :], *self._priors[name])
         return blocks
+
+    @cached_property
+    def _priors(self) -> dict[str, tuple[Ints, Floats]]:
+        """Unknowns and derivatives of what is known of each part."""
+        own = self._layout.first_telemetry + np.arange(SHARED_SIZE)[:, None]
+        weight = (1.0 / self._sigma)[:, None, None]
+        return {name: (own[part], weight[part]) for name, part in TELEMETRY_PARTS.items()}
 
     @cached_property
     def _columns(self) -> Ints:
