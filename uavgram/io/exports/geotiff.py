@@ -164,7 +164,8 @@ def write_turned_picture(
 
 def with_opacity(rgb: Pixels, covered: Bools) -> Pixels:
     """(H, W, 4) RGB and opacity of (H, W, 3) pixels; transparent where (H, W) nothing is."""
-    return cv2.merge([rgb, np.where(covered, np.uint8(255), np.uint8(0))])
+    opacity = np.where(covered, np.uint8(255), np.uint8(0))
+    return np.asarray(cv2.merge([rgb, opacity]), np.uint8)
 
 
 def read_reduced(path: Path, shortest_px: int) -> NDArray[np.uint8]:
