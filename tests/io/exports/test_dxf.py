@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from ezdxf.document import Drawing
 from ezdxf.entities.insert import Insert
+from ezdxf.entities.lwpolyline import LWPolyline
 from ezdxf.filemanagement import readfile
 from ezdxf.math import ConstructionEllipse
+from pyproj import Geod, Transformer
 
 from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
 from uavgram.model.maps.layers import Features
@@ -57,6 +59,31 @@ def test_distances_between_points_are_the_results_to_a_tenth_of_a_millimetre(
             assert math.dist(start, end) == pytest.approx(rows.value[i], abs=1e-4)
             tried += 1
     assert tried == 2
+
+
+def test_cameras_and_what_they_show_lie_on_the_map_where_they_are_from_the_origin(
+    features: Features, tmp_path: Path
+) -> None:
+    write_map_dxf(features, tmp_path / "map.dxf")
+    space = readfile(tmp_path / "map.dxf").modelspace()
+    cameras = [point.dxf.location for point in space.query("POINT")]
+    corners = [
+        corner
+        for line in space.query('LWPOLYLINE[layer=="PHOTO_FOOTPRINTS"]')
+        if isinstance(line, LWPolyline)
+        for corner in line.vertices()
+    ]
+    assert features.origin is not None
+    latitude, longitude, _ = features.origin
+    to_earth = Transformer.from_crs(features.crs, "EPSG:4326", always_xy=True)
+    for name, drawn in (("camera_poses", cameras), ("footprints", corners)):
+        local = np.concatenate(features.layer(name).vertices_m)
+        lon, lat = to_earth.transform(*np.array([tuple(one)[:2] for one in drawn]).T)
+        there = np.full(len(local), longitude), np.full(len(local), latitude)
+        azimuth, _, away = Geod(ellps="WGS84").inv(*there, lon, lat)
+        azimuth = np.radians(azimuth)
+        found = np.stack([np.sin(azimuth), np.cos(azimuth)], axis=1) * np.array(away)[:, None]
+        np.testing.assert_allclose(found, local[:, :2], atol=0.05)
 
 
 def test_each_measured_distance_is_a_dimension_with_the_grounds_value(

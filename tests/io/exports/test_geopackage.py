@@ -19,7 +19,7 @@ from pyproj import CRS, Geod, Proj, Transformer
 
 from uavgram.io.exports.geopackage import write_geopackage
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.layers import Features
+from uavgram.model.maps.layers import Features, Layer
 from uavgram.model.result.result import Result
 
 Objects = NDArray[np.object_]
@@ -154,6 +154,43 @@ def test_the_bounds_that_it_states_are_those_of_its_shapes(path: Path) -> None:
         np.testing.assert_allclose(
             stated[layer], read_info(path, layer=layer, force_total_bounds=True)["total_bounds"]
         )
+
+
+def test_each_shape_and_the_index_state_the_bounds_of_its_vertices(
+    features: Features, tmp_path: Path
+) -> None:
+    path = tmp_path / "gaps.gpkg"
+    layers = [
+        with_a_gap(features.layer(name)) for name in ("points", "measured_lines", "footprints")
+    ]
+    write_geopackage(replace(features, layers=tuple(layers)), path)
+    for layer, start in zip(layers, (5, 9, 13), strict=True):  # of the vertices, in WKB
+        there = [len(vertices) > 0 for vertices in layer.vertices_m]
+        coded = read(path, layer=layer.name)[2][there]
+        places = [np.frombuffer(wkb[start:], "<f8").reshape(-1, 3)[:, :2] for wkb in coded]
+        bounds = np.array([[p.min(axis=0), p.max(axis=0)] for p in places])
+        with closing(sqlite3.connect(path)) as file:
+            ask = "SELECT min_x, min_y, max_x, max_y FROM gpkg_contents WHERE table_name = ?"
+            stated = np.reshape(file.execute(ask, (layer.name,)).fetchone(), (2, 2))
+            ask = f"SELECT geom FROM {layer.name} WHERE geom NOT NULL"  # noqa: S608 - ours
+            heads = [geom[8:40] for (geom,) in file.execute(ask)]
+            ask = f"SELECT * FROM rtree_{layer.name}_geom ORDER BY id"  # noqa: S608 - ours
+            fid, *indexed = np.transpose(file.execute(ask).fetchall())
+
+        np.testing.assert_array_equal(stated, [bounds[:, 0].min(axis=0), bounds[:, 1].max(axis=0)])
+        np.testing.assert_array_equal(fid, np.flatnonzero(there) + 1)
+        # West, east, south, north; the index has single precision, rounded outwards.
+        axes = bounds.transpose(0, 2, 1).reshape(-1, 4)
+        np.testing.assert_allclose(np.transpose(indexed), axes, rtol=2e-7)
+        if layer.kind != "point":
+            np.testing.assert_array_equal([struct.unpack("<4d", head) for head in heads], axes)
+
+
+def with_a_gap(layer: Layer) -> Layer:
+    """The second shape has no place."""
+    first, _, *others = layer.vertices_m
+    assert others
+    return replace(layer, vertices_m=(first, np.zeros((0, 3)), *others), above_ground_m=())
 
 
 def test_a_part_of_a_layer_is_found_by_its_index(path: Path) -> None:

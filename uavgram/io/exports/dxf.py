@@ -20,7 +20,7 @@ from uavgram.io.exports.dxf_points import add_point_block, draw_points
 from uavgram.io.exports.dxf_profiles import draw_profiles
 from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Place, Sheet, Words, half_size
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.maps.layers import HIDDEN, Features, Layer
+from uavgram.model.maps.layers import HIDDEN, Features, Layer, placed
 from uavgram.stages.products.text_places import Choice, TextPlaces, around
 
 METRIC = Words()
@@ -131,8 +131,8 @@ def _look_at_points(sheet: Sheet, features: Features) -> None:
     vertices = features.layer("points").vertices_m
     if not vertices:
         return
-    placed = sheet.place(np.concatenate(vertices))[:, :2]
-    low, high = placed.min(axis=0), placed.max(axis=0)
+    shown = sheet.place(np.concatenate(vertices))[:, :2]
+    low, high = shown.min(axis=0), shown.max(axis=0)
     height = max(1.3 * float((high - low).max()), 20 * sheet.text_m)
     sheet.document.set_modelspace_vport(height, tuple(((low + high) / 2).tolist()))
     # ezdxf writes the header from these; LibreCAD takes the limits for its paper, in our metres
@@ -169,27 +169,25 @@ def _draw(sheet: Sheet, layer: Layer) -> None:
     elif layer.name == "footprints":
         _footprints(sheet, layer, name)
     elif layer.kind == "point":
-        for vertices in layer.vertices_m:
-            sheet.space.add_point(sheet.place(vertices)[0], dxfattribs={"layer": name})
+        for vertices in placed(layer.vertices_m, sheet.place):
+            sheet.space.add_point(vertices[0], dxfattribs={"layer": name})
     else:
-        for vertices in layer.vertices_m:
+        strips = placed(layer.vertices_m, sheet.place)
+        for vertices in strips:
             if len(vertices):
                 sheet.space.add_polyline3d(
-                    sheet.place(vertices),
-                    close=layer.kind == "polygon",
-                    dxfattribs={"layer": name},
+                    vertices, close=layer.kind == "polygon", dxfattribs={"layer": name}
                 )
-        _values(sheet, layer)
+        _values(sheet, layer, strips)
 
 
 def _footprints(sheet: Sheet, layer: Layer, name: str) -> None:
     """Level outlines at their middle height: background, which may be large."""
-    for ring in layer.vertices_m:
-        placed = sheet.place(ring)
+    for ring in placed(layer.vertices_m, sheet.place):
         sheet.space.add_lwpolyline(
-            placed[:, :2].tolist(),
+            ring[:, :2].tolist(),
             close=True,
-            dxfattribs={"layer": name, "elevation": float(placed[:, 2].mean())},
+            dxfattribs={"layer": name, "elevation": float(ring[:, 2].mean())},
         )
 
 
@@ -214,8 +212,8 @@ def _ellipses(sheet: Sheet, layer: Layer, name: str) -> None:
         )
 
 
-def _values(sheet: Sheet, layer: Layer) -> None:
-    """Dimensions on two-point distances, a text on everything else that has a value."""
+def _values(sheet: Sheet, layer: Layer, drawn: tuple[Floats, ...]) -> None:
+    """Dimensions on two-point distances, as they are drawn, a text on all else with a value."""
     is_known = layer.name == "known_lengths"
     if not is_known and not layer.name.startswith("measured"):
         return
@@ -228,7 +226,8 @@ def _values(sheet: Sheet, layer: Layer) -> None:
             text += "" if one["kind"] in _NOT_IN_SPACE or unit != "m" else _IN_SPACE
         text = f"{one['name']}: {text}{_DOUBT if one.get('alternatives') else ''}"
         if len(strip) == 2 and unit == "m" and one.get("kind") not in _UPRIGHT:
-            _dimension(sheet, strip, LAYERS[layer.name][0] if is_known else _DIMENSIONS, text)
+            on = LAYERS[layer.name][0] if is_known else _DIMENSIONS
+            _dimension(sheet, drawn[row], on, text)
         elif len(strip):
             middle = sheet.place(strip.mean(axis=0, keepdims=True))[0]
             _text(sheet, middle, text, _DIMENSIONS)
@@ -236,8 +235,7 @@ def _values(sheet: Sheet, layer: Layer) -> None:
 
 def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:
     """Seen from above, at the height of the middle; where others are in the way, farther out."""
-    placed = sheet.place(ends)
-    start, end = sorted(placed[:, :2], key=tuple)  # from left to right, as texts are read
+    start, end = sorted(ends[:, :2], key=tuple)  # from left to right, as texts are read
     if np.linalg.norm(end - start) < 1e-6:
         return
     half = half_size(text, sheet.text_m)
@@ -257,7 +255,7 @@ def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:
     )
     drawn.set_location(tuple(place[:2]))
     dimension = drawn.render().dimension
-    dimension.translate(0.0, 0.0, float(placed[:, 2].mean()))
+    dimension.translate(0.0, 0.0, float(ends[:, 2].mean()))
     for part in dimension.get_geometry_block() or ():
         if part.dxf.layer == "0":  # not every program colours that as the dimension
             part.dxf.layer = layer

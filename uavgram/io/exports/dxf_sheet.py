@@ -101,8 +101,13 @@ _LINE = 1.6
 
 def half_size(text: str, height_m: float) -> Floats:
     """(2,) half the width and height that a text takes [m], whichever program draws it."""
-    width_m = _font().text_width(text) * height_m
-    return np.array([MARGIN * width_m, _LINE * height_m]) / 2
+    return np.array([MARGIN * (_width(text) * height_m), _LINE * height_m]) / 2
+
+
+@lru_cache(maxsize=10_000)  # both drawings of a survey have the same texts
+def _width(text: str) -> float:
+    """Of a text whose capitals are 1 high."""
+    return float(_font().text_width(text))
 
 
 @lru_cache(maxsize=1)

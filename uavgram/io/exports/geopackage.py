@@ -163,12 +163,13 @@ def _write_layer(
         f"CREATE TABLE {quoted(layer.name)} (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, "
         f"geom {_TYPES[layer.kind]}{columns})"
     )
-    there = [shape[:, :2] for shape in shapes if len(shape)]
-    corners = np.concatenate(there) if there else np.full((1, 2), np.nan)
+    bounds = _bounds(shapes)
+    west, _, south, _ = np.fmin.reduce(bounds, axis=0, initial=np.nan)
+    _, east, _, north = np.fmax.reduce(bounds, axis=0, initial=np.nan)
     file.execute(
         "INSERT INTO gpkg_contents (table_name, data_type, identifier, min_x, min_y, max_x, max_y, "
         "srs_id) VALUES (?, 'features', ?, ?, ?, ?, ?, ?)",
-        (layer.name, layer.name, *corners.min(axis=0), *corners.max(axis=0), srs_id),
+        (layer.name, layer.name, west, south, east, north, srs_id),
     )
     file.execute(
         "INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 1, 0)",
@@ -176,10 +177,12 @@ def _write_layer(
     )
     marks = ", ".join("?" * (1 + len(fields)))
     names = ", ".join(["geom", *map(quoted, fields)])
-    rows = zip((_geometry(layer, s, srs_id) for s in shapes), *fields.values(), strict=True)
+    placed_shapes = zip(shapes, bounds.tolist(), strict=True)
+    coded = (_geometry(layer, shape, around, srs_id) for shape, around in placed_shapes)
+    rows = zip(coded, *fields.values(), strict=True)
     sql = f"INSERT INTO {quoted(layer.name)} ({names}) VALUES ({marks})"  # noqa: S608 - quoted
     file.executemany(sql, rows)
-    write_index(file, layer.name, shapes)
+    write_index(file, layer.name, bounds)
 
 
 def _heights(features: Features) -> str:
@@ -250,7 +253,20 @@ def _kind(name: str, values: Attribute) -> str:
     return "REAL" if name in _NUMBERS or name.endswith(_UNITS) else "TEXT"
 
 
-def _geometry(layer: Layer, vertices: Floats, srs_id: int) -> bytes | None:
+def _bounds(shapes: tuple[Floats, ...]) -> Floats:
+    """(N, 4) west, east, south, north of shapes (v, 3); NaN of those that have no place."""
+    bounds = np.full((len(shapes), 4), np.nan)
+    counts = np.array([len(shape) for shape in shapes], np.int64)
+    there = np.flatnonzero(counts)
+    if len(there):
+        begin = (np.cumsum(counts) - counts)[there]
+        corners = np.concatenate(shapes)[:, :2]
+        bounds[there, ::2] = np.minimum.reduceat(corners, begin)
+        bounds[there, 1::2] = np.maximum.reduceat(corners, begin)
+    return bounds
+
+
+def _geometry(layer: Layer, vertices: Floats, bounds: list[float], srs_id: int) -> bytes | None:
     """One shape, little-endian: head, its bounds, well-known binary; None where it has no place."""
     if not len(vertices):
         return None
@@ -259,8 +275,7 @@ def _geometry(layer: Layer, vertices: Floats, srs_id: int) -> bytes | None:
     has_bounds = layer.kind != "point"
     head = struct.pack("<2sBBi", b"GP", 0, 1 | has_bounds << 1, srs_id)
     if has_bounds:
-        (west, south), (east, north) = vertices[:, :2].min(axis=0), vertices[:, :2].max(axis=0)
-        head += struct.pack("<4d", west, east, south, north)
+        head += struct.pack("<4d", *bounds)
     counts = {"point": (), "line": (len(vertices),), "polygon": (1, len(vertices))}[layer.kind]
     head += struct.pack(f"<B{1 + len(counts)}I", 1, _WKB_TYPES[layer.kind], *counts)
     return head + vertices.astype("<f8").tobytes()

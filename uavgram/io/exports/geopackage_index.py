@@ -7,8 +7,7 @@ in programs that edit the file; they call functions which those programs have.
 from __future__ import annotations
 
 import sqlite3
-
-import numpy as np
+from math import isnan
 
 from uavgram.model.arrays import Floats
 
@@ -42,7 +41,7 @@ _TRIGGERS = {
 """By the ends of their names: after what, when, and what they do."""
 
 
-def write_index(file: sqlite3.Connection, table: str, shapes: tuple[Floats, ...]) -> None:
+def write_index(file: sqlite3.Connection, table: str, bounds: Floats) -> None:
     """Index the column ``geom`` of a table that is filled; no later row passes here by itself.
 
     Parameters
@@ -52,9 +51,9 @@ def write_index(file: sqlite3.Connection, table: str, shapes: tuple[Floats, ...]
         without an index is right too, only slower.
     table
         The layer.
-    shapes
-        Vertices (n, 2 or more) of its rows in their order, the first with ``fid`` 1; of none, a row
-        has no place.
+    bounds
+        (N, 4) west, east, south, north of its rows in their order, the first with ``fid`` 1; NaN
+        of those that have no place.
     """
     if file.execute("SELECT 1 FROM pragma_module_list WHERE name = 'rtree'").fetchone() is None:
         return
@@ -65,11 +64,7 @@ def write_index(file: sqlite3.Connection, table: str, shapes: tuple[Floats, ...]
         (table, _DEFINITION),
     )
     file.execute(f"CREATE VIRTUAL TABLE {index} USING rtree(id, minx, maxx, miny, maxy)")
-    rows = [
-        (fid, *np.stack([v[:, :2].min(axis=0), v[:, :2].max(axis=0)], axis=1).ravel().tolist())
-        for fid, v in enumerate(shapes, start=1)
-        if len(v)
-    ]
+    rows = [(fid, *row) for fid, row in enumerate(bounds.tolist(), start=1) if not isnan(row[0])]
     file.executemany(f"INSERT INTO {index} VALUES (?, ?, ?, ?, ?)", rows)  # noqa: S608 - quoted
     for end, (after, when, what) in _TRIGGERS.items():
         name = quoted(f"rtree_{table}_geom_{end}")

@@ -18,7 +18,7 @@ from rasterio.windows import Window as FileWindow
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.top_view.pyramid import halved
 from uavgram.io.exports.geotiff_overviews import mark_overviews
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.maps.raster import GroundRaster
 
 WINDOW_PX = 768
@@ -160,6 +160,12 @@ def write_turned_picture(
     with _on_all_cores(), rasterio.open(path, "w", **profile, transform=place) as file:
         file.update_tags(**tags)
         _write_pixels(file, rgba, 0, 0)
+
+
+def with_opacity(rgb: Pixels, covered: Bools) -> Pixels:
+    """(H, W, 4) RGB and opacity of (H, W, 3) pixels; transparent where (H, W) nothing is."""
+    opacity = np.where(covered, np.uint8(255), np.uint8(0))
+    return np.asarray(cv2.merge([rgb, opacity]), np.uint8)
 
 
 def read_reduced(path: Path, shortest_px: int) -> NDArray[np.uint8]:

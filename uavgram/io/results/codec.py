@@ -30,8 +30,10 @@ def encode(value: object) -> Json:
     if type(value) in _PLAIN:
         return value
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":  # numbers, truth values
-        unknown = np.isnan(value)
-        return (np.where(unknown, None, value) if unknown.any() else value).tolist()
+        if (unknown := np.isnan(value)).any():
+            value = value.astype(np.object_)
+            value[unknown] = None
+        return value.tolist()
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, float):

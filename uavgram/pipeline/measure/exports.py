@@ -16,7 +16,7 @@ from uavgram.io.exports.dxf_sheet import Words
 from uavgram.io.exports.geojson import write_geojson
 from uavgram.io.exports.geopackage import write_geopackage
 from uavgram.io.exports.geotags import write_geo_txt
-from uavgram.io.exports.geotiff import write_turned_picture
+from uavgram.io.exports.geotiff import with_opacity, write_turned_picture
 from uavgram.io.exports.kml import write_kml
 from uavgram.io.exports.measurements_csv import write_measurements_csv
 from uavgram.io.exports.opendronemap import write_gcp_list
@@ -124,9 +124,8 @@ def write_ground(texture: GroundTexture, result: Result, path: Path) -> None:
     right, down = np.array([width, -height]) * texture.pixel_size_m
     corner = np.array([texture.west_m, texture.north_m])
     corners, crs = on_map(result, corner + np.array([[0.0, 0.0], [right, 0.0], [0.0, down]]))
-    opacity = np.where(texture.covered, 255, 0).astype(np.uint8)
     tags = {"surface": "the adjusted ground plane: what stands above it leans away from the photo"}
-    rgba = np.dstack([texture.rgb, opacity])
+    rgba = with_opacity(texture.rgb, texture.covered)
     write_turned_picture(rgba, corners, crs, tags, path)
 
 
