@@ -61,6 +61,9 @@ class Oracle:
             slice(a, a + n) for a, n in zip(np.cumsum([0, *sizes[:-1]]), sizes, strict=True)
         ]
         self.size = sum(sizes)
+        if isinstance(track := survey.track, Track):
+            body = Rotation.from_quat(track.world_from_body_xyzw)
+            self.turned_at = Slerp(track.attitude_time_s, body)
 
     def unpack(self, x: Floats) -> tuple[Floats, Floats, list[Floats], Floats, Floats, Floats]:
         points, frames, intrinsics, plane, telemetry = (x[p] for p in self.parts)
@@ -115,9 +118,8 @@ class Oracle:
         assert isinstance(track, Track)
         at = prior.time_s - shared[10] - shared[11] * (prior.time_s - prior.middle_s)
         position = [np.interp(at, track.position_time_s, c) for c in track.position_world_m.T]
-        slerp = Slerp(track.attitude_time_s, Rotation.from_quat(track.world_from_body_xyzw))
         turn = Rotation.from_euler("z", shared[9])
-        body = turn * slerp(at)
+        body = turn * self.turned_at(at)
         predicted = (
             body * Rotation.from_matrix(prior.gimbal_from_camera) * Rotation.from_rotvec(shared[:3])
         )
