@@ -147,7 +147,7 @@ def nonsense(
 def test_a_frame_of_nonsense_is_left_out_by_name_and_the_rest_goes_on(
     scene_factory: Callable[..., Scene], options: dict[str, object], frame: int, seed: int
 ) -> None:
-    scene = scene_factory(seed, frames=5, ends=PAIRS, **options)
+    scene = scene_factory(seed, frames=6, ends=PAIRS, **options)
     survey = nonsense(scene.survey, frame, np.random.default_rng(seed))
     refined, messages = refine(survey, REPORT)
     left = [f for f in survey.frame_id if f not in refined.adjustment.survey.frame_id]
