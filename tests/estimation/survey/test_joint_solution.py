@@ -61,6 +61,9 @@ class Oracle:
             slice(a, a + n) for a, n in zip(np.cumsum([0, *sizes[:-1]]), sizes, strict=True)
         ]
         self.size = sum(sizes)
+        if isinstance(track := survey.track, Track):
+            body = Rotation.from_quat(track.world_from_body_xyzw)
+            self.turned_at = Slerp(track.attitude_time_s, body)
 
     def unpack(self, x: Floats) -> tuple[Floats, Floats, list[Floats], Floats, Floats, Floats]:
         points, frames, intrinsics, plane, telemetry = (x[p] for p in self.parts)
@@ -115,9 +118,8 @@ class Oracle:
         assert isinstance(track, Track)
         at = prior.time_s - shared[10] - shared[11] * (prior.time_s - prior.middle_s)
         position = [np.interp(at, track.position_time_s, c) for c in track.position_world_m.T]
-        slerp = Slerp(track.attitude_time_s, Rotation.from_quat(track.world_from_body_xyzw))
         turn = Rotation.from_euler("z", shared[9])
-        body = turn * slerp(at)
+        body = turn * self.turned_at(at)
         predicted = (
             body * Rotation.from_matrix(prior.gimbal_from_camera) * Rotation.from_rotvec(shared[:3])
         )
@@ -159,7 +161,7 @@ def test_estimates_and_sigmas_equal_those_of_scipy(options: dict[str, Any]) -> N
     def scaled(z: Floats) -> Floats:
         return oracle.residuals(ours + sigma * z)
 
-    found = least_squares(scaled, offset, method="lm", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    found = least_squares(scaled, offset, method="lm")
     # Scipy's forward differences leave 1e-4 sigma: one step with better ones.
     jacobian = central(scaled, found.x)
     best = found.x - np.linalg.lstsq(jacobian, scaled(found.x))[0]

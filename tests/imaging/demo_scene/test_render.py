@@ -31,7 +31,7 @@ from uavgram.stages.simulate.recording import draw_biases
 from uavgram.stages.simulate.survey import simulate
 from uavgram.stages.simulate.truth import true_poses
 
-FRAMES = (0, 4)
+FRAMES = (0, 3)
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def survey() -> SimulatedSurvey:
 
 @pytest.fixture(scope="module")
 def photos(survey: SimulatedSurvey) -> dict[int, Image]:
-    return dict(zip(FRAMES, islice(render_photos(survey), 0, 5, 4), strict=True))
+    return dict(zip(FRAMES, islice(render_photos(survey), 0, 4, 3), strict=True))
 
 
 def true_marks(survey: SimulatedSurvey, index: int, kind: Mark) -> list[tuple[str, Floats]]:
@@ -75,10 +75,10 @@ def test_checker_targets_lie_where_they_are_projected(
 def test_sprayed_crosses_lie_where_they_are_projected(
     survey: SimulatedSurvey, photos: dict[int, Image]
 ) -> None:
-    photo = photos[4].astype(float)
+    photo = photos[3].astype(float)
     yellow = photo[..., 2] - photo[..., 0]
     alone = {"P5", "P7", "P8"}  # nothing yellow or red within reach
-    marks = [m for m in true_marks(survey, 4, "cross") if m[0] in alone]
+    marks = [m for m in true_marks(survey, 3, "cross") if m[0] in alone]
     assert len(marks) == 3
     for label, pixel in marks:
         u0, v0 = np.round(pixel).astype(int)

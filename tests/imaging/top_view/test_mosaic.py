@@ -18,6 +18,17 @@ from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 
 SCALE = 4
+SHAPE = synthetic_survey.HEIGHT_PX // SCALE, synthetic_survey.WIDTH_PX // SCALE
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    return synthetic_survey.build()
+
+
+@pytest.fixture(scope="module")
+def photos(result: Result) -> dict[str, Preview]:
+    return previews(result)
 
 
 def previews(
@@ -26,9 +37,11 @@ def previews(
     made = {}
     for i in np.flatnonzero(result.has_refined):
         poses = result.frames.refined
-        rgb = synthetic_survey.render(poses.center_world_m[i], poses.world_from_camera[i], SCALE)
-        if paint is not None:
-            rgb[:] = paint(int(i))
+        if paint is None:
+            pose = poses.center_world_m[i], poses.world_from_camera[i]
+            rgb = synthetic_survey.render(*pose, SCALE)
+        else:
+            rgb = np.full((*SHAPE, 3), paint(int(i)), np.uint8)
         made[result.frames.frame_id[i]] = Preview(
             synthetic_survey.jpeg(rgb), rgb.shape[1], rgb.shape[0], (float(SCALE), float(SCALE))
         )
@@ -57,9 +70,10 @@ def spots(texture: GroundTexture) -> Floats:
     return np.stack(np.meshgrid(east, north), axis=-1)
 
 
-def test_the_mosaic_shows_the_ground_where_it_is() -> None:
-    result = synthetic_survey.build()
-    texture = ground_texture(result, previews(result))
+def test_the_mosaic_shows_the_ground_where_it_is(
+    result: Result, photos: dict[str, Preview]
+) -> None:
+    texture = ground_texture(result, photos)
     at = spots(texture)
     truth = synthetic_survey.ground_rgb(at[..., 0], at[..., 1]).astype(float)
     difference = np.abs(texture.rgb - truth).mean(axis=-1)[texture.covered]
@@ -101,11 +115,12 @@ def test_frames_fade_into_each_other_at_seams() -> None:
     assert np.quantile(step, 0.999) < 20  # a hard seam steps by 200
 
 
-def test_photos_of_other_exposures_give_one_ground() -> None:
-    result = synthetic_survey.build()
+def test_photos_of_other_exposures_give_one_ground(
+    result: Result, photos: dict[str, Preview]
+) -> None:
     exposure = [1.0, 0.72, 1.2]
-    plain, uneven = Mosaic(result, previews(result), SCALE), Mosaic(result, previews(result), SCALE)
-    for k, (name, photo) in enumerate(previews(result).items()):
+    plain, uneven = Mosaic(result, photos, SCALE), Mosaic(result, photos, SCALE)
+    for k, (name, photo) in enumerate(photos.items()):
         pixels = decode_preview(photo)[..., ::-1]
         plain.add(name, pixels)
         lit = np.clip(pixels * exposure[k % 3], 0, 255).astype(np.uint8)
@@ -119,8 +134,7 @@ def test_photos_of_other_exposures_give_one_ground() -> None:
     assert np.percentile(ratio, [10, 90]) / np.median(ratio) == pytest.approx([1, 1], abs=0.05)
 
 
-def test_a_sloping_plane_is_met_at_its_slope() -> None:
-    result = synthetic_survey.build()
+def test_a_sloping_plane_is_met_at_its_slope(result: Result) -> None:
     plane = replace(
         result.plane,
         height_m=replace(result.plane.height_m, value=np.array([2.0])),
@@ -132,21 +146,21 @@ def test_a_sloping_plane_is_met_at_its_slope() -> None:
     np.testing.assert_allclose(height, [2.0, 5.0])
 
 
-def test_the_mosaic_stays_within_its_size() -> None:
-    result = synthetic_survey.build()
-    texture = ground_texture(result, previews(result), 200)
+def test_the_mosaic_stays_within_its_size(result: Result, photos: dict[str, Preview]) -> None:
+    texture = ground_texture(result, photos, 200)
 
     assert max(texture.covered.shape) <= 200 + mosaic.CELL_PX
 
 
-def test_without_photos_or_refined_frames_there_is_no_mosaic() -> None:
-    result = synthetic_survey.build()
+def test_without_photos_or_refined_frames_there_is_no_mosaic(
+    result: Result, photos: dict[str, Preview]
+) -> None:
     nowhere = np.full_like(result.frames.refined.center_world_m, np.nan)
     refined = replace(result.frames.refined, center_world_m=nowhere)
     unposed = replace(result, frames=replace(result.frames, refined=refined))
 
     assert texture_of(result, {}) is None
-    assert texture_of(unposed, previews(result)) is None
+    assert texture_of(unposed, photos) is None
 
 
 def test_a_frame_that_shows_all_of_a_cell_goes_before_one_that_shows_some() -> None:
@@ -231,10 +245,8 @@ def test_a_mosaic_much_coarser_than_the_photos_does_not_flicker() -> None:
     assert texture.rgb[texture.covered].mean() == pytest.approx(127.5, abs=5)
 
 
-def test_hundreds_of_frames_choose_in_coarser_cells() -> None:
-    result = synthetic_survey.build(frame_count=500)
-    some = dict(list(previews(synthetic_survey.build(frame_count=20)).items()))
-    texture = ground_texture(result, some)
+def test_hundreds_of_frames_choose_in_coarser_cells(photos: dict[str, Preview]) -> None:
+    texture = ground_texture(synthetic_survey.build(frame_count=500), photos)
 
     assert texture.covered.any()
 
@@ -250,8 +262,7 @@ def test_dark_ground_is_brightened_to_be_seen_and_says_so(grey: int, shown: int)
 
 
 @pytest.mark.parametrize("cell", [16, 64, 256])
-def test_pixels_of_cells_are_those_of_each_place(cell: int) -> None:
-    result = synthetic_survey.build()
+def test_pixels_of_cells_are_those_of_each_place(result: Result, cell: int) -> None:
     rows = np.flatnonzero(result.has_refined)[:1]
     poses = result.frames.refined
     sweep = np.array([[0.3, -0.2, 0.1, 0.004, -0.006, 0.003]])  # its rows are read one by one

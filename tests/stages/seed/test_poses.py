@@ -121,7 +121,7 @@ def truth(
     if len(flight.gimbal_time_s):
         carrier = Slerp(TIME, Rotation.from_quat(flight.world_from_gimbal_xyzw))(at)
         inner = Rotation.identity()
-    turn = Rotation.from_euler("z", heading)
+    turn = Rotation.from_rotvec(np.outer(heading, [0.0, 0.0, 1.0]))
     arm = np.array(mount.lever_arm_m if lever is None else lever)
     center = position - np.array(bias) + (turn * body).apply(arm)
     camera = Rotation.from_matrix(CAMERA_IN_GIMBAL) * Rotation.from_rotvec(boresight)
@@ -210,12 +210,7 @@ def test_the_marginal_is_that_of_draws_of_one_source(source: str, *, gimbal: boo
     seeds = seed(stamps, flight, mount, telemetry)
     index = 1
     at = np.full(DRAWS, 2.2) - values.pop("at", np.zeros(DRAWS))
-    if "heading" in values:
-        pairs = [truth(flight, mount, at[:1], heading=h) for h in values["heading"]]
-        center = np.concatenate([c for c, _ in pairs])
-        rotation = Rotation.concatenate([r for _, r in pairs])
-    else:
-        center, rotation = truth(flight, mount, at, **values)
+    center, rotation = truth(flight, mount, at, **values)
     sampled = deviations(seeds, index, center, rotation)
     assert_covariance(sampled, seeds.poses.covariance[index])
 
