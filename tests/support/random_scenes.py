@@ -2,7 +2,7 @@
 
 What `scenes.make_scene` does for one family of scenes, this does for all: height 15 to 120 m, tilt
 0 to 60 degrees, 4 to 10 known lengths, 1 to 20 frames, telemetry good, poor or absent. Pixels come
-from OpenCV, rotations from scipy; nothing here is shared with what the estimator observes by.
+from OpenCV, small rotations from scipy; nothing here is shared with what the estimator observes by.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 import scenes
-from scenes import GIMBAL_FROM_CAMERA, LEVER_ARM, Scene, Sources, cv_pixels, look_down
+from scenes import GIMBAL_FROM_CAMERA, LEVER_ARM, Scene, Sources, about_z, cv_pixels, look_down
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.survey.unknowns import State
@@ -212,7 +212,7 @@ def _ground_points(rng: np.random.Generator, center: Floats, rotation: Floats) -
 def _at_gauge(planar: Floats, center: Floats, rotation: Floats) -> tuple[Floats, Floats, Floats]:
     """The same scene, its first frame above the origin and its image up towards north."""
     image_up = -rotation[0, :2, 1]
-    turn = Rotation.from_euler("z", np.arctan2(*image_up)).as_matrix()
+    turn = about_z(np.arctan2(*image_up))
     foot = np.array([*center[0, :2], 0.0])
     return (planar - foot[:2]) @ turn[:2, :2].T, (center - foot) @ turn.T, turn @ rotation
 
@@ -262,7 +262,7 @@ def _telemetry(
     shared = shared_sigma * rng.normal(size=len(shared_sigma))
     shared[3:6] += LEVER_ARM
     own = sigma * source.sigma("telemetry") * rng.normal(size=(count, 6))
-    heading = Rotation.from_euler("z", shared[9]).as_matrix()
+    heading = about_z(shared[9])
     boresight = Rotation.from_rotvec(shared[:3]).as_matrix()
     predicted = rotation @ Rotation.from_rotvec(own[:, 3:]).as_matrix()
     body = heading.T @ predicted @ boresight.T @ GIMBAL_FROM_CAMERA.T

@@ -51,16 +51,16 @@ def freeze(owner: Any, **sizes: int) -> None:
         if dtype is None:  # a tuple: frozen as it is
             _check_shape(owner, name, (len(getattr(owner, name)),), dimensions, sizes)
             continue
-        value: NDArray[Any] = np.array(
-            getattr(owner, name), dtype=dtype
-        )  # copies: nothing stays aliased
+        # copies: nothing stays aliased
+        value: NDArray[Any] = np.array(getattr(owner, name), dtype=dtype)
         _check_shape(owner, name, value.shape, dimensions, sizes)
-        bad = np.isinf(value) if may_be_nan else ~np.isfinite(value)
-        if bad.any():
-            raise ValueError(
-                f"{type(owner).__name__}.{name}: not finite at index "
-                f"{tuple(int(i) for i in np.argwhere(bad)[0])}"
-            )
+        if dtype is np.float64:  # others have no infinities
+            bad = np.isinf(value) if may_be_nan else ~np.isfinite(value)
+            if bad.any():
+                raise ValueError(
+                    f"{type(owner).__name__}.{name}: not finite at index "
+                    f"{tuple(int(i) for i in np.argwhere(bad)[0])}"
+                )
         value.flags.writeable = False
         object.__setattr__(owner, name, value)
 
@@ -117,9 +117,11 @@ def _check_shape(
     sizes: dict[str, int],
 ) -> None:
     """Compare a shape with the annotation's; letters that have no size yet get theirs from it."""
-    for letter, size in zip(dimensions, have, strict=False):
-        if isinstance(letter, str):
-            sizes.setdefault(letter, size)
+    known = [
+        size if isinstance(size, int) else sizes.setdefault(size, n)
+        for size, n in zip(dimensions, have, strict=False)
+    ]
+    if len(known) == len(dimensions) and tuple(known) == have:
+        return
     want = tuple(d if isinstance(d, int) else sizes.get(d) for d in dimensions)
-    if have != want:
-        raise ValueError(f"{type(owner).__name__}.{name}: expected shape {want}, got {have}")
+    raise ValueError(f"{type(owner).__name__}.{name}: expected shape {want}, got {have}")
