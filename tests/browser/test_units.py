@@ -86,8 +86,11 @@ def test_lengths_are_read_and_typed_in_feet_and_inches(survey: Path, open_page: 
         form.get_by_label("Length, feet").fill("13' 2 1/2\"")
         form.get_by_label("Sigma, inches").fill("0.5")
         form.get_by_label("Use").select_option("check")
+        lengths = page.get_by_label(re.compile("taped length in ft$"))
+        before = lengths.count()
         page.keyboard.press("Enter")
         expect(form).to_have_count(0)
+        expect(lengths).to_have_count(before + 1)  # the form goes before the server has answered
         line = server.picking.state.lines[-1]
         assert (line.length_m, line.sigma_m) == (4.0259, 0.0127)
         field = page.get_by_label(f"{line.name}, taped length in ft")
