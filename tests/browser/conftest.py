@@ -14,9 +14,7 @@ pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 from opened_pages import PageOpener
 from playwright.sync_api import Browser, expect, sync_playwright
 
-BROWSERS = tuple(Path("/usr/bin") / name for name in ("chromium-headless-shell", "chromium"))
-"""Debian's; the first is the same without windows, bars and what else nobody sees here."""
-
+CHROMIUM = Path("/usr/bin/chromium")
 WITHOUT = (
     # Two pages of its own, for suggestions at an address bar that nobody sees: every new window
     # draws both, which is a third of what it costs.
@@ -32,12 +30,11 @@ expect.set_options(timeout=60_000)  # as long as it takes on a busy machine
 @pytest.fixture(scope="session")
 def chromium() -> Iterator[Browser]:
     """Debian's chromium without a GPU."""
-    found = next(filter(Path.is_file, BROWSERS), None)
-    if found is None:
-        pytest.skip(f"no browser at {BROWSERS[0]}: apt install {BROWSERS[0].name}")
+    if not CHROMIUM.is_file():
+        pytest.skip(f"no browser at {CHROMIUM}: apt install chromium")
     with sync_playwright() as driver:
         browser = driver.chromium.launch(
-            executable_path=str(found),
+            executable_path=str(CHROMIUM),
             args=["--no-sandbox", "--disable-gpu", f"--disable-features={','.join(WITHOUT)}"],
         )
         yield browser
