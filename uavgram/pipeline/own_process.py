@@ -17,14 +17,12 @@ a second. Where the search for a module fails, it is not installed."""
 
 LATE = frozenset(
     {
-        "PIL.ExifTags",
         "ezdxf.fonts.lff",
         "ezdxf.fonts.shapefile",
         "ezdxf.tools.pattern",
         "ezdxf.tools.text_size",
         "numpy.ctypeslib",
         "numpy.f2py",
-        "numpy.ma",
         "numpy.polynomial",
         "numpy.testing",
         "psutil",
@@ -37,7 +35,8 @@ LATE = frozenset(
 )
 """scipy loads all of numpy, down to its compiler of Fortran, Rerun all that one can do with its
 viewer, and ezdxf all hatches and fonts of CAD. These are executed when somebody asks for something
-in them, which hardly anybody does."""
+in them, which hardly anybody does. What threads may ask for at once is none of them: while the
+first executes it, the others find half of it. So numpy.ma, which each median asks, is loaded."""
 
 
 def seldom_look_for_cycles() -> None:
