@@ -192,8 +192,18 @@ class SurveyProblem:
         return None if pixels is None or tied is None else {"pixels": pixels} | tied
 
     def _pixels(self, state: State) -> Block | None:
-        placed = self.world_points(state, self.survey.pick_label)
-        return rows_of_sightings(self, state, self._picks, placed)
+        world, d_point, d_plane = self.world_points(state, self.survey.pick_label)
+        to_camera = (state.center[..., self.survey.pick_frame, :] - world)[..., self._from_above, :]
+        slope = d_point[..., self._from_above, 2, :2]
+        above = to_camera[..., 2] - np.sum(slope * to_camera[..., :2], axis=-1)
+        if above.size and above.min() <= 0:  # nobody sees the ground from below
+            return None
+        return rows_of_sightings(self, state, self._picks, (world, d_point, d_plane))
+
+    @cached_property
+    def _from_above(self) -> Ints:
+        """Picks of points on the ground: what rises above it may be seen from below."""
+        return np.flatnonzero(~self.survey.off_ground[self.survey.pick_label])
 
     @cached_property
     def _picks(self) -> Seen:
