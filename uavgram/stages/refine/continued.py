@@ -47,7 +47,11 @@ def carried(adjustment: Adjustment, problem: SurveyProblem) -> State:
     readout = state.readout
     if len(readout) != problem.layout.readout:
         readout = np.zeros(0) if survey.rolling is None else survey.rolling.first_value
-    return replace(state, point=point, tie=tie, relief=relief, readout=readout, turning=turning)
+    scale = dict(zip(before.tapes, state.tape.tolist(), strict=True))
+    tape = np.array([scale.get(name, 0.0) for name in problem.tapes])
+    return replace(
+        state, point=point, tie=tie, relief=relief, readout=readout, turning=turning, tape=tape
+    )
 
 
 def lines_used(adjustment: Adjustment) -> Bools:

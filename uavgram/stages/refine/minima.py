@@ -75,6 +75,13 @@ class Participants:
         picks = np.flatnonzero(self.keep & (self.survey.pick_frame == frame))
         return self.without_picks(dict.fromkeys(picks.tolist(), why))
 
+    def without_frames(self, names: Sequence[str], why: LeftOut) -> Participants:
+        """The same without the picks of some frames, by name."""
+        taking = self
+        for name in names:
+            taking = taking.without_frame(self.survey.frame_id.index(name), why)
+        return taking
+
     def without_lines(self, lines: Sequence[int]) -> Participants:
         """The same without some known lengths."""
         removed = self.line_removed.copy()

@@ -19,7 +19,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.reliability.test_statistics import cofactors
 from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.solver.normal_equations import Block, SingularError
-from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
+from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.terms.tapes import tape_rows, taped_lines
 from uavgram.estimation.survey.unknowns import State, advance
@@ -28,6 +28,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.begin.softened import SLACK
 from uavgram.stages.refine.continued import carried, lines_used
 from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.off_ground.shown import photos_of
 
 READINGS = ("pixels", "lengths", "known", "control")
 """Groups whose sigmas shrink: what people read. Those of priors stay as they are stated."""
@@ -134,7 +135,7 @@ def anneal(problem: SurveyProblem, state: State) -> Annealed:
     for factor in SCHEDULE:
         scale = {name: factor if name in READINGS else 1.0 for name in ROBUST}
         if minimum is not None:
-            squares = _squares(minimum, weight)
+            squares = _squares(problem, minimum, weight)
             noise = _noise(squares) if factor == 1.0 else {}
             weight = {
                 name: 1.0 / (1.0 + value / (CAUCHY * noise.get(name, 1.0)) ** 2)
@@ -159,7 +160,7 @@ def _decided(
     frames: tuple[str, ...] = ()
     left: dict[str, Bools] = {}
     for _ in range(MOST_ROUNDS):
-        squares = _squares(minimum, weight)
+        squares = _squares(problem, minimum, weight)
         noise = _noise(squares)
         misfit = {name: np.sqrt(value) / noise[name] for name, value in squares.items()}
         now = {name: value > GROSS for name, value in misfit.items()}
@@ -258,7 +259,9 @@ def _scaled(block: Block, by: Floats) -> Block:
     )
 
 
-def _squares(minimum: Minimum[State], weight: Mapping[str, Floats]) -> dict[str, Floats]:
+def _squares(
+    problem: SurveyProblem, minimum: Minimum[State], weight: Mapping[str, Floats]
+) -> dict[str, Floats]:
     """Squared standardised misfits (n,) of all observations, by group.
 
     Of an observation of weight w, with whitened residual r at full weight and the cofactor matrix
@@ -280,6 +283,9 @@ def _squares(minimum: Minimum[State], weight: Mapping[str, Floats]) -> dict[str,
         predicted = np.maximum(1.0 - redundancy, 0.0) / own[:, None]
         each = along**2 / ((redundancy + predicted) * redundancy)
         found[name] = np.sum(np.where(checked, each, 0.0), axis=1)
+    if "roughness" in found:  # one photo alone shows no height
+        seen = photos_of(problem.survey)[problem.third.rough]
+        found["roughness"][seen < 2] = 0.0
     return found
 
 
@@ -365,18 +371,14 @@ def adjust_robustly(taking: Participants) -> Robust:
     except GeometryError as why:
         failed = why
     best = _most_agreed(taking)
-    while best is not None and best[1].frames:
-        rest = taking
-        for name in best[1].frames:
-            rest = rest.without_frame(taking.survey.frame_id.index(name), MISPLACED)
-        without = _most_agreed(rest)
+    while best is not None and best.annealed.frames:
+        without = _most_agreed(best.taking.without_frames(best.annealed.frames, MISPLACED))
         if without is None:
             break
-        taking, best = rest, without
-    if best is not None:
-        found = _without(taking, *best)
-        if found is not None:
-            return found
+        best = without
+    found = None if best is None else _without(best)
+    if found is not None:
+        return found
     if plain is None:
         assert failed is not None  # noqa: S101  (one of the two is always there)
         raise failed
@@ -388,34 +390,39 @@ def _is_in_order(taking: Participants, refined: Refined) -> bool:
     adjustment = refined.adjustment
     if not adjustment.minimum.converged or len(refined.pick_reason) > len(taking.reason):
         return False
-    squares = _squares(adjustment.minimum, {})
+    squares = _squares(adjustment.problem, adjustment.minimum, {})
     return all(value.max(initial=0.0) < MINOR**2 for value in squares.values())
 
 
-def _most_agreed(taking: Participants) -> tuple[Refined, Annealed] | None:
-    """The robust adjustment of least cost of those from all first values; None without any.
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A robust adjustment from certain first values.
 
-    Where one does not come out in order, the first values may hang on what is wrong: so each
-    length, and each photo, is left out of them in turn.
+    Attributes
+    ----------
+    taking
+        What takes part.
+    first
+        The adjustment that it began from.
+    annealed
+        Where it ended.
     """
-    best: tuple[Refined, Annealed] | None = None
-    for reduced in _starts(taking):
-        try:
-            first = best_minima(reduced)
-        except GeometryError:
-            continue
-        for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
-            try:
-                found = _annealed(taking, first, adjustment)
-            except (SingularError, ValueError):
-                continue
-            if best is None or found.cost + _lost(taking, first) < best[1].cost + _lost(
-                taking, best[0]
-            ):
-                best = first, found
-        if best is not None and _is_agreed(best[1]) and not _lost(taking, best[0]):
-            break
-    return best
+
+    taking: Participants
+    first: Refined
+    annealed: Annealed
+
+    def cost(self, picks: int) -> float:
+        """Of the adjustment; each of so many picks that has no place in it counts as gross."""
+        return self.annealed.cost + GROSS**2 * (picks - len(self.first.pick_index))
+
+    def is_agreed(self, picks: int) -> bool:
+        """Whether nearly everything takes part."""
+        if len(self.first.pick_index) < picks:
+            return False
+        misfit = list(self.annealed.misfit.values())
+        gross = sum(int((one > GROSS).sum()) for one in misfit)
+        return gross <= max(1, AGREED * sum(map(len, misfit)))
 
 
 MOST_ALTERNATIVES = 4
@@ -424,35 +431,75 @@ MOST_ALTERNATIVES = 4
 MOST_STARTS = 12
 """Lengths, and photos, that are left out of the first values in turn."""
 
-AGREED = 0.25
-"""Share of a survey's picks, and of its lengths, that may be gross errors where it is in order."""
+AGREED = 0.03
+"""Share of all observations, and at least one, that may be gross errors where no other first values
+are tried."""
 
 
-def _lost(taking: Participants, refined: Refined) -> float:
-    """What picks add to the cost that have no place."""
-    return GROSS**2 * float(taking.keep.sum() - len(refined.pick_index))
+def _most_agreed(taking: Participants) -> Candidate | None:
+    """The robust adjustment of least cost of those from all first values; None without any."""
+    picks, best = int(taking.keep.sum()), None
+    for candidate in _candidates(taking):
+        if best is None or candidate.cost(picks) < best.cost(picks):
+            best = candidate
+        if best.is_agreed(picks):
+            break
+    return best
 
 
-def _is_agreed(found: Annealed) -> bool:
-    return all(
-        (found.misfit[name] > GROSS).mean() <= AGREED
-        for name in ("pixels", "lengths")
-        if name in found.misfit
-    )
+def _candidates(taking: Participants) -> Iterator[Candidate]:
+    """Robust adjustments from hundredfold sigmas; then from first values without what may be wrong.
 
-
-def _starts(taking: Participants) -> Iterator[Participants]:
-    """What takes part with hundredfold sigmas; then without each length, without each photo."""
-    soft = replace(taking, survey=_softer(taking.survey, SCHEDULE[0]))
-    yield soft
-    if taking.survey.telemetry is not None:
-        return
+    First values may hang on a wrong length, or on a photo that shows something else: so each of
+    these is left out in turn.
+    """
+    for candidate in _from(replace(taking, survey=_softer(taking.survey, SCHEDULE[0]))):
+        yield replace(candidate, taking=taking)
+    rough = replace(taking, survey=_softer(taking.survey, 1.0))
     lines = np.flatnonzero(~taking.line_removed)
-    for line in lines[:MOST_STARTS] if len(lines) > 3 else ():
-        yield soft.without_lines([int(line)])
+    for line in lines.tolist() if 3 < len(lines) <= MOST_STARTS else ():
+        for candidate in _from(rough.without_lines([line]), back=line):
+            yield replace(candidate, taking=taking)
     frames = np.unique(taking.survey.pick_frame[taking.keep])
-    for frame in frames[:MOST_STARTS] if len(frames) > 2 else ():
-        yield soft.without_frame(int(frame), MISPLACED)
+    if taking.survey.telemetry is None and 2 < len(frames) <= MOST_STARTS:
+        for frame in frames.tolist():
+            soft = replace(taking, survey=_softer(taking.survey, SCHEDULE[0]))
+            for candidate in _from(soft.without_frame(frame, MISPLACED)):
+                yield replace(candidate, taking=taking.without_frame(frame, MISPLACED))
+
+
+def _from(taking: Participants, back: int | None = None) -> Iterator[Candidate]:
+    """Robust adjustments from all minima of what takes part.
+
+    Parameters
+    ----------
+    taking
+        What takes part, with hundredfold sigmas; or with those stated, where `back` is given.
+    back
+        A length that takes no part, and whose misfit there is asked.
+    """
+    try:
+        first = best_minima(taking)
+    except GeometryError:
+        return
+    softness = SCHEDULE[0] if back is None else 1.0
+    for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
+        used = lines_used(adjustment)
+        if back is not None:
+            used |= first.line_index == back
+        survey = _softer(adjustment.survey, 1.0 / softness)
+        problem = SurveyProblem(survey, adjustment.problem.pivot_m, used)
+        state = carried(adjustment, problem)
+        try:
+            if back is None:
+                yield Candidate(taking, first, anneal(problem, state))
+                continue
+            out = first.line_index[problem.line_index] == back
+            weight = {"lengths": np.where(out, NEARLY_NONE, 1.0)}
+            minimum = _weighted(problem, state, weight, {})
+            yield Candidate(taking, first, _decided(problem, minimum, weight))
+        except (SingularError, ValueError):
+            continue
 
 
 def _softer(survey: Survey, factor: float) -> Survey:
@@ -480,18 +527,6 @@ LEAST_ROUGHNESS_M = 0.02
 
 LEAST_TAPE_SCALE = 1e-3
 """Sigma of the scale of a tape, where less is stated: an outlier of it are all lengths together."""
-
-
-def _annealed(taking: Participants, first: Refined, adjustment: Adjustment) -> Annealed:
-    """The robust adjustment at the stated sigmas from one at hundredfold ones."""
-    survey = _softer(adjustment.survey, 1.0 / SCHEDULE[0])
-    used = lines_used(adjustment)
-    used |= ~taking.line_removed[first.line_index]
-    problem = SurveyProblem(survey, adjustment.problem.pivot_m, used)
-    state = carried(adjustment, problem)
-    if len(state.tape) != problem.layout.tape:
-        state = replace(state, tape=np.zeros(problem.layout.tape))
-    return anneal(problem, state)
 
 
 MISPLACED = LeftOut(
@@ -524,8 +559,9 @@ def _outliers(found: Annealed) -> Outliers:
     )
 
 
-def _without(taking: Participants, first: Refined, found: Annealed) -> Robust | None:
+def _without(best: Candidate) -> Robust | None:
     """The ordinary adjustment of what is no gross error; None where that has no result."""
+    taking, first, found = best.taking, best.first, best.annealed
     out, reduced = _outliers(found), found.problem.survey
     survey = taking.survey
     reason: dict[int, LeftOut] = {}
