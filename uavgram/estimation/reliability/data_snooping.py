@@ -52,7 +52,6 @@ def suspicions(
     adjustment: Adjustment,
     groups: dict[str, Observed],
     significance: float,
-    first: Member | None = None,
 ) -> Iterator[Suspicion]:
     """Observations that do not fit, largest test statistic first; at most `MOST_SUSPECTS`.
 
@@ -64,16 +63,13 @@ def suspicions(
         Its observations (see ``observed``).
     significance
         Of the test of each single axis; many axes of one kind share it (see `level_of_each`).
-    first
-        To be suspected before all others, where something is known against it.
     """
     snooping = _Snooping(adjustment, groups, significance)
     for _ in range(MOST_SUSPECTS):
-        suspicion = snooping.next_one(first)
+        suspicion = snooping.next_one()
         if suspicion is None:
             return
         yield suspicion
-        first = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,12 +99,6 @@ class _Axes:
         parts = (np.concatenate(p).astype(np.int64) for p in (kind, row, axis, observation))
         return cls(tuple(groups), *parts)
 
-    def place(self, member: Member) -> int:
-        of_kind = self.kind == _place(self.kinds, member.kind)
-        return int(
-            np.flatnonzero(of_kind & (self.row == member.row) & (self.axis == member.axis))[0]
-        )
-
     def member(self, at: int) -> Member:
         return Member(self.kinds[self.kind[at]], int(self.row[at]), int(self.axis[at]))
 
@@ -136,20 +126,17 @@ class _Snooping:
         self.error = self.first_error.copy()
         self.limit = np.concatenate([np.full(g.w.size, g.limit(self.significance)) for g in groups])
 
-    def next_one(self, first: Member | None) -> Suspicion | None:
-        """The next suspicion, or a given one; its observation is set aside. None: all fits."""
+    def next_one(self) -> Suspicion | None:
+        """The next suspicion; its observation is set aside. None: all fits."""
         w = self._statistics()
         explained = np.abs(self.first_error - self.error)
         blamed = (np.abs(w) > self.limit) & (np.abs(self.error) > REMAINDER * explained)
         if not blamed.any():
             return None
         largest = np.abs(np.where(blamed, w, 0.0))
-        if first is not None:
-            at = self.axes.place(first)
-        else:
-            at = self._likeliest(largest)
-            group = self._inseparable(self._covariances(at), at)
-            at = self._representative(at, group, largest)
+        at = self._likeliest(largest)
+        group = self._inseparable(self._covariances(at), at)
+        at = self._representative(at, group, largest)
         column = self._covariances(at)
         group = self._inseparable(column, at)
         odds = (w[at] ** 2 - w**2 < RIVAL) & (np.abs(w) > self.limit)

@@ -13,7 +13,7 @@ from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Covariance
 from uavgram.estimation.survey.ground_planes import relief_basis
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.suspicion import Suspicion
 from uavgram.estimation.survey.terms.sightings import sweep_of
 from uavgram.estimation.survey.terms.tapes import Taped, unlearnt
 from uavgram.estimation.survey.unknowns import State
@@ -288,17 +288,10 @@ class Refined:
         Those of them that were left out because they hang on what nothing determines.
     alternatives
         Other minima that explain the lengths as well.
-    accused
-        The observation without which the rest fits best, where that took adjustments to find out.
-    accused_alone
-        Whether everything fits without it.
     noise
         What the residuals say of the size of errors; None where they were not asked.
     stated
         The same survey adjusted with the sigmas as stated, where that is another adjustment.
-    full_weight
-        The same survey with every observation at its full weight, where `adjustment` gives little
-        to some that stand out: what tests are made of.
     off_ground
         Names of the labels whose heights are found, though nobody said that they are off the
         ground.
@@ -318,11 +311,8 @@ class Refined:
     alternatives: tuple[Adjustment, ...]
     undetermined: frozenset[int] = frozenset()
     known_removed: frozenset[int] = frozenset()
-    accused: Member | None = None
-    accused_alone: bool = False
     noise: Noise | None = None
     stated: Adjustment | None = None
-    full_weight: Adjustment | None = None
     off_ground: frozenset[str] = frozenset()
     causes: tuple[Cause, ...] = ()
     matches_left_out: frozenset[int] = frozenset()
@@ -331,8 +321,3 @@ class Refined:
     def settled(self) -> frozenset[str]:
         """Names of lengths and frames of which a cause explains that they do not fit."""
         return frozenset().union(*(cause.settles for cause in self.causes))
-
-    @property
-    def tested(self) -> Adjustment:
-        """What tests of single observations are made of."""
-        return self.full_weight or self.adjustment

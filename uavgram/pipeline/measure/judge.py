@@ -87,9 +87,7 @@ def judge_survey(
     known, known_messages = judge_known(examined, inputs.known)
     point_checks, unseen_messages = judge_points(refined.adjustment, check, significance)
     overall, overall_messages = judge_overall(refined.adjustment, lines, check, significance)
-    groups, group_messages = judge_groups(
-        refined.adjustment, significance, explained=refined.accused_alone
-    )
+    groups, group_messages = judge_groups(refined.adjustment, significance)
     fit = fit_of(refined, line_results, known, point_checks, overall)
     return Judgement(
         examined=examined,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from itertools import islice
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -144,35 +143,28 @@ def run_tests(refined: Refined, measured: MeasuredValues, significance: float) -
     significance
         Of the test for blunders.
     """
-    groups = observed(refined.tested)
-    worst, weakest = external_reliability(groups, _at_full_weight(refined, measured), significance)
+    groups = observed(refined.adjustment)
+    worst, weakest = external_reliability(groups, measured, significance)
     return TestedSurvey(
         refined=refined,
         groups=groups,
         suspicions=_suspicions(refined, groups, significance),
         worst=worst,
         weakest=weakest,
-        names=Names(refined.tested),
+        names=Names(refined.adjustment),
         measured=measured,
         significance=significance,
     )
 
 
-def _at_full_weight(refined: Refined, measured: MeasuredValues) -> MeasuredValues:
-    """The measured values as they hang on the observations that are tested."""
-    if refined.full_weight is None or not measured.rows:
-        return measured
-    return replace(measured, solved=refined.full_weight.minimum.factor.solve(measured.gradient))
-
-
 def _suspicions(
     refined: Refined, groups: dict[str, Observed], significance: float
 ) -> tuple[Suspicion, ...]:
-    if not refined.tested.minimum.converged:
+    adjustment = refined.adjustment
+    if not adjustment.minimum.converged:
         return ()
-    found = suspicions(refined.tested, groups, significance, refined.accused)
-    some = islice(found, 1) if refined.accused_alone else found
-    return tuple(one for one in some if not _is_lone_tape(refined.tested, one))
+    found = suspicions(adjustment, groups, significance)
+    return tuple(one for one in found if not _is_lone_tape(adjustment, one))
 
 
 def _is_lone_tape(adjustment: Adjustment, suspicion: Suspicion) -> bool:

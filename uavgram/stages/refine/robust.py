@@ -348,13 +348,15 @@ class Robust:
     labels: tuple[str, ...] = ()
 
 
-def adjust_robustly(taking: Participants) -> Robust:
+def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robust:
     """Adjust without observations that are gross errors.
 
     Parameters
     ----------
     taking
         What takes part.
+    plain
+        Its ordinary adjustment, where that is known.
 
     Raises
     ------
@@ -363,9 +365,8 @@ def adjust_robustly(taking: Participants) -> Robust:
     """
     none = np.zeros(0, dtype=np.int64)
     failed: GeometryError | None = None
-    plain: Refined | None = None
     try:
-        plain = best_minima(taking)
+        plain = plain or best_minima(taking)
         if _is_in_order(taking, plain):
             return Robust(taking.survey, plain, none)
     except GeometryError as why:
