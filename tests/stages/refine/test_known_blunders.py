@@ -14,7 +14,7 @@ from uavgram.geometry.ground import shapes
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.known import KnownThing
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.blunders.snooping import blunders
+from uavgram.stages.refine.snooping import blunders
 
 REPORT, REMOVE = SolveOptions(noise="stated"), SolveOptions(outliers="remove", noise="stated")
 THINGS = {

@@ -16,12 +16,10 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.begin.starts import in_lens
-from uavgram.stages.refine.blunders.gross_control import (
-    control_left_out,
-)
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.identify import Identified, identify
 from uavgram.stages.refine.causes.labels.heights import heights_by_causes
+from uavgram.stages.refine.left_out import control_left_out
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.off_ground.heights import with_free
 from uavgram.stages.refine.off_ground.unseen import with_unseen_heights

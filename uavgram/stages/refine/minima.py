@@ -115,6 +115,19 @@ def best_minima(taking: Participants, most: int | None = None) -> Refined:
     return refined
 
 
+TRIAL = 20
+"""Iterations of an adjustment that only has to show whether what was left out was the trouble:
+where it was, few are needed."""
+
+
+def trial_adjustment(taking: Participants) -> Refined | None:
+    """Adjust in few iterations, to see what leaving something out does; None without a result."""
+    try:
+        return best_minima(taking, TRIAL)
+    except GeometryError:
+        return None
+
+
 def _with_rivals(best: Refined, other: Refined) -> Refined:
     """An adjustment with minima of another one that explain the same picks nearly as well."""
     minima = [best.adjustment, *best.alternatives]

@@ -29,8 +29,8 @@ from uavgram.geometry.ground.relief import spread_knots
 from uavgram.model.arrays import Floats
 from uavgram.model.result.noise import AreaNoise, Noise, PickNoise, SurfaceShape
 from uavgram.model.survey.survey import Relief, Survey
-from uavgram.stages.refine.blunders.outstanding import Outstanding, outstanding
 from uavgram.stages.refine.continued import carried, continued, lines_used
+from uavgram.stages.refine.outstanding import Outstanding, outstanding
 
 STATED_WEIGHT = 20.0
 """Of the stated sigma of picks, as so many residuals."""

@@ -14,14 +14,9 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.at_stated_noise import adjusted_as_stated, participants
 from uavgram.stages.refine.begin.photo_motion import with_motion_by_photos
 from uavgram.stages.refine.begin.tied_frames import with_tied_frames
-from uavgram.stages.refine.blunders.gross_control import control_left_out
-from uavgram.stages.refine.blunders.gross_known import with_gross_known
-from uavgram.stages.refine.blunders.gross_lengths import (
-    with_gross_lengths,
-)
-from uavgram.stages.refine.blunders.snooping import MOST, blunders
 from uavgram.stages.refine.causes.adapt import adapted
 from uavgram.stages.refine.learnt import learnt_remarks
+from uavgram.stages.refine.left_out import control_left_out, with_gross_known, with_gross_lengths
 from uavgram.stages.refine.minima import best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
@@ -34,6 +29,7 @@ from uavgram.stages.refine.remarks import (
     too_many,
 )
 from uavgram.stages.refine.robust import adjust_robustly
+from uavgram.stages.refine.snooping import MOST, blunders
 from uavgram.stages.refine.sound_ties import (
     remarks_on_ties,
     with_noise_of_ties,

@@ -21,8 +21,8 @@ from uavgram.model.message import Message, Several
 from uavgram.model.remedy import Remedy
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.blunders.gross_lengths import odd_in_view, ratios_in_view
 from uavgram.stages.refine.causes.lengths.common import odd_scale
+from uavgram.stages.refine.lengths_in_view import odd_in_view, ratios_in_view
 from uavgram.stages.remedies import read_first, unpicked, without_lengths
 
 LOWEST_M, HIGHEST_M = 0.3, 1000.0

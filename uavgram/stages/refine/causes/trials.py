@@ -10,7 +10,6 @@ import numpy as np
 from uavgram.estimation.reliability.core import core_fit
 from uavgram.estimation.reliability.hypotheses import Explained, explained
 from uavgram.model.survey.mend import Mend
-from uavgram.stages.refine.blunders.misfit import trial_adjustment
 from uavgram.stages.refine.causes.detection import MISFIT
 from uavgram.stages.refine.causes.hypothesis import (
     PRICE,
@@ -20,6 +19,7 @@ from uavgram.stages.refine.causes.hypothesis import (
     mended,
     still_freed,
 )
+from uavgram.stages.refine.minima import trial_adjustment
 from uavgram.stages.refine.noise import with_noise_learnt
 
 

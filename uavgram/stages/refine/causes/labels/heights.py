@@ -17,7 +17,7 @@ from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import STRAYS, labels_of, strays
 from uavgram.stages.refine.off_ground.remarks import off_ground_message
 from uavgram.stages.refine.off_ground.rivals import least_squares
-from uavgram.stages.refine.off_ground.search import LEAST_HEIGHT_M
+from uavgram.stages.refine.robust import OFF_GROUND_M
 
 STEP_M = 0.01
 """By which points are raised to see how their pixels move."""
@@ -105,7 +105,7 @@ def off_the_ground(standing: Standing) -> Iterator[Hypothesis]:
     height = dict(zip(moved, (float(one.value[0]) for one in found), strict=True))
     index = {int(a): k for k, a in enumerate(at) if a >= 0}
     for k, one in moved.items():
-        if abs(height[k]) < LEAST_HEIGHT_M:
+        if abs(height[k]) < OFF_GROUND_M:
             continue
         yield Hypothesis(
             tell=partial(_off_ground, adjustment.survey.label[k], int(picks[k])),

@@ -16,9 +16,9 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.mend import Cause, Mend
-from uavgram.stages.refine.blunders.consensus import AGREES, SMALLEST, seen_at
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import labels_of
+from uavgram.stages.refine.causes.photos.consensus import AGREES, SMALLEST, seen_at
 from uavgram.stages.refine.causes.photos.disorder import right_labels
 
 MOST_PHOTOS = 12
