@@ -5,7 +5,7 @@ Surveys: the demo, the examples of configs/, twins, real flight and streets of t
 is run is the uavgram of the Python that runs this.
 
     python tests/benchmarks/golden_results.py make FOLDER             # a file for each survey
-    python tests/benchmarks/golden_results.py make FOLDER --only strip- demo    # names that begin so
+    python tests/benchmarks/golden_results.py make FOLDER --only demo  # names that begin so
     python tests/benchmarks/golden_results.py compare BEFORE AFTER    # what changed
     python tests/benchmarks/golden_results.py compare BEFORE AFTER --each       # value by value
 
