@@ -16,6 +16,7 @@ already, so that a study can be stopped and continued. Columns of the tables:
     in95       per cent of values inside their 95 % interval
     >3, >3.5   per cent of values beyond so many sigmas
     oracle     mean sigma over that of an estimator that knows the errors' true sizes
+    z/oracle   root mean square of error over the oracle's sigma: how good the estimates are
     ok>3.5     per cent of the values that are `ok`, beyond 3.5 sigmas
     green, amber, red, fail   per cent of surveys
     G>3.5      surveys with a value beyond 3.5 sigmas, of the green ones; likewise A and R
@@ -71,7 +72,7 @@ def judged(survey: Survey, row: Row) -> Row:
             return row | {"failure": text, "cpu_s": time.process_time() - start}
         row["cpu_s"] = time.process_time() - start
     table = result.measurements
-    oracle = oracle_sigmas(survey)
+    oracle = [] if row["fault"] else oracle_sigmas(survey, CONDITIONS[row["world"]])
     values = []
     for k, (label, kind, points) in enumerate(survey.measure):
         at = list(table.name).index(label)
@@ -91,7 +92,7 @@ def judged(survey: Survey, row: Row) -> Row:
                 "sigma": sigma if np.isfinite(sigma) else None,
                 "in95": bool(low <= true <= high),
                 "status": str(table.status[at]),
-                "oracle": oracle[k],
+                "oracle": oracle[k] if oracle else None,
             }
         )
     reasons = [
@@ -236,27 +237,31 @@ def trust_cells(rows: list[Row]) -> list[str]:
     return [*cells, f"{100 * len(ok) / max(1, total):.0f}", share(abs(x) > WRONG for x in ok)]
 
 
-def over_oracle(rows: list[Row]) -> str:
-    """Median over values of sigma over the oracle's."""
-    ratios = [
-        one["sigma"] / one["oracle"]
+def over_oracle(rows: list[Row]) -> list[str]:
+    """Geometric mean of sigma over the oracle's; and z by the oracle's sigmas."""
+    both = [
+        one
         for row in rows
         for one in row.get("values", ())
-        if one["sigma"] and one["oracle"]
+        if one["sigma"] and one["oracle"] and one["value"] is not None
     ]
-    return f"{np.exp(np.mean(np.log(ratios))):.2f}" if ratios else "-"
+    if not both:
+        return ["-", "-"]
+    ratios = np.log([one["sigma"] / one["oracle"] for one in both])
+    z = rms((one["value"] - one["true"]) / one["oracle"] for one in both)
+    return [f"{np.exp(ratios.mean()):.2f}", f"{z:.2f}"]
 
 
 def ordinary_table(rows: list[Row]) -> list[list[str]]:
     """One line for each condition, and for all."""
-    heads = ["condition", "n", "z", "in95", ">3", ">3.5", "ok", "ok>3.5", "oracle"]
+    heads = ["condition", "n", "z", "in95", ">3", ">3.5", "ok", "ok>3.5", "oracle", "z/oracle"]
     heads += [f"z {kind}" for kind in KINDS]
     heads += ["green", "amber", "red", "fail", "G>3.5", "A>3.5", "R>3.5", "innocent", "cpu"]
     table = [heads]
     names = [name for name in CONDITIONS if any(row["world"] == name for row in rows)]
     for name in [*names, "all"]:
         some = [row for row in rows if name in {row["world"], "all"}]
-        line = [name, str(len(some)), *trust_cells(some), over_oracle(some)]
+        line = [name, str(len(some)), *trust_cells(some), *over_oracle(some)]
         line += [
             f"{rms(x for row in some for x in zs(row, kind=kind)):.2f}".replace("nan", "-")
             for kind in KINDS
