@@ -30,6 +30,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -47,56 +48,51 @@ DATA = ("calm_nadir", "wind_oblique", "cuav", "street_nadir", "street_oblique", 
 CHANGED_SIGMAS, CHANGED_RATIO = 0.01, 0.01
 
 
-def surveys(folder: Path) -> Iterator[tuple[str, Callable[[Path], tuple[Path, dict[str, float]]]]]:
-    """Names, and what makes each in a folder: its project, and true values where known."""
-    yield "demo", lambda work: (demo(folder / "demo_project", work), {})
+Made = tuple[Path, dict[str, float]]
+"""A project, and true values where they are known."""
+
+
+def surveys(folder: Path) -> Iterator[tuple[str, Callable[[Path], Made]]]:
+    """Names, and what makes each in a folder."""
+    yield "demo", partial(demo, folder / "demo_project")
     for path in sorted((ROOT / "configs").glob("*.yaml")):
         if "\nimages:" in path.read_text(encoding="utf-8"):
-            yield (
-                f"config-{path.stem}",
-                lambda work, path=path: (linked(ROOT, work, ("configs", "logs")) / path.name, {}),
-            )
+            yield f"config-{path.stem}", partial(linked, ROOT, ("configs", "logs"), path.name)
     data = Path(os.environ.get("UAVGRAM_DATA", "/nowhere"))
     for name in DATA:
         if (data / name / "project.yaml").exists():
-            yield (
-                f"data-{name}",
-                lambda work, name=name: (linked(data, work, (name,)) / "project.yaml", {}),
-            )
+            yield f"data-{name}", partial(linked, data, (name,), "project.yaml")
     for what in ("ordinary", "faults"):
-        for world, fault, seed in jobs(what, [], 1, SEED):
-
-            def made(
-                work: Path, job: tuple[str, str, int] = (world, fault, seed)
-            ) -> tuple[Path, dict[str, float]]:
-                survey = drawn(*job)
-                truth = {
-                    name: true_value(survey, kind, labels) for name, kind, labels in survey.measure
-                }
-                return write_survey(survey, work), truth
-
-            yield f"{world}-{fault or 'ordinary'}", made
+        for job in jobs(what, [], 1, SEED):
+            yield f"{job[0]}-{job[1] or 'ordinary'}", partial(simulated, job)
 
 
-def linked(root: Path, work: Path, folders: tuple[str, ...]) -> Path:
-    """Link the files of some folders into another; return the first one's place."""
+def simulated(job: tuple[str, str, int], work: Path) -> Made:
+    """Write a survey of the study."""
+    survey = drawn(*job)
+    truth = {name: true_value(survey, kind, labels) for name, kind, labels in survey.measure}
+    return write_survey(survey, work), truth
+
+
+def linked(root: Path, folders: tuple[str, ...], project: str, work: Path) -> Made:
+    """Link the files of some folders into another; the project is in the first."""
     for name in folders:
         for path in sorted((root / name).rglob("*")):
             if path.is_file():
                 place = work / path.relative_to(root)
                 place.parent.mkdir(parents=True, exist_ok=True)
                 place.symlink_to(path.resolve())
-    return work / folders[0]
+    return work / folders[0] / project, {}
 
 
-def demo(kept: Path, work: Path) -> Path:
+def demo(kept: Path, work: Path) -> Made:
     """Link the demo's project, which is written once: all versions are to run the same files."""
     if not (kept / "project.yaml").exists():
         from uavgram.cli import main as command
 
         with contextlib.redirect_stdout(io.StringIO()):
             command(["demo", "--output", str(kept)])
-    return linked(kept.parent, work, (kept.name,)) / "project.yaml"
+    return linked(kept.parent, (kept.name,), "project.yaml", work)
 
 
 def numbers(project: Path, truth: dict[str, float]) -> Row:

@@ -163,7 +163,7 @@ def progress(row: Row) -> str:
     """One line of one survey."""
     head = f"{row['world']:17s} {row['fault']:17s} {row['seed']:5d} {row['cpu_s']:6.2f} s "
     if "failure" in row:
-        return head + "FAILED " + row["failure"][:120].replace("\n", " ")
+        return f"{head}FAILED {row['failure'][:120]}".replace("\n", " ")
     z = zs(row)
     first = row["reasons"][0]["cause"] if row["reasons"] else "-"
     return (

@@ -111,7 +111,7 @@ CONDITIONS: dict[str, World] = {
     "picks_3px": World(log=None, pick_px=3.0, lengths=(6, 8)),
     "identification": replace(STRIP, photos=9, identified_m=0.015, relief_m=0.0, own_m=0.0),
     "mixed_errors": replace(
-        *(STRIP,), photos=9, identified_m=0.01, relief_m=0.02, pick_px=1.5, several=True
+        STRIP, photos=9, identified_m=0.01, relief_m=0.02, pick_px=1.5, several=True
     ),
     "hillside_curve": replace(STRIP, photos=8, path="curve", slope=(0.08, -0.04), curve=6e-4),
     "camera_auto": replace(STRIP, camera_auto=True),
@@ -120,7 +120,13 @@ CONDITIONS: dict[str, World] = {
     ),
     "rtk_only": replace(STRIP, photos=9, log="rtk", lengths=(0, 0)),
     "road_400m": replace(
-        *(STRIP,), photos=22, size_m=(400.0, 9.0), taped=(14, 14), marks=(26, 26), lengths=(9, 9)
+        STRIP,
+        photos=22,
+        height_m=(45.0, 55.0),
+        size_m=(400.0, 9.0),
+        taped=(14, 14),
+        marks=(26, 26),
+        lengths=(9, 9),
     ),
     "lengths_decimetre": replace(STRIP, photos=9, rounded_m=0.1, lengths=(8, 9)),
     "clicked_twice": World(log=None, clicks=2, lengths=(5, 5), taped=(7, 7)),
@@ -255,7 +261,7 @@ def _fly(
     places = survey.ground.middle + aims - height * np.tan(tilt) * toward
     ups = survey.ground.up(survey.ground.middle + aims) + height + rng.normal(0, 0.3, len(aims))
     at = np.column_stack([places, ups])
-    exposure = EVERY_S * (1 + np.arange(len(at)))
+    exposure = EVERY_S * np.arange(1.0, len(at) + 1)
     nodes = np.r_[0.0, exposure, exposure[-1] + EVERY_S]
     track = np.vstack([2 * at[0] - at[min(1, len(at) - 1)], at, 2 * at[-1] - at[-2:][0]])
     hold = np.r_[exposure - 1, exposure + 1]
@@ -268,7 +274,7 @@ def _fly(
 
     def attitude(time: Floats) -> Floats:
         yaw = np.interp(time, hold[order], yaws)
-        return sway(time) + np.column_stack([0 * yaw, 0 * yaw, yaw])
+        return np.asarray(sway(time) + np.column_stack([0 * yaw, 0 * yaw, yaw]))
 
     boresight, lever = np.radians(1.2) * rng.standard_normal(3), 0.06 * rng.standard_normal(3)
     for rpy, place in zip(attitude(exposure), position(exposure), strict=True):
@@ -292,7 +298,7 @@ def _fly(
         fix=6 if rtk else 3,
         accuracy_m=accuracy,
     )
-    survey.photo_time_s = exposure + 0.03 * rng.standard_normal()
+    survey.photo_time_s = np.asarray(exposure + 0.03 * rng.standard_normal())
     survey.options["mount"] = {"gimbal": "none", "pitch_deg": float(np.degrees(tilt)) - 90.0}
     survey.options["time"] = {
         "source": "filename",

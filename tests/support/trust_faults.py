@@ -14,12 +14,43 @@ FOOT_M = 0.3048
 ALL = ("single", "single_no_log", "strip", "strip_no_log")
 SEVERAL_PHOTOS = ("strip", "strip_no_log")
 WITH_LOG = ("single", "strip")
-ACCUSATIONS = ("line", "lines", "length", "lengths", "known", "pick", "label", "labels", "photo")
-ACCUSATIONS += ("frame", "control", "point", "other", "mount", "gimbal", "clock", "log", "camera")
-ACCUSATIONS += ("tape", "tapes", "misfit", "blunder")
-NO_ACCUSATIONS = ("line-unseen", "label-unseen", "lengths-contradict", "blunder-not-located")
-NO_ACCUSATIONS += ("log-note", "camera-assumed", "camera-unknown", "camera-sigma-assumed", "misfit")
-NO_ACCUSATIONS += ("camera-sigma-from-file", "camera-exact", "camera-learnt", "camera-not-learnt")
+ACCUSATIONS = (
+    "line",
+    "lines",
+    "length",
+    "lengths",
+    "known",
+    "pick",
+    "label",
+    "labels",
+    "photo",
+    "frame",
+    "control",
+    "point",
+    "other",
+    "mount",
+    "gimbal",
+    "clock",
+    "log",
+    "camera",
+    "tape",
+    "tapes",
+)
+"""First words of codes that say which observation, photo or setting is wrong,"""
+NO_ACCUSATIONS = (
+    "line-unseen",
+    "label-unseen",
+    "lengths-contradict",
+    "log-note",
+    "camera-assumed",
+    "camera-unknown",
+    "camera-sigma-assumed",
+    "camera-sigma-from-file",
+    "camera-exact",
+    "camera-learnt",
+    "camera-not-learnt",
+)
+"""but for these."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -315,8 +346,7 @@ def _drop_unpicked(survey: Survey) -> None:
 
 _PICK = ("pick-", "label-elsewhere", "label-suspect")
 _SWAP = ("labels-swapped", "labels-swapped-everywhere", *_PICK)
-_LINE = ("line-suspect", "line-left-out", "line-removed", "line-wrong-", "line-other-ends")
-_LINE += ("line-", "lines-exchanged")
+_LINE = ("line-", "lines-exchanged")
 _PHOTO = ("photo-mirrored", "photo-turned", "photo-elsewhere", "frame-left-out")
 _TAPES = ("lengths-factor", "lengths-offset", "lengths-wrong-unit", "lengths-", "tape-", "tapes-")
 _HEIGHT = ("point-off-ground", "height-", "heights-", *_PICK)

@@ -19,6 +19,7 @@ ANYTHING = 1e3
 FREE_HEIGHT_M = 3.0
 AUTO_SIGMA = np.array([26.0, 26.0, 20.0, 20.0, 0.006, 0.01, 0.0005, 0.0005, 0.003])
 RELIEF_LENGTH_M = 1.5
+CLOCK_ERROR_S = 0.03
 
 
 def oracle_sigmas(survey: Survey, world: World) -> list[float]:
@@ -174,8 +175,11 @@ def _add_log(information: Floats, survey: Survey, world: World) -> None:
     count = len(survey.poses)
     time = 4.0 * np.arange(count)
     tau = 4.0 if rtk else 15.0
-    alike = np.exp(-((time[:, None] - time[None]) ** 2) / (2 * tau**2))
-    turning = np.exp(-((time[:, None] - time[None]) ** 2) / (2 * 15.0**2))
+    # Smoothness that no estimator could count on is not used: correlations fall exponentially.
+    alike = np.exp(-np.abs(time[:, None] - time[None]) / tau)
+    turning = np.exp(-np.abs(time[:, None] - time[None]) / 15.0)
+    track = np.array([pose.center for pose in survey.poses])
+    velocity = np.gradient(track, time, axis=0) if count > 1 else np.zeros_like(track)
     wander = np.array([0.01, 0.01, 0.02] if rtk else [0.35, 0.35, 0.35])
     bias = np.array([0.008, 0.008, 0.015] if rtk else [1.5, 1.5, 2.0])
     covariance = np.zeros((6 * count, 6 * count))
@@ -185,6 +189,7 @@ def _add_log(information: Floats, survey: Survey, world: World) -> None:
             block = np.zeros((6, 6))
             block[:3, :3] = np.diag(bias**2 + alike[i, j] * wander**2)
             block[:3, :3] += 0.06**2 * _body(one) @ _body(two).T
+            block[:3, :3] += CLOCK_ERROR_S**2 * np.outer(velocity[i], velocity[j])
             errors = turning[i, j] * np.diag(tilted**2)
             errors[2, 2] += np.radians(1.3) ** 2
             block[3:, 3:] = one.rotation.T @ _body(one) @ errors @ _body(two).T @ two.rotation

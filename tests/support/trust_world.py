@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import json
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -95,12 +95,12 @@ def turn_of(vector: Floats) -> Floats:
         return np.eye(3)
     x, y, z = vector / angle
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)
 
 
 def body_turn(roll: float, pitch: float, yaw: float) -> Floats:
     """Turn (3, 3) from body to east, north, up of an attitude [rad] from north, east, down."""
-    return ENU_FROM_NED @ about(2, yaw) @ about(1, pitch) @ about(0, roll)
+    return np.asarray(ENU_FROM_NED @ about(2, yaw) @ about(1, pitch) @ about(0, roll))
 
 
 def mount_turn(pitch: float) -> Floats:
@@ -476,7 +476,9 @@ def write_survey(survey: Survey, folder: Path) -> Path:
     return folder / "project.yaml"
 
 
-def _write_table(path: Path, columns: tuple[str, ...], rows: list[Mapping[str, object]]) -> None:
+def _write_table(
+    path: Path, columns: tuple[str, ...], rows: Sequence[Mapping[str, object]]
+) -> None:
     names = [*columns, *dict.fromkeys(name for row in rows for name in row if name not in columns)]
     lines = [",".join(str(row.get(name, "")) for name in names) for row in rows]
     path.write_text("\n".join([",".join(names), *lines]) + "\n", encoding="utf-8")
