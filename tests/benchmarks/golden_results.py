@@ -222,12 +222,9 @@ def worst_z(row: Row) -> float:
 
 def compare(one: Path, two: Path, *, each: bool) -> None:
     """Print what differs between two folders."""
-    names = sorted(path.stem for path in one.glob("*.json"))
+    names, others = ({path.stem for path in folder.glob("*.json")} for folder in (one, two))
     same, cpu = 0, np.zeros(2)
-    for name in names:
-        if not (two / f"{name}.json").exists():
-            print(f"{name:38s} missing in {two}")
-            continue
+    for name in sorted(names & others):
         before, after = (json.loads((at / f"{name}.json").read_text()) for at in (one, two))
         cpu += before["cpu_s"], after["cpu_s"]
         told = changes(before, after)
@@ -239,7 +236,10 @@ def compare(one: Path, two: Path, *, each: bool) -> None:
             for label, value in before["values"].items():
                 other = after["values"].get(label, [None, None, "missing"])
                 print(f"    {label:20s} {_told(value)}  >  {_told(other)}")
-    print(f"{same} of {len(names)} surveys unchanged; CPU {cpu[0]:.1f} > {cpu[1]:.1f} s")
+    count = len(names & others)
+    print(f"{same} of {count} surveys unchanged; CPU {cpu[0]:.1f} > {cpu[1]:.1f} s")
+    if names != others:
+        print(f"{len(names ^ others)} surveys are in one folder only")
 
 
 def _told(value: list[Any]) -> str:
