@@ -65,7 +65,8 @@ def test_places_are_those_of_pyproj() -> None:
         "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 "
         f"+lat_0={HOME[0]} +lon_0={HOME[1]} +h_0={HOME[2] + UNDULATION_M}"
     )
-    longitude, latitude, height = transformer.transform(*world.T, direction="INVERSE")
+    east, north, up = world.T
+    longitude, latitude, height = transformer.transform(east, north, up, direction="INVERSE")
     found = geodetic_from_enu(world)
     assert np.allclose(found[:, 0], latitude, atol=1e-11)
     assert np.allclose(found[:, 1], longitude, atol=1e-11)
