@@ -106,6 +106,7 @@ def test_who_is_accused() -> None:
     assert accused_rightly(reason | {"lengths": ["L2"]}, wrong)
     assert not accused_rightly(reason | {"lengths": ["L1"]}, wrong)
     assert not accused_rightly(reason | {"lengths": ["L1"]}, {})
+    assert not accused_rightly(reason | {"lengths": ["L1"]}, {"labels": {"R1"}})
 
 
 def test_causes_by_their_codes() -> None:

@@ -93,13 +93,24 @@ def is_accusation(cause: str) -> bool:
 
 
 def accused_rightly(reason: Mapping[str, Any], wrong: Mapping[str, Iterable[str]]) -> bool:
-    """Whether any of what a reason names is wrong."""
-    named = {kind: set(reason[kind]) for kind in ("labels", "lengths", "frames")}
-    if "setting" in wrong and not reason["cause"].startswith(("line-", "pick-", "label")):
+    """Whether any observation that a reason accuses is wrong.
+
+    Beside the accused a reason names others that are at hand: the ends of a length that is blamed.
+    """
+    cause = reason["cause"]
+    if "setting" in wrong and not cause.startswith(("line-", "pick-", "label")):
         return True
-    if not any(named.values()):
+    kinds: tuple[str, ...] = ("frames", "labels", "lengths")
+    if cause.startswith(("line", "tape", "known")):
+        kinds = ("lengths",)
+    elif cause.startswith(("pick", "label", "point", "control")):
+        kinds = ("labels",)
+    elif cause.startswith(("photo", "frame")):
+        kinds = ("frames",)
+    accused = [kind for kind in kinds if reason[kind]]
+    if not accused:
         return bool(wrong)
-    return any(named[kind] & set(wrong.get(kind, ())) for kind in named)
+    return any(set(reason[kind]) & set(wrong.get(kind, ())) for kind in accused)
 
 
 # --- picks --------------------------------------------------------------------------------------
