@@ -290,8 +290,10 @@ def is_right(row: Row) -> bool:
 
 def is_due(row: Row) -> bool:
     """Whether the fault does harm, or any cause of a misfit is named."""
+    if "level" not in row:
+        return False
     named = bool(row["reasons"]) and is_accusation(row["reasons"][0]["cause"])
-    return "level" in row and (is_wrong(row) or named or row["level"] == "red" or is_right(row))
+    return is_wrong(row) or named or row["level"] == "red" or is_right(row)
 
 
 def fault_table(rows: list[Row], by: str) -> list[list[str]]:
