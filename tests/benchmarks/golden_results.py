@@ -1,7 +1,7 @@
 """Freezes what some surveys give, and shows what another version of the program changes.
 
 Surveys: the demo, the examples of configs/, twins, real flight and streets of the data folder
-($UAVGRAM_DATA), ordinary surveys, and 70 with one fault each (`study_trust.py`, fixed seeds). What
+($UAVGRAM_DATA), ordinary surveys, and 69 with one fault each (`study_trust.py`, fixed seeds). What
 is run is the uavgram of the Python that runs this.
 
     python tests/benchmarks/golden_results.py make FOLDER             # a file for each survey
