@@ -63,6 +63,10 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
         "The pick of {labels} in {frames} does not fit.",
         "{count} picks do not fit: of {labels} in {frames}.",
     ),
+    "picks-contradict": (
+        "The picks of {labels} in {frames} contradict each other.",
+        "The picks of {labels} contradict each other, in {frames}.",
+    ),
     "line-suspect": ("{lengths} does not fit the rest.", "{lengths} do not fit the rest."),
     "known-suspect": ("What is known of {labels} does not fit the rest.",) * 2,
     "control-suspect": (

@@ -27,7 +27,7 @@ TAKING_PART = frozenset(
         *("telemetry-strained", "check-suspect", "blunder-not-located", "blunder-kept"),
         *("labels-swapped", "label-elsewhere", "line-wrong-unit", "line-wrong-digit"),
         *("line-other-ends", "lines-exchanged", "other-camera", "photo-mirrored", "photo-turned"),
-        *("photo-elsewhere",),
+        *("photo-elsewhere", "picks-contradict"),
     }
 )
 """Codes of what does not fit and still takes part: what is measured at its labels is in doubt."""

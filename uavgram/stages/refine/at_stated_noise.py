@@ -19,7 +19,6 @@ from uavgram.stages.refine.begin.starts import in_lens
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.identify import Identified, identify
 from uavgram.stages.refine.causes.labels.heights import heights_by_causes
-from uavgram.stages.refine.left_out import control_left_out
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.off_ground.heights import with_free
 from uavgram.stages.refine.off_ground.unseen import with_unseen_heights
@@ -75,7 +74,7 @@ def adjusted_as_stated(
     none = np.zeros(len(given.line_start), dtype=np.bool_)
     robust = adjust_robustly(Participants(given, keep, none, reason))
     survey, refined, off_ground = robust.survey, robust.refined, list(robust.labels)
-    left_out = list(control_left_out(given, refined, robust.control))
+    left_out = list(robust.messages(given))
     survey, refined, unseen = with_unseen_heights(survey, refined, [*off_ground, *shown])
     refined = replace(refined, pick_removed=removed)
     found = identify(Standing(participants(survey, refined), refined, frozenset(off_ground)))

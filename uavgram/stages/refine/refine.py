@@ -16,7 +16,7 @@ from uavgram.stages.refine.begin.photo_motion import with_motion_by_photos
 from uavgram.stages.refine.begin.tied_frames import with_tied_frames
 from uavgram.stages.refine.causes.adapt import adapted
 from uavgram.stages.refine.learnt import learnt_remarks
-from uavgram.stages.refine.left_out import control_left_out, with_gross_known, with_gross_lengths
+from uavgram.stages.refine.left_out import with_gross_known, with_gross_lengths
 from uavgram.stages.refine.minima import best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
@@ -86,7 +86,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     else:  # what stands out of the noise that was learnt takes no part either
         robust = adjust_robustly(participants(survey, refined), refined)
         found_free = [*found_free, *robust.labels]
-        search += control_left_out(survey, robust.refined, robust.control)
+        search += robust.messages(survey)
         survey, refined = robust.survey, robust.refined
     refined = replace(refined, noise=noise, stated=stated_fit)
     refined = with_gross_lengths(survey, with_gross_known(survey, refined))

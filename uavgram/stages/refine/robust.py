@@ -24,9 +24,12 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.terms.tapes import tape_rows, taped_lines
 from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.message import Message, Several
+from uavgram.model.naming import listed_photos
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.begin.softened import SLACK
 from uavgram.stages.refine.continued import carried, lines_used
+from uavgram.stages.refine.left_out import control_left_out
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.off_ground.shown import photos_of
 
@@ -340,12 +343,40 @@ class Robust:
         Control points of the survey handed in that were left out.
     labels
         Names of labels off the ground.
+    contradicting
+        Names of labels whose picks contradict each other: they have sigmas as large as their
+        misfit, since nothing shows which of them is wrong.
     """
 
     survey: Survey
     refined: Refined
     control: Ints
     labels: tuple[str, ...] = ()
+    contradicting: tuple[str, ...] = ()
+
+    def messages(self, survey: Survey) -> Iterator[Message]:
+        """Report control points that were left out of a survey, and picks that contradict."""
+        yield from control_left_out(survey, self.refined, self.control)
+        for label in self.contradicting:
+            own = survey.pick_label == survey.label.index(label)
+            frames = tuple(dict.fromkeys(survey.frame_id[k] for k in survey.pick_frame[own]))
+            text = (
+                f"The picks of {label!r} contradict each other, in {listed_photos(frames)}: nothing "
+                "shows which of them is wrong, so the point is uncertain by as much as they differ. "
+                "Pick it anew in these photos, or in another one too."
+            )
+            yield Message(
+                "warning",
+                "picks-contradict",
+                text,
+                frames=frames,
+                labels=(label,),
+                several=Several(
+                    "The picks of {count} points contradict each other",
+                    f"{label!r} in {listed_photos(frames)}",
+                    ending="Pick them anew in these photos, or in another one too.",
+                ),
+            )
 
 
 def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robust:
@@ -566,7 +597,10 @@ def _without(best: Candidate) -> Robust | None:
     out, reduced = _outliers(found), found.problem.survey
     survey = taking.survey
     reason: dict[int, LeftOut] = {}
-    for row in out.picks.tolist():
+    lost = _contradicting(reduced, out.picks)
+    sigma_px = survey.pick_sigma_px.copy()
+    sigma_px[first.pick_index[lost]] *= found.misfit["pixels"][lost]
+    for row in np.setdiff1d(out.picks, lost).tolist():
         reason[int(first.pick_index[row])] = _far_off(found, row)
     removed = taking.line_removed.copy()
     removed[first.line_index[out.lines]] = True
@@ -582,6 +616,7 @@ def _without(best: Candidate) -> Robust | None:
     rest = replace(
         survey,
         is_free=is_free,
+        pick_sigma_px=sigma_px,
         control_label=survey.control_label[stays],
         control_world_m=survey.control_world_m[stays],
         control_sigma_m=survey.control_sigma_m[stays],
@@ -595,7 +630,15 @@ def _without(best: Candidate) -> Robust | None:
         refined = best_minima(left)
     except GeometryError:
         return None
-    return Robust(rest, refined, control, names)
+    contradicting = tuple(reduced.label[k] for k in np.unique(reduced.pick_label[lost]))
+    return Robust(rest, refined, control, names, contradicting)
+
+
+def _contradicting(survey: Survey, out: Ints) -> Ints:
+    """(n,) gross picks of labels of which all picks are gross: they contradict each other."""
+    number = np.bincount(survey.pick_label, minlength=len(survey.label))
+    gross = np.bincount(survey.pick_label[out], minlength=len(survey.label))
+    return out[(gross == number)[survey.pick_label[out]] & (number > 1)[survey.pick_label[out]]]
 
 
 def _far_off(found: Annealed, row: int) -> LeftOut:
