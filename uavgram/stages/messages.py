@@ -39,7 +39,7 @@ CAUSES = (
     ("photo-duplicate", "line-duplicate", "known-duplicate"),
     ("line-removed", "known-removed", "pick-removed", "blunder-not-located", "blunder-kept"),
     (
-        *("pick-suspect", "line-suspect", "known-suspect", "control-suspect"),
+        *("pick-suspect", "picks-contradict", "line-suspect", "known-suspect", "control-suspect"),
         *("telemetry-strained", "prior-strained"),
     ),
     ("check-suspect", "lengths-contradict", "odd-height"),
@@ -64,7 +64,7 @@ _RANK = {code: k - len(CAUSES) for k, codes in enumerate(CAUSES) for code in cod
 
 ACCUSING = (
     *("line-left-out", "line-suspect", "line-removed", "lengths-contradict"),
-    *("pick-suspect", "pick-left-out", "pick-removed", "frame-left-out"),
+    *("pick-suspect", "picks-contradict", "pick-left-out", "pick-removed", "frame-left-out"),
 )
 """Codes of messages that accuse an observation."""
 

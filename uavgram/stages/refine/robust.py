@@ -361,9 +361,9 @@ class Robust:
             own = survey.pick_label == survey.label.index(label)
             frames = tuple(dict.fromkeys(survey.frame_id[k] for k in survey.pick_frame[own]))
             text = (
-                f"The picks of {label!r} contradict each other, in {listed_photos(frames)}: nothing "
-                "shows which of them is wrong, so the point is uncertain by as much as they differ. "
-                "Pick it anew in these photos, or in another one too."
+                f"The picks of {label!r} contradict each other, in {listed_photos(frames)}. "
+                "Nothing shows which of them is wrong, so the point is uncertain by as much as "
+                "they differ. Pick it anew in these photos, or in another one too."
             )
             yield Message(
                 "warning",
@@ -638,7 +638,8 @@ def _contradicting(survey: Survey, out: Ints) -> Ints:
     """(n,) gross picks of labels of which all picks are gross: they contradict each other."""
     number = np.bincount(survey.pick_label, minlength=len(survey.label))
     gross = np.bincount(survey.pick_label[out], minlength=len(survey.label))
-    return out[(gross == number)[survey.pick_label[out]] & (number > 1)[survey.pick_label[out]]]
+    is_lost = (gross == number) & (number > 1)
+    return np.asarray(out[is_lost[survey.pick_label[out]]])
 
 
 def _far_off(found: Annealed, row: int) -> LeftOut:
