@@ -295,6 +295,8 @@ class Refined:
     off_ground
         Names of the labels whose heights are found, though nobody said that they are off the
         ground.
+    rival_lines
+        Names of lengths one of which may be the wrong one instead of one that was left out.
     causes
         What explains that the observations do not fit, likeliest first.
     matches_left_out
@@ -314,6 +316,7 @@ class Refined:
     noise: Noise | None = None
     stated: Adjustment | None = None
     off_ground: frozenset[str] = frozenset()
+    rival_lines: frozenset[str] = frozenset()
     causes: tuple[Cause, ...] = ()
     matches_left_out: frozenset[int] = frozenset()
 

@@ -10,7 +10,7 @@ neighbours is found, and not the neighbours. Observations that then stand beyond
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -402,13 +402,14 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
             return Robust(taking.survey, plain, none)
     except GeometryError as why:
         failed = why
-    best = _most_agreed(taking)
-    while best is not None and best.annealed.frames:
+    agreed = _most_agreed(taking)
+    while agreed and agreed[0].annealed.frames:
+        best = agreed[0]
         without = _most_agreed(best.taking.without_frames(best.annealed.frames, MISPLACED))
-        if without is None:
+        if not without:
             break
-        best = without
-    found = None if best is None else _without(best)
+        agreed = without
+    found = _without_outliers(agreed)
     if found is not None:
         return found
     if plain is None:
@@ -450,8 +451,9 @@ class Candidate:
 
     def is_agreed(self, picks: int) -> bool:
         """Whether nearly everything takes part."""
-        if len(self.first.pick_index) < picks:
-            return False
+        lengths = self.annealed.misfit.get("lengths", np.zeros(0))
+        if len(self.first.pick_index) < picks or (lengths > GROSS).any():
+            return False  # of few lengths another one may be wrong
         misfit = list(self.annealed.misfit.values())
         gross = sum(int((one > GROSS).sum()) for one in misfit)
         return gross <= max(1, AGREED * sum(map(len, misfit)))
@@ -468,15 +470,45 @@ AGREED = 0.03
 are tried."""
 
 
-def _most_agreed(taking: Participants) -> Candidate | None:
-    """The robust adjustment of least cost of those from all first values; None without any."""
-    picks, best = int(taking.keep.sum()), None
+def _most_agreed(taking: Participants) -> list[Candidate]:
+    """Robust adjustments from all first values, that of least cost first."""
+    picks, found = int(taking.keep.sum()), list[Candidate]()
     for candidate in _candidates(taking):
-        if best is None or candidate.cost(picks) < best.cost(picks):
-            best = candidate
-        if best.is_agreed(picks):
+        found.append(candidate)
+        if candidate.is_agreed(picks):
+            return [candidate]
+    return sorted(found, key=lambda one: one.cost(picks))
+
+
+def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
+    """The ordinary adjustment without gross errors; None where there is none.
+
+    Others that explain as much without other observations are its alternatives.
+    """
+    best, *others = agreed or (None,)
+    robust = None if best is None else _without(best)
+    if best is None or robust is None:
+        return None
+    picks = int(best.taking.keep.sum())
+    refined, own = robust.refined, robust.refined.line_removed
+    rivals: set[int] = set()
+    minima = [*refined.alternatives]
+    for other in others:
+        if other.cost(picks) - best.cost(picks) > RIVAL:
             break
-    return best
+        rival = _without(other)
+        lines = np.zeros_like(own) if rival is None else rival.refined.line_removed & ~own
+        if rival is None or not lines.any():
+            continue
+        rivals |= set(np.flatnonzero(lines).tolist())
+        if rival.refined.adjustment.survey.label == refined.adjustment.survey.label:
+            minima.append(rival.refined.adjustment)
+    names = frozenset(robust.survey.line_name[k] for k in rivals if robust.survey.line_name)
+    return replace(robust, refined=replace(refined, alternatives=tuple(minima), rival_lines=names))
+
+
+RIVAL = 2.0 * float(np.log(20.0))
+"""Difference of costs up to which another explanation has odds of more than 1 in 20."""
 
 
 def _candidates(taking: Participants) -> Iterator[Candidate]:
