@@ -450,13 +450,39 @@ class Candidate:
         return self.annealed.cost + GROSS**2 * (picks - len(self.first.pick_index))
 
     def is_agreed(self, picks: int) -> bool:
-        """Whether nearly everything takes part."""
-        lengths = self.annealed.misfit.get("lengths", np.zeros(0))
-        if len(self.first.pick_index) < picks or (lengths > GROSS).any():
-            return False  # of few lengths another one may be wrong
+        """Whether nearly everything takes part, and no other length could be wrong instead."""
+        if len(self.first.pick_index) < picks:
+            return False
         misfit = list(self.annealed.misfit.values())
         gross = sum(int((one > GROSS).sum()) for one in misfit)
-        return gross <= max(1, AGREED * sum(map(len, misfit)))
+        if gross > max(1, AGREED * sum(map(len, misfit))):
+            return False
+        lengths = np.flatnonzero(self.annealed.misfit.get("lengths", np.zeros(0)) > GROSS)
+        return not any(_has_rival(self.annealed, row) for row in lengths.tolist())
+
+
+def _has_rival(found: Annealed, row: int) -> bool:
+    """Whether another length explains the misfit of one that was left out, in the linear model.
+
+    With the length back, the unknowns move by -S J^T V^-1 e, where e is its error, V = 1 + J S J^T
+    the variance of that and S the covariance of the unknowns; the residuals r and cofactors Q of
+    the others become r - X V^-1 e and Q + X V^-1 X^T, with X = J' S J^T. The other is a rival where
+    the sum of squares then falls nearly as much without it as without the length.
+    """
+    minimum = found.minimum
+    block, weight = minimum.blocks["lengths"], np.sqrt(found.weight["lengths"])
+    own = block.jacobian[row, 0] / weight[row]
+    right = np.zeros((found.problem.layout.size, 1))
+    np.add.at(right[:, 0], block.columns[row], own)
+    pull = minimum.factor.solve(right)
+    variance = 1.0 + float(right[:, 0] @ pull[:, 0])
+    error = float(block.residual[row, 0] / weight[row])
+    moved = block.times(slice(None), pull)[:, 0, 0]
+    residual = block.residual[:, 0] - moved * error / variance
+    cofactor = cofactors(block, minimum.factor.covariance())[:, 0, 0] + moved**2 / variance
+    others = (found.misfit["lengths"] <= GROSS) & (cofactor > LEAST_REDUNDANCY)
+    fall = residual[others] ** 2 / cofactor[others]
+    return bool((fall > error**2 / variance - RIVAL).any())
 
 
 MOST_ALTERNATIVES = 4
