@@ -1,4 +1,4 @@
-"""Adjust robustly from first values: weights by misfit while the sigmas of readings shrink.
+"""Adjust robustly from first values: weights by misfit, while sigmas shrink to those stated.
 
 Graduated non-convexity (Blake and Zisserman 1987, "Visual reconstruction"; Yang, Antonante, Tzoumas
 and Carlone 2020, "Graduated non-convexity for robust spatial perception"). All readings begin with
@@ -27,15 +27,15 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.stages.refine.begin.softened import SLACK
 from uavgram.stages.refine.off_ground.shown import photos_of
 
-READINGS = ("pixels", "lengths", "known", "control")
-"""Groups whose sigmas shrink: what people read."""
+SHRINKING = ("pixels", "lengths", "known", "control", "roughness")
+"""Groups whose sigmas shrink: what people read, and that points are on the ground."""
 
-ROBUST = (*READINGS, "matches", "ties", "telemetry", "roughness", "heights", "tape")
+ROBUST = (*SHRINKING, "matches", "ties", "telemetry", "heights", "tape")
 """Groups whose observations get weights. The scale of a tape stands for all of its lengths, the
 roughness of a point for its being on the ground."""
 
 SCHEDULE = (100.0, 30.0, 10.0, 3.0, 1.0, 1.0, 1.0)
-"""Factors of the sigmas of readings, one adjustment each."""
+"""Factors of the sigmas that shrink, one adjustment each."""
 
 CAUCHY = 3.0
 """Standardised misfit at which an observation has half its weight."""
@@ -54,8 +54,8 @@ ENOUGH = 8
 """Checked observations of a kind from which on their median shows how exact they are."""
 
 NOISIEST = 5.0
-"""Factor by which sigmas of lengths, known things and control may be too small: with more, none of
-them is right, as where all are in another unit."""
+"""Factor by which sigmas of lengths, known things, control and the ground may be too small: with
+more, none of them is right, as where all are in another unit."""
 
 MOST_OF_A_FRAME = 0.5
 """Share of a frame's picks that are gross errors, from which on the frame shows something else."""
@@ -68,6 +68,9 @@ NEARLY_NONE = 1e-8
 
 EACH, AT_REST = 15, 1e-4
 """Iterations of each adjustment, and the predicted fall that is not worth another."""
+
+HALF = 0.5
+"""Weight from which on a point counts as one of the ground."""
 
 ALL = np.ones(1)
 """The weight of every observation of a group that has none of its own."""
@@ -116,7 +119,7 @@ def anneal(problem: SurveyProblem, state: State) -> Annealed:
     weight: dict[str, Floats] = {}
     for softness in SCHEDULE[1:]:
         squares = squared_misfits(problem, minimum, weight)
-        noise = _noise(squares) if softness == 1.0 else dict.fromkeys(squares, 1.0)
+        noise = _noise(squares, weight) if softness == 1.0 else dict.fromkeys(squares, 1.0)
         weight = {
             name: 1.0 / (1.0 + square / (CAUCHY * noise[name]) ** 2)
             for name, square in squares.items()
@@ -147,7 +150,7 @@ def decide(
     misfit: dict[str, Floats] = {}
     for k in range(MOST_ROUNDS):
         squares = squared_misfits(problem, minimum, weight)
-        noise = _noise(squares)
+        noise = _noise(squares, weight)
         misfit = {name: np.sqrt(square) / noise[name] for name, square in squares.items()}
         gross = {name: value > GROSS_SIGMAS for name, value in misfit.items()}
         if k == 0:
@@ -189,14 +192,14 @@ def weighted_minimum(
     weight
         (n,) of the observations, by group; 1 where a group has none.
     softness
-        Factor of the sigmas of readings.
+        Factor of the sigmas that shrink.
     """
 
     def evaluate(now: State) -> dict[str, Block] | None:
         blocks = problem.evaluate(now)
         if blocks is None:
             return None
-        scale = {name: softness if name in READINGS else 1.0 for name in blocks}
+        scale = {name: softness if name in SHRINKING else 1.0 for name in blocks}
         return {
             name: _scaled(block, np.sqrt(weight.get(name, ALL)) / scale[name])
             for name, block in blocks.items()
@@ -251,23 +254,27 @@ def squared_misfits(
     return found
 
 
-def _noise(squares: Mapping[str, Floats]) -> dict[str, float]:
+def _noise(squares: Mapping[str, Floats], weight: Mapping[str, Floats]) -> dict[str, float]:
     """Estimate by which factor the sigmas of each kind are too small, at least one.
 
-    From the median of the squares over that of chi-square; and so large that no more than a share
-    of the kind are gross errors.
+    From the median of the squares over that of chi-square, and so large that no more than a share
+    of the kind are gross errors. Most points may be off the ground: there those on it tell.
     """
     factor = {}
     for name, square in squares.items():
-        checked = np.sort(square[square > 0])[::-1]
+        is_ground = name == "roughness"
+        counts = square > 0
+        if is_ground and name in weight:
+            counts &= weight[name] > HALF
+        checked = np.sort(square[counts])[::-1]
         large = 1.0
         if len(checked) >= ENOUGH:
-            middle = float(chdtri(_axes(name), 0.5))
-            large = max(large, float(np.sqrt(np.median(checked) / middle)))
+            usual = float(chdtri(_axes(name), 0.5))
+            large = max(large, float(np.sqrt(np.median(checked) / usual)))
         most = max(1, int(MOST_OF_A_KIND * len(checked)))
-        if len(checked) > most:
+        if len(checked) > most and not is_ground:
             large = max(large, float(np.sqrt(checked[most])) / GROSS_SIGMAS)
-        is_stated = name in ("lengths", "known", "control")
+        is_stated = name in ("lengths", "known", "control", "roughness")
         factor[name] = min(large, NOISIEST) if is_stated else large
     return factor
 

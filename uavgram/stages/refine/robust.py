@@ -17,6 +17,7 @@ from uavgram.estimation.reliability.test_statistics import cofactors
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.geometry.ground.plane_of_most import plane_of_most
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.naming import listed_photos
@@ -35,6 +36,7 @@ from uavgram.stages.refine.annealing import (
 from uavgram.stages.refine.continued import carried, lines_used
 from uavgram.stages.refine.left_out import control_left_out
 from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.off_ground.shown import photos_of
 
 ORDINARY_SIGMAS = 5.0
 """Standardised misfit in an ordinary adjustment up to which nothing is asked."""
@@ -191,7 +193,7 @@ class Candidate:
     def is_agreed(self, picks: int) -> bool:
         """Whether nearly everything takes part, and no other length could be wrong instead."""
         misfit = self.annealed.misfit
-        gross = sum(len(self.annealed.gross(name)) for name in misfit)
+        gross = sum(len(self.annealed.gross(name)) for name in misfit if name != "roughness")
         if gross > max(1, FEW_GROSS * sum(map(len, misfit.values()))):
             return False
         is_sure = not any(_has_rival(self.annealed, row) for row in self.annealed.gross("lengths"))
@@ -217,6 +219,7 @@ def _candidates(taking: Participants) -> Iterator[Candidate]:
     soft = replace(taking, survey=_softer(taking.survey, SCHEDULE[0]))
     for candidate in _from_all_minima(soft):
         yield replace(candidate, taking=taking)
+    yield from _from_free_heights(taking)
     rough = replace(taking, survey=_softer(taking.survey, 1.0))
     lines = np.flatnonzero(~taking.line_removed)
     for line in lines.tolist() if 3 < len(lines) <= MOST_STARTS else ():
@@ -227,6 +230,40 @@ def _candidates(taking: Participants) -> Iterator[Candidate]:
         for frame in frames.tolist():
             for candidate in _from_all_minima(soft.without_frame(frame, MISPLACED)):
                 yield replace(candidate, taking=taking.without_frame(frame, MISPLACED))
+
+
+def _from_free_heights(taking: Participants) -> Iterator[Candidate]:
+    """The robust adjustment from heights that photos show, and the plane that most points lie on.
+
+    Where most points are off the ground, as on roofs and cars, none of them pulls the ground then.
+    """
+    grounds = [replace(one, roughness_sigma_m=ANYWHERE_M) for one in taking.survey.grounds]
+    try:
+        first = best_minima(replace(taking, survey=replace(taking.survey, grounds=tuple(grounds))))
+    except GeometryError:
+        return
+    adjustment = first.adjustment
+    seen = np.flatnonzero((photos_of(adjustment.survey) > 1) & ~adjustment.survey.off_ground)
+    height = adjustment.state.point[seen, 2]
+    is_off = np.zeros(len(adjustment.survey.label), dtype=np.bool_)
+    for area in np.unique(adjustment.survey.area[seen]):
+        own = adjustment.survey.area[seen] == area
+        sigma = np.full(int(own.sum()), OFF_GROUND_M)
+        plane = plane_of_most(adjustment.state.point[seen[own], :2], height[own], sigma)
+        if plane is not None:
+            is_off[seen[own]] = np.abs(height[own] - plane) > GROSS_SIGMAS * OFF_GROUND_M / 2.0
+    survey = _softer(replace(adjustment.survey, grounds=taking.survey.grounds), 1.0)
+    problem = SurveyProblem(survey, adjustment.problem.pivot_m, lines_used(adjustment))
+    weight = {"roughness": np.where(is_off[problem.third.rough], NEARLY_NONE, 1.0)}
+    try:
+        minimum = weighted_minimum(problem, carried(adjustment, problem), weight)
+        yield Candidate(taking, first, decide(problem, minimum, weight))
+    except (SingularError, ValueError):
+        return
+
+
+ANYWHERE_M = 3.0
+"""Sigma of the height of a point above the ground, of which nothing is known."""
 
 
 def _from_all_minima(taking: Participants, left_out: int | None = None) -> Iterator[Candidate]:
@@ -266,7 +303,7 @@ def _from_all_minima(taking: Participants, left_out: int | None = None) -> Itera
 def _softer(survey: Survey, factor: float) -> Survey:
     """The survey with larger sigmas of readings, and with ground and tapes that may err."""
     grounds = tuple(
-        replace(one, roughness_sigma_m=max(one.roughness_sigma_m, LEAST_ROUGHNESS_M))
+        replace(one, roughness_sigma_m=factor * max(one.roughness_sigma_m, LEAST_ROUGHNESS_M))
         for one in survey.grounds
     )
     scales = tuple((name, max(sigma, LEAST_TAPE_SCALE)) for name, sigma in survey.own_scale_sigma)
