@@ -136,7 +136,7 @@ class GroundOptions(_Options):
     height_m: float = 0.0
     height_sigma_m: float = 0.3
     slope_sigma_deg: float = 3.0
-    roughness_sigma_m: float = 0.0
+    roughness_sigma_m: float = 0.02
     areas: Mapping[str, AreaOptions] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
