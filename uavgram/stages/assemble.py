@@ -76,6 +76,8 @@ class Observations:
         What is known of the ground's planes.
     picks_sigma_px
         Standard deviation of picks that state none [px].
+    picks_identification_sigma_m
+        How far people pick beside what was meant, alike in all photos; 0: not at all.
     tape, own_scale_sigma
         How good the tapes are; names and priors of the scale of those that are other than that.
     photos
@@ -95,6 +97,7 @@ class Observations:
     telemetry: Telemetry | None = None
     ground: GroundOptions
     picks_sigma_px: float
+    picks_identification_sigma_m: float = 0.0
     tape: TapeOptions = field(default_factory=TapeOptions)
     own_scale_sigma: tuple[tuple[str, float], ...] = ()
     photos: Sequence[str] = ()
@@ -154,6 +157,7 @@ def assemble(observed: Observations) -> Assembled:
         height_above_m=_of_labels(picks, picks.height_m, label_at),
         height_sigma_m=_of_labels(picks, picks.height_sigma_m, label_at),
         is_free=np.isin(list(label_at), np.array(picks.label)[picks.is_free]),
+        identification_sigma_m=np.full(len(label_at), observed.picks_identification_sigma_m),
         pick_frame=np.array([frame_at[picks.image[i]] for i in chosen]),
         pick_label=np.array([label_at[picks.label[i]] for i in chosen]),
         pixel_px=picks.pixel_px[chosen],
