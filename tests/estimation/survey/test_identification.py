@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from likelihood_scenes import beginning, with_found
-from scenes import INTRINSICS, Scene, cv_pixels, make_scene
+from scenes import make_scene, picked_beside
 from scipy_likelihood import Oracle, central
 
 from uavgram.estimation.solver import normal_equations
@@ -75,7 +75,7 @@ def test_it_is_a_covariance_that_all_picks_of_a_label_share(
     if sparse:
         monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
     made = make_scene(11, roughness=0.05, **alone)  # type: ignore[arg-type]
-    survey = identified(beside(made, SIGMA_M, 5).survey, targets=3)
+    survey = identified(picked_beside(made, SIGMA_M, 5).survey, targets=3)
     adjustment = refine(survey, STATED)[0].adjustment
     layout = adjustment.problem.layout
     basis, lens = adjustment.problem.intrinsic_basis, layout.first_intrinsic
@@ -110,25 +110,9 @@ def test_it_is_a_covariance_that_all_picks_of_a_label_share(
     assert np.abs(apart).max() < 0.01
 
 
-def beside(scene: Scene, size_m: float, seed: int) -> Scene:
-    """A scene whose labels were picked beside what was meant, alike in all photos."""
-    survey, truth = scene.survey, scene.truth
-    off = np.zeros_like(scene.world)
-    off[:, :2] = size_m * np.random.default_rng(seed).normal(size=(len(off), 2))
-    pixel = np.array(survey.pixel_px)
-    for frame in range(len(survey.frame_id)):
-        rows = np.flatnonzero(survey.pick_frame == frame)
-        seen = [
-            cv_pixels(INTRINSICS, truth.center[frame], truth.rotation[frame], world)[0]
-            for world in (scene.world + off, scene.world)
-        ]
-        pixel[rows] += (seen[0] - seen[1])[survey.pick_label[rows]]
-    return replace(scene, survey=replace(survey, pixel_px=pixel))
-
-
 def errors_in_sigmas(seed: int, stated_m: float) -> Floats:
     """Of distances between all labels, where people picked 15 mm beside what they meant."""
-    scene = beside(make_scene(seed, frames=6, roughness=0.02), SIGMA_M, 1000 + seed)
+    scene = picked_beside(make_scene(seed, frames=6, roughness=0.02), SIGMA_M, 1000 + seed)
     sigma = np.full(len(scene.survey.label), stated_m)
     survey = replace(scene.survey, identification_sigma_m=sigma)
     adjustment = refine(survey, STATED)[0].adjustment

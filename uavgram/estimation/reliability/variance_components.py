@@ -125,7 +125,7 @@ class Linearised:
         lower = np.log([max(one.smallest, SMALLEST) for one in components])
         surprise = _Surprise(self, components)
         found, value = _minimum(surprise, np.log(first), lower, float(np.log(LARGEST)))
-        information = np.array([surprise.information(found, k) for k in range(len(first))])
+        information = surprise.information(found)
         sigma = 1.0 / np.sqrt(np.maximum(information, 1e-12))
         return Estimated(np.exp(found), sigma, -0.5 * value)
 
@@ -164,12 +164,11 @@ class _Surprise:
         slope = 2.0 * (self._size - fit.leverage - fit.squares) + 2.0 * self._prior * (1.0 - stated)
         return _Height(value, slope, 4.0 * (fit.squares + self._prior * stated))
 
-    def information(self, at: Floats, k: int) -> float:
-        """Half the second derivative by one logarithm, by differencing the first."""
-        step = np.zeros(len(at))
-        step[k] = 0.02
-        above, below = (self.at(at + s * step).slope[k] for s in (1.0, -1.0))
-        return (float(above) - float(below)) / (4.0 * 0.02)
+    def information(self, at: Floats) -> Floats:
+        """(C,) half the second derivative by each logarithm, by differencing the first."""
+        here = self.at(at).slope
+        ahead = [self.at(at + step).slope[k] for k, step in enumerate(0.02 * np.eye(len(at)))]
+        return np.asarray(np.array(ahead) - here) / (2.0 * 0.02)
 
 
 def _minimum(
