@@ -24,6 +24,7 @@ from uavgram.model.survey.known import NO_KNOWN, KnownThing, KnownThings, lines_
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
 from uavgram.model.survey.ties import NO_TIES, TiePicks
+from uavgram.stages.control_heights import with_own_heights
 from uavgram.stages.tied import matches_of, ties_of
 
 NO_CONTROL = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
@@ -182,6 +183,7 @@ def assemble(observed: Observations) -> Assembled:
         area=np.array([area_at[name] for name in areas]),
         gauge=gauge,
     )
+    survey = with_own_heights(survey)
     if survey.telemetry is not None:
         nominal = np.zeros(SHARED_SIZE)
         nominal[LEVER_ARM] = survey.telemetry.lever_arm_m
