@@ -18,9 +18,7 @@ OFF_M = {0: 0.9, 1: 0.1, 2: 1.4, 3: 0.6, 4: -0.4, 5: 0.3}
 
 def on_a_facade() -> Scene:
     """One photo, with a log, of control points at heights that nobody stated."""
-    scene = make_scene(
-        6, frames=1, labels=6, lines=0, control=6, heights=OFF_M, roughness=0.02
-    )
+    scene = make_scene(6, frames=1, labels=6, lines=0, control=6, heights=OFF_M, roughness=0.02)
     return replace(scene, survey=replace(scene.survey, height_above_m=np.zeros(6)))
 
 
