@@ -22,6 +22,7 @@ def project_yaml(survey: SimulatedSurvey) -> str:
     errors, stated = survey.scenario.errors, survey.scenario.stated
     arm = ", ".join(number_text(v) for v in errors.lever_arm_m)
     height = number_text(stated.ground_height_sigma_m)
+    beside = number_text(stated.picks_identification_sigma_m)
     rough = number_text(stated.roughness_sigma_m)
     text = f"""\
 # A simulated survey of a road accident; truth.json says what really was.
@@ -46,6 +47,7 @@ time:
   offset_s: auto           # the camera's clock is wrong; the log's camera events tell by how much
   offset_sigma_s: {number_text(stated.clock_sigma_s)}
 picks_sigma_px: {number_text(errors.pick_px)}
+picks_identification_sigma_m: {beside}  # nothing is picked beside; leave this out for photos
 """
     return _as_the_scenario(text, survey.scenario)
 
