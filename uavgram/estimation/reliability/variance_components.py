@@ -124,10 +124,10 @@ class Linearised:
         """The likeliest factors, from first values (C,)."""
         lower = np.log([max(one.smallest, SMALLEST) for one in components])
         surprise = _Surprise(self, components)
-        found, value = _minimum(surprise, np.log(first), lower, float(np.log(LARGEST)))
-        information = surprise.information(found)
+        found, here = _minimum(surprise, np.log(first), lower, float(np.log(LARGEST)))
+        information = surprise.information(found, here.slope)
         sigma = 1.0 / np.sqrt(np.maximum(information, 1e-12))
-        return Estimated(np.exp(found), sigma, -0.5 * value)
+        return Estimated(np.exp(found), sigma, -0.5 * here.value)
 
     def log_likelihood(self, components: Sequence[Component], factor: Floats) -> float:
         """Marginal log-likelihood of given factors (C,)."""
@@ -164,17 +164,16 @@ class _Surprise:
         slope = 2.0 * (self._size - fit.leverage - fit.squares) + 2.0 * self._prior * (1.0 - stated)
         return _Height(value, slope, 4.0 * (fit.squares + self._prior * stated))
 
-    def information(self, at: Floats) -> Floats:
+    def information(self, at: Floats, slope: Floats) -> Floats:
         """(C,) half the second derivative by each logarithm, by differencing the first."""
-        here = self.at(at).slope
         ahead = [self.at(at + step).slope[k] for k, step in enumerate(0.02 * np.eye(len(at)))]
-        return np.asarray(np.array(ahead) - here) / (2.0 * 0.02)
+        return np.asarray(np.array(ahead) - slope) / (2.0 * 0.02)
 
 
 def _minimum(
     surprise: _Surprise, first: Floats, lower: Floats, upper: float
-) -> tuple[Floats, float]:
-    """Where it is least between bounds, and its value: BFGS, halving steps that lead uphill.
+) -> tuple[Floats, _Height]:
+    """Where it is least between bounds, and what it is there: BFGS, halving steps that lead uphill.
 
     Nocedal and Wright 2006, "Numerical optimization", sec. 6.1. (scipy's takes as long to load as
     all the adjustments of an ordinary survey.)
@@ -203,7 +202,7 @@ def _minimum(
         place, here = there_place, there
         if gained < LITTLE * max(abs(here.value), 1.0):
             break
-    return place, here.value
+    return place, here
 
 
 def _parted(
