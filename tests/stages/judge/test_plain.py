@@ -6,7 +6,7 @@ import pytest
 
 from uavgram.model.message import Message
 from uavgram.stages.judge.plain import ONE_OR_MORE, plain_sentence
-from uavgram.stages.judge.verdict import BENDING, NOT_FITTING, TAKING_PART, UNCHECKED
+from uavgram.stages.judge.verdict import BENDING, LEARNT, NOT_FITTING, TAKING_PART, UNCHECKED
 
 STATISTICS = ("w =", "sigma", "chi-square", "probability", "variance", "±", "(")
 
@@ -52,4 +52,4 @@ def test_what_names_nothing_is_told_by_its_own_words() -> None:
 
 def test_no_sentence_is_of_a_code_that_is_no_reason() -> None:
     reasons = BENDING | NOT_FITTING | TAKING_PART | UNCHECKED
-    assert set(ONE_OR_MORE) - reasons == {"ground-not-plane", "picks-less-exact"}
+    assert set(ONE_OR_MORE) - reasons == LEARNT

@@ -231,6 +231,7 @@ def _assembled(
         telemetry=posed.telemetry,
         ground=inputs.project.ground,
         picks_sigma_px=inputs.project.picks_sigma_px,
+        picks_identification_sigma_m=inputs.project.picks_identification_sigma_m,
         tape=inputs.project.tape,
         own_scale_sigma=plate_scale(inputs.project.targets),
         photos=inputs.photos.frame_id,

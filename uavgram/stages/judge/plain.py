@@ -127,6 +127,7 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     "checks-misfit": ("The withheld lengths and points are further off than they should be.",) * 2,
     "ground-not-plane": ("The ground is not flat.",) * 2,
     "picks-less-exact": ("The picks are less exact than stated.",) * 2,
+    "lengths-less-exact": ("The taped lengths are less exact than stated.",) * 2,
     # What nothing decides or checks.
     "nothing-checks": ("Nothing checks {measurements}.",) * 2,
     "ambiguous-pose": ("The cameras may stand elsewhere: two solutions fit as well.",) * 2,

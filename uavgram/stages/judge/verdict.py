@@ -45,7 +45,7 @@ NOT_FITTING = frozenset(
 )
 """Codes of what does not fit, and was dealt with or is no single observation."""
 
-LEARNT = frozenset({"ground-not-plane", "picks-less-exact"})
+LEARNT = frozenset({"ground-not-plane", "picks-less-exact", "lengths-less-exact"})
 """Codes of errors that are larger than stated, as the residuals show: where these do not show it
 clearly (`UNCLEAR`), that is learnt as a precaution, and no misfit."""
 

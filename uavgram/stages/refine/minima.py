@@ -322,6 +322,7 @@ def _minimise(
         telemetry=problem.telemetry_mean if layout.telemetry else np.zeros(0),
         tape=np.zeros(layout.tape),
         readout=np.zeros(0) if survey.rolling is None else survey.rolling.first_value,
+        picked=point[survey.identified],
         tie=tied[:, : layout.point_size],
         turning=np.zeros((layout.frames, layout.frame_size - 6)),
     )

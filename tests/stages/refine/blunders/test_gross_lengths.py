@@ -275,22 +275,31 @@ def test_lengths_that_nothing_can_part_are_told_with_their_ratios(
     assert "'P1' to 'P7' " in said
 
 
-def test_cameras_at_an_odd_height_are_told_with_the_likely_unit(
-    scene_factory: Callable[..., Scene],
+@pytest.mark.parametrize(
+    ("factor", "code"),
+    [
+        (1.0, ""),
+        (0.07, "unusual-height"),  # a photo from the hand
+        (7.0, "unusual-height"),
+        (0.001, "odd-height"),  # kilometres
+        (1000.0, "odd-height"),  # millimetres
+    ],
+)
+def test_cameras_at_an_unusual_height_are_a_remark_and_at_an_absurd_one_red(
+    scene_factory: Callable[..., Scene], factor: float, code: str
 ) -> None:
-    scene = scene_factory(2, frames=3, ends=PAIRS, **NO_LOG)
-    for factor, unit in ((1000.0, "millimetres"), (100.0, "centimetres"), (0.001, "kilometres")):
-        survey = scene.survey
-        survey = replace(
-            survey,
-            length_m=survey.length_m * factor,
-            length_sigma_m=survey.length_sigma_m * factor,
-        )
-        _, messages = refine(survey, REPORT)
-        told = [m.text for m in messages if m.code == "lengths-wrong-unit"]
-        assert len(told) == 1
-        assert f"All lengths may be in {unit}:" in told[0]
-    assert "lengths-wrong-unit" not in {m.code for m in refine(scene.survey, REPORT)[1]}
+    survey = scene_factory(2, frames=3, ends=PAIRS, **NO_LOG).survey
+    survey = replace(
+        survey,
+        length_m=survey.length_m * factor,
+        length_sigma_m=survey.length_sigma_m * factor,
+    )
+    _, messages = refine(survey, REPORT)
+    levels = {m.code: m.level for m in messages}
+
+    assert "lengths-wrong-unit" not in levels
+    assert {one for one in levels if one.endswith("-height")} == {code} - {""}
+    assert levels.get("unusual-height", "info") == "info"
 
 
 def test_a_run_that_does_not_come_to_rest_says_what_pulls_hardest(

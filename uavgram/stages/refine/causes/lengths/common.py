@@ -15,7 +15,6 @@ import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
 from uavgram.estimation.reliability.test_statistics import falls_without
-from uavgram.estimation.reliability.wrong_units import likely_unit_of_height
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.size import by_size
 from uavgram.estimation.survey.terms.tapes import taped_lines
@@ -47,9 +46,6 @@ itself: who is told that all his lengths are wrong can use none of them."""
 
 STILL, MOST_DOUBTED = 3.0, 6
 """The same without any single length; and lengths that are left aside for it, worst first."""
-
-LOWEST_M, HIGHEST_M = 3.0, 150.0
-"""Heights from which most drones take photos of the ground: 120 m is the limit of most laws."""
 
 
 class _Tape(NamedTuple):
@@ -119,26 +115,6 @@ def common_misfit(adjustment: Adjustment) -> bool:
     """Whether all lengths have something in common that is hardly chance."""
     tests = explained(adjustment, [one.moved for one in _common(adjustment)], CHECKED)
     return any(one.gain > NOT_CHANCE**2 for one in tests)
-
-
-def odd_scale(height_m: float) -> Iterator[Message]:
-    """That all lengths may be in another unit, by nothing but the height of the cameras.
-
-    Parameters
-    ----------
-    height_m
-        Above the ground, where nothing but lengths says so.
-    """
-    if LOWEST_M <= height_m <= HIGHEST_M:
-        return
-    words, otherwise = likely_unit_of_height(height_m)
-    size = f"{height_m / 1000:.3g} km" if height_m > 1000.0 else f"{height_m:.3g} m"
-    text = (
-        f"All lengths may be {words}: by them the cameras stand {size} above the ground (median); "
-        f"it would be {otherwise:.3g} m then. Nothing else tells: look in which unit they were "
-        "taken, and from what height the photos were."
-    )
-    yield Message("warning", "lengths-wrong-unit", text)
 
 
 def _common(adjustment: Adjustment) -> list[_Common]:
