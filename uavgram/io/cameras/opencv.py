@@ -43,8 +43,8 @@ _XML_ROOT = "<opencv_storage"
 _YAML_HEADER = "%YAML:1.0\n---\n"
 
 _DEEPEST = 50
-"""Levels inside each other in a file that is read; OpenCV writes 4. Its parser calls itself at each,
-and ends the whole program where that takes too much memory."""
+"""Levels inside each other in a file that is read; OpenCV writes 4. Its parser calls itself at each
+of them, and ends the whole program where that takes too much memory."""
 _LEVEL = r"(?P<opened>[\[{]|<(?=[^/?!\s]))|(?P<closed>[\]}]|</|/>)"
 _ASIDE = (
     r"(?P<aside>\"(?:[^\"\\\n]|\\.)*\"|'[^'\n]*'|<!--.*?(?:-->|\Z)|/\*.*?(?:\*/|\Z)"
