@@ -125,8 +125,8 @@ class _Handler(BaseHTTPRequestHandler):
 
     def setup(self) -> None:
         """Let no read or write take longer."""
-        self.timeout = WRITE_S
         super().setup()
+        self.connection.settimeout(WRITE_S)
 
     def handle_one_request(self) -> None:
         """Answer, where the request is whole in time."""

@@ -1,5 +1,6 @@
 // The tab of the camera: what is known of it, what is odd about it, and a calibration.
 
+import { keyed } from "../connection/key.js";
 import { adjusted, store } from "../connection/store.js";
 import { as, node } from "../elements/dom.js";
 import { fill, keep, list, table, titled } from "../elements/table.js";
@@ -75,7 +76,7 @@ function runShown(run, project) {
     : [node("p", { class: "why" }, `It is for ${run.width_px} \u00d7 ${run.height_px} px, the project's photos have ${width_px} \u00d7 ${height_px}: it is not theirs.`)];
   return titled("Calibration", node("p", { role: "status" }, run.verdict), list(run.reasons.map((text) => ({ level: /** @type {const} */ ("warning"), text }))), node("p", { class: "dim" }, run.counts),
     node("dl", { class: "facts" }, ...run.facts.flatMap(([question, answer]) => [node("dt", {}, question), node("dd", {}, answer)])),
-    node("p", {}, "Written: ", node("code", {}, run.file), ". ", node("a", { href: "/calibration", target: "_blank", rel: "noopener" }, "Open its report")), ...use);
+    node("p", {}, "Written: ", node("code", {}, run.file), ". ", node("a", { href: keyed("/calibration"), target: "_blank", rel: "noopener" }, "Open its report")), ...use);
 }
 
 // The board as the command line writes it.
