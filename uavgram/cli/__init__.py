@@ -24,9 +24,8 @@ def main(arguments: "Sequence[str] | None" = None) -> int:
     try:
         from uavgram.cli.start import begin
 
-        status = begin(arguments)
+        return begin(arguments)
     except KeyboardInterrupt:
         from uavgram.cli.interrupt import told
 
-        return told(is_own_process=arguments is None)
-    return status
+        return told()

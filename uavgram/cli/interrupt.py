@@ -36,26 +36,28 @@ def watch() -> None:
         atexit.register(_leave)  # the first to be registered is the last to be called
 
 
-def told(*, is_own_process: bool) -> int:
-    """Say that the command was interrupted; from now on this process ends undisturbed."""
-    if is_own_process:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _say("earlier results are as they were")
-    return _ending(INTERRUPTED)
+def told() -> int:
+    """Say that the command was interrupted; the status with which the process ends."""
+    sys.stderr.write("uavgram: interrupted; earlier results are as they were\n")
+    return ending(INTERRUPTED)
 
 
-def end(status: int) -> int:
-    """The status with which a command that was not interrupted ends, unless Ctrl+C comes yet."""
-    if signal.getsignal(signal.SIGINT) is _interrupt:
-        # What went wrong was said, in a line of its own.
-        signal.signal(signal.SIGINT, signal.SIG_IGN if status else _interrupt_end)
-    return _ending(status)
-
-
-def _ending(status: int) -> int:
-    global _status  # noqa: PLW0603
+def ending(status: int) -> int:
+    """The status with which this process ends: from now on nothing is broken off."""
+    global _status  # noqa: PLW0603  (a process has one)
     _status = status
     return status
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    global _came  # noqa: PLW0603
+    _came = True
+    if _status is None:
+        raise KeyboardInterrupt
+    if _status == 0:  # Python puts things away, and nothing is caught any more
+        sys.stderr.write("uavgram: interrupted; what was asked for was done already\n")
+        os._exit(INTERRUPTED)
+    # Else one line was written already.
 
 
 def _leave() -> None:
@@ -63,29 +65,11 @@ def _leave() -> None:
     if _status is None:  # a bug, whose traceback is shown
         return
     try:
-        for stream in (sys.stdout, sys.stderr):
-            if stream is not None:
-                stream.flush()
-    except (OSError, ValueError):  # Python has a status of its own for that
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except (AttributeError, OSError, ValueError):  # closed: Python has a status of its own for that
         return
     os._exit(_status)
-
-
-def _say(what: str) -> None:
-    if sys.stderr is not None:
-        sys.stderr.write(f"uavgram: interrupted; {what}\n")
-
-
-def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    global _came  # noqa: PLW0603  (a process has one handler)
-    _came = True
-    raise KeyboardInterrupt
-
-
-def _interrupt_end(_number: int, _frame: FrameType | None) -> None:
-    """Nothing can be caught any more: Python puts things away."""
-    _say("what was asked for was done already")
-    os._exit(INTERRUPTED)
 
 
 def _again(ignored: UnraisableHookArgs) -> None:

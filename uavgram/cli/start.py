@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from uavgram.cli.interrupt import end, has_come, watch
+from uavgram.cli.interrupt import ending, has_come, watch
 
 
 def begin(arguments: Sequence[str] | None) -> int:
@@ -16,16 +16,14 @@ def begin(arguments: Sequence[str] | None) -> int:
     KeyboardInterrupt
         Ctrl+C came, whatever exception it was turned into on its way here.
     """
-    is_own = arguments is None
-    if is_own:
+    if arguments is None:  # this process is ours alone
         watch()
     try:
-        status = _run(arguments)
+        return ending(_run(arguments))
     except BaseException as fault:
         if has_come():
             raise KeyboardInterrupt from fault
         raise
-    return end(status) if is_own else status
 
 
 def _run(arguments: Sequence[str] | None) -> int:
@@ -39,7 +37,7 @@ def _run(arguments: Sequence[str] | None) -> int:
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     # pydantic asks every installed package whether it has a plugin for it; we use none.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    if arguments is None:  # this process is ours alone
+    if arguments is None:
         from uavgram.pipeline.own_process import load_little, seldom_look_for_cycles
 
         load_little()
