@@ -20,8 +20,16 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals of Linu
 
 LONGEST_WAIT_S = 120.0
 LINE = "uavgram: interrupted; earlier results are as they were\n"
-# Before that the process is Python's, which answers in its own way.
-BEGIN = "import os, sys; from uavgram.cli import main; os.write(1, b'!'); sys.exit(main())"
+# It says so from within `main`: before that the process is Python's, which answers in its own way.
+BEGIN = """
+import os, sys
+from uavgram.cli import main
+def look(event, about):
+    if event == "import" and about[0] == "uavgram.cli.start":
+        os.write(1, b"!")
+sys.addaudithook(look)
+sys.exit(main())
+"""
 ENDS = "uavgram: interrupted; what was asked for was done already\n"
 
 
