@@ -115,9 +115,7 @@ def _scaled(raw: NDArray[Any], divisor: float | None) -> NDArray[Any]:
     return np.ascontiguousarray(raw) if divisor is None else raw / divisor
 
 
-FMT = Format(
-    FMT_TYPE, FMT_LENGTH, "FMT", "BBnNZ", ("Type", "Length", "Name", "Format", "Columns")
-)
+FMT = Format(FMT_TYPE, FMT_LENGTH, "FMT", "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"))
 """The layout of all format messages. The logs of 2012 to 2014 state it with one name too few, so
 what a log says of it is not needed."""
 
