@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.boot_clock import as_text, fit_boot_clock, to_utc
+from uavgram.estimation.clocks.boot_clock import fit_boot_clock, to_utc
+from uavgram.geometry.earth.gps_time import DAY_S, utc_text
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import Boot, BootClock, FlightLog
 from uavgram.model.message import Message
@@ -91,10 +92,35 @@ def is_inside(time_utc_s: Floats, clocked: ClockedBoot) -> Bools:
 
 def photos_span(time_s: Floats) -> str:
     """First and last of the photos' instants, in words; NaN is left out."""
-    return f"{as_text(float(np.nanmin(time_s)))} to {as_text(float(np.nanmax(time_s)))}"
+    return f"{utc_text(float(np.nanmin(time_s)))} to {utc_text(float(np.nanmax(time_s)))}"
 
 
 def log_spans(usable: list[ClockedBoot]) -> str:
     """From when to when each boot knows position and attitude, in words."""
     spans = (clocked.span_utc_s() for clocked in usable)
-    return " and ".join(f"{as_text(first)} to {as_text(last)}" for first, last in spans)
+    return " and ".join(f"{utc_text(first)} to {utc_text(last)}" for first, last in spans)
+
+
+def other_day(time_utc_s: Floats, usable: list[ClockedBoot]) -> str:
+    """Both dates where photos and log are more than a day apart, in words; else nothing.
+
+    Parameters
+    ----------
+    time_utc_s
+        (F,) the photos' instants as far as they are known; NaN where a file has none.
+    usable
+        Boots of the log.
+    """
+    if not np.isfinite(time_utc_s).any():
+        return ""
+    photos = float(np.nanmedian(time_utc_s))
+    spans = (clocked.span_utc_s() for clocked in usable)
+    apart_s = min(max(first - photos, photos - last) for first, last in spans)
+    if apart_s < DAY_S:
+        return ""
+    return (
+        f"Photos and log are of different days: the photos' times (less time.offset_s) are "
+        f"{photos_span(time_utc_s)}, the log runs from {log_spans(usable)}, "
+        f"{apart_s / DAY_S:.0f} days apart. Name the log of that flight; or, if the camera's clock "
+        "was wrong, set time.offset_s (camera clock minus UTC, in seconds) and time.offset_sigma_s"
+    )

@@ -10,13 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from uavgram.errors import UavgramError
 from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
 from uavgram.model.flight.frames import Frames, Photos
 from uavgram.model.flight.log import Boot, BootClock, FlightLog
 from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
-from uavgram.stages.synchronise.boots import has_events, usable_boots
+from uavgram.stages.synchronise.boots import has_events, other_day, usable_boots
 from uavgram.stages.synchronise.by_ties import by_ties
 from uavgram.stages.synchronise.placement import placed_frames, unmatched_messages
 from uavgram.stages.synchronise.timing import by_alignment, by_offset, by_order
@@ -71,19 +72,27 @@ def synchronise(
         unique, or there is nothing that could tell the offset. The message says how to settle it.
     """
     usable = usable_boots(log)
-    if options.source == "events" or photos.time_source == "none":
-        chosen, timing = by_order(photos, usable, options)
-    elif options.offset_s == "auto" and ties is not None and not has_events(log):
-        chosen, timing = by_ties(photos, usable, options, ties())
-    elif options.offset_s == "auto":
-        chosen, timing = by_alignment(photos, usable, options)
-    else:
-        chosen, timing = by_offset(photos, usable, options, float(options.offset_s))
+    known_s = 0.0 if options.offset_s == "auto" else float(options.offset_s)
+    apart = other_day(photos.file_time_s - known_s, usable)
+    try:
+        if options.source == "events" or photos.time_source == "none":
+            chosen, timing = by_order(photos, usable, options)
+        elif options.offset_s == "auto" and ties is not None and not has_events(log):
+            chosen, timing = by_ties(photos, usable, options, ties())
+        elif options.offset_s == "auto":
+            chosen, timing = by_alignment(photos, usable, options)
+        else:
+            chosen, timing = by_offset(photos, usable, options, known_s)
+    except UavgramError as fault:
+        if apart:
+            raise UavgramError(apart) from fault
+        raise
+    other = (Message("warning", "log-of-another-day", f"{apart}."),) if apart else ()
     frames = placed_frames(photos, chosen, timing)
     return Synchronised(
         frames=frames,
         boot=chosen.boot,
         clock=chosen.clock,
-        messages=(*chosen.messages, *timing.messages, *unmatched_messages(frames)),
+        messages=(*other, *chosen.messages, *timing.messages, *unmatched_messages(frames)),
         pairing=timing.pairing,
     )

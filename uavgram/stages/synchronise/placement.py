@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.clocks.boot_clock import as_text, to_utc
+from uavgram.estimation.clocks.boot_clock import to_utc
+from uavgram.geometry.earth.gps_time import span_text, utc_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames, Photos
 from uavgram.model.message import Message, Several
@@ -60,8 +61,10 @@ def placed_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames
 
 def _outside(time: float, first: float, last: float) -> str:
     if time < first:
-        return f"taken {first - time:.1f} s before the log begins ({as_text(time)})"
-    return f"taken {time - last:.1f} s after the log ends ({as_text(time)})"
+        end, how = first, f"taken {span_text(first - time)} before the log begins"
+    else:
+        end, how = last, f"taken {span_text(time - last)} after the log ends"
+    return f"{how} ({utc_text(time)}, the log {utc_text(end)})"
 
 
 def _to_nearest(time: Floats, samples: Floats) -> Floats:
