@@ -270,4 +270,4 @@ def test_a_map_of_another_country_is_refused_with_one_that_fits(
     project: Project, fails: Fails
 ) -> None:
     project.set(crs="EPSG:25833")
-    fails(project.path, "EPSG:25833", "12.00 E to 18.01 E", "EPSG:32613")
+    fails(project.path, "EPSG:25833", "longitude 12.00 to 18.01", "EPSG:32613")

@@ -64,9 +64,9 @@ def test_degrees_feet_and_nonsense_are_refused_by_name(wrong: str) -> None:
 @pytest.mark.parametrize(
     ("crs", "latitude", "longitude", "why", "fitting"),
     [
-        ("EPSG:31370", 52.5, 13.4, "49.50 N to 51.51 N and 2.50 E to 6.40 E", "EPSG:32633"),
-        ("EPSG:31370+5710", 52.5, 13.4, "49.50 N to 51.51 N", "EPSG:32633"),
-        ("EPSG:2193", 40.0, 175.0, "47.33 S to 34.10 S", "EPSG:32660"),
+        ("EPSG:31370", 52.5, 13.4, "latitude 49.50 to 51.51, longitude 2.50 to 6.40", "EPSG:32633"),
+        ("EPSG:31370+5710", 52.5, 13.4, "latitude 49.50 to 51.51", "EPSG:32633"),
+        ("EPSG:2193", 40.0, 175.0, "latitude -47.33 to -34.10", "EPSG:32660"),
         ("EPSG:3857", 52.5, 13.4, "1.64", "EPSG:32633"),
         ("+proj=utm +zone=32 +ellps=GRS80", -30.0, 150.0, "1.19", "EPSG:32756"),
     ],

@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 from pyproj import CRS, Proj, Transformer
+from pyproj.aoi import AreaOfUse
 from pyproj.exceptions import CRSError
 
 from uavgram.errors import GeometryError
@@ -73,46 +74,34 @@ def require_fitting(text: str, latitude_deg: float, longitude_deg: float) -> Non
         The place is outside the system's area of use, or a metre there is shown more than
         `MOST_SCALE` too long or too short; the message proposes a system that fits.
     """
-    crs = CRS.from_user_input(text)
+    crs, fitting = CRS.from_user_input(text), utm_crs(latitude_deg, longitude_deg)
     areas = (part.area_of_use for part in (crs, *crs.sub_crs_list))
     area = next((area for area in areas if area is not None), None)
     factors = Proj(crs).get_factors(longitude_deg, latitude_deg)
     axes = (float(factors.tissot_semimajor), float(factors.tissot_semiminor))
     scale = max(axes, key=lambda axis: abs(axis - 1.0))
-    way_out = ""
-    if area is not None and not _is_within(area.bounds, latitude_deg, longitude_deg):
-        west, south, east, north = area.bounds
-        why = f"is made for {_degrees(south, north, 'SN')} and {_degrees(west, east, 'WE')}"
-        way_out = (
-            "; where your agency uses a system beyond its area, give its definition (such as "
+    if area is not None and not _is_within(area, latitude_deg, longitude_deg):
+        why = (
+            f"is made for latitude {area.south:.2f} to {area.north:.2f}, longitude {area.west:.2f} "
+            f"to {area.east:.2f} (where your agency uses it beyond, give its definition, such as "
             '"+proj=utm +zone=32 +ellps=GRS80")'
         )
     elif not abs(scale - 1.0) <= MOST_SCALE:  # infinite where the projection ends
-        why = f"shows a metre on the ground as {scale:.3f} m"
+        why = f"shows a metre on the ground as {scale:.3f} m at the site"
     else:
         return
-    fitting = utm_crs(latitude_deg, longitude_deg)
     raise GeometryError(
-        f"crs: {text!r} ({crs.name}) {why}; the site is at "
-        f"{_degrees(latitude_deg, latitude_deg, 'SN')}, "
-        f"{_degrees(longitude_deg, longitude_deg, 'WE')}. Take {fitting} "
-        f"({CRS.from_user_input(fitting).name}), or `crs: auto`, which finds it{way_out}"
+        f"crs: {text!r} ({crs.name}) {why}; the site is at {latitude_deg:.2f}, "
+        f"{longitude_deg:.2f}. Take {fitting} ({CRS.from_user_input(fitting).name}), or "
+        "`crs: auto`, which finds it"
     )
 
 
-def _is_within(
-    bounds: tuple[float, float, float, float], latitude_deg: float, longitude_deg: float
-) -> bool:
-    """Whether a place is in an area, which may reach over the 180th meridian."""
-    west, south, east, north = bounds
-    is_between = (longitude_deg - west) % 360.0 <= (east - west) % 360.0
-    return south <= latitude_deg <= north and (is_between or east - west >= 360.0)
-
-
-def _degrees(first: float, last: float, hemispheres: str) -> str:
-    """A range of latitudes or longitudes in words."""
-    ends = [f"{abs(end):.2f} {hemispheres[int(end >= 0)]}" for end in (first, last)]
-    return " to ".join(dict.fromkeys(ends))
+def _is_within(area: AreaOfUse, latitude_deg: float, longitude_deg: float) -> bool:
+    """Whether a place is in an area, which may reach over the 180th meridian or round the earth."""
+    east_of_west = (longitude_deg - area.west) % 360.0
+    width = (area.east - area.west) % 360.0 or 360.0
+    return area.south <= latitude_deg <= area.north and east_of_west <= width
 
 
 def projected_from_enu(enu_m: Floats, origin: Origin, crs: str) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.boot_clock import fit_boot_clock, to_utc
-from uavgram.geometry.earth.gps_time import DAY_S, utc_text
+from uavgram.geometry.earth.gps_time import span_text, utc_text
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import Boot, BootClock, FlightLog
 from uavgram.model.message import Message
@@ -101,8 +101,8 @@ def log_spans(usable: list[ClockedBoot]) -> str:
     return " and ".join(f"{utc_text(first)} to {utc_text(last)}" for first, last in spans)
 
 
-def other_day(time_utc_s: Floats, usable: list[ClockedBoot]) -> str:
-    """Both dates where photos and log are more than a day apart, in words; else nothing.
+def apart(time_utc_s: Floats, usable: list[ClockedBoot]) -> tuple[float, str]:
+    """How far photos and log are apart in time [s], and both spans in words.
 
     Parameters
     ----------
@@ -112,15 +112,12 @@ def other_day(time_utc_s: Floats, usable: list[ClockedBoot]) -> str:
         Boots of the log.
     """
     if not np.isfinite(time_utc_s).any():
-        return ""
-    photos = float(np.nanmedian(time_utc_s))
-    spans = (clocked.span_utc_s() for clocked in usable)
-    apart_s = min(max(first - photos, photos - last) for first, last in spans)
-    if apart_s < DAY_S:
-        return ""
-    return (
-        f"Photos and log are of different days: the photos' times (less time.offset_s) are "
-        f"{photos_span(time_utc_s)}, the log runs from {log_spans(usable)}, "
-        f"{apart_s / DAY_S:.0f} days apart. Name the log of that flight; or, if the camera's clock "
-        "was wrong, set time.offset_s (camera clock minus UTC, in seconds) and time.offset_sigma_s"
+        return 0.0, ""
+    middle_s, spans = float(np.nanmedian(time_utc_s)), [each.span_utc_s() for each in usable]
+    apart_s = min((middle_s - begin for begin, _ in spans), key=abs)
+    return apart_s, (
+        f"no photo lies in the flight: the photos were taken {photos_span(time_utc_s)} (file times "
+        f"less time.offset_s), the log runs from {log_spans(usable)}. Name the log of that flight; "
+        f"or set time.offset_s (camera clock minus UTC) and time.offset_sigma_s, if the camera's "
+        f"clock is wrong by about {span_text(apart_s, '+')}"
     )

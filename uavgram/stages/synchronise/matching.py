@@ -12,12 +12,13 @@ from dataclasses import dataclass
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
+from uavgram.geometry.earth.gps_time import DAY_S
 from uavgram.model.flight.frames import Frames, Photos
 from uavgram.model.flight.log import Boot, BootClock, FlightLog
 from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
-from uavgram.stages.synchronise.boots import has_events, other_day, usable_boots
+from uavgram.stages.synchronise.boots import apart, has_events, usable_boots
 from uavgram.stages.synchronise.by_ties import by_ties
 from uavgram.stages.synchronise.placement import placed_frames, unmatched_messages
 from uavgram.stages.synchronise.timing import by_alignment, by_offset, by_order
@@ -73,7 +74,7 @@ def synchronise(
     """
     usable = usable_boots(log)
     known_s = 0.0 if options.offset_s == "auto" else float(options.offset_s)
-    apart = other_day(photos.file_time_s - known_s, usable)
+    apart_s, both = apart(photos.file_time_s - known_s, usable)
     try:
         if options.source == "events" or photos.time_source == "none":
             chosen, timing = by_order(photos, usable, options)
@@ -84,15 +85,18 @@ def synchronise(
         else:
             chosen, timing = by_offset(photos, usable, options, known_s)
     except UavgramError as fault:
-        if apart:
-            raise UavgramError(apart) from fault
+        if abs(apart_s) > DAY_S:  # what was tried then says nothing
+            raise UavgramError(both) from fault
         raise
-    other = (Message("warning", "log-of-another-day", f"{apart}."),) if apart else ()
+    messages = (*chosen.messages, *timing.messages)
+    if abs(apart_s) > DAY_S:
+        text = f"By the camera's clock {both}."
+        messages = (Message("warning", "log-of-another-day", text), *messages)
     frames = placed_frames(photos, chosen, timing)
     return Synchronised(
         frames=frames,
         boot=chosen.boot,
         clock=chosen.clock,
-        messages=(*other, *chosen.messages, *timing.messages, *unmatched_messages(frames)),
+        messages=(*messages, *unmatched_messages(frames)),
         pairing=timing.pairing,
     )

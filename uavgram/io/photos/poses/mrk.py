@@ -163,12 +163,10 @@ def _check_times(
         )
     if abs(middle) < DAY_S:
         return ()
-    first = int(np.argmax(known))
     text = (
-        f"{path.name} is of another day than the photos: by it {photos.frame_id[photo[first]]} was "
-        f"taken {utc_text(float(rows.utc_s[row[first]]))}, by the camera's clock "
-        f"{utc_text(float(photos.file_time_s[photo[first]]))}. Name the image log of that flight; "
-        "places are right only if the camera's clock was wrong."
+        f"{path.name} is of another day than the photos: it begins {utc_text(rows.utc_s.min())}, "
+        f"the photos by the camera's clock {utc_text(np.nanmin(photos.file_time_s))}. Places are "
+        "right only if that clock was wrong; else name the image log of that flight."
     )
     return (Message("warning", "log-of-another-day", text),)
 
