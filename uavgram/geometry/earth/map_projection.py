@@ -6,7 +6,6 @@ from functools import lru_cache
 
 import numpy as np
 from pyproj import CRS, Proj, Transformer
-from pyproj.aoi import AreaOfUse
 from pyproj.exceptions import CRSError
 
 from uavgram.errors import GeometryError
@@ -80,7 +79,11 @@ def require_fitting(text: str, latitude_deg: float, longitude_deg: float) -> Non
     factors = Proj(crs).get_factors(longitude_deg, latitude_deg)
     axes = (float(factors.tissot_semimajor), float(factors.tissot_semiminor))
     scale = max(axes, key=lambda axis: abs(axis - 1.0))
-    if area is not None and not _is_within(area, latitude_deg, longitude_deg):
+    # over the 180th meridian, or round the earth
+    width = 0.0 if area is None else (area.east - area.west) % 360.0 or 360.0
+    if area is not None and not (
+        area.south <= latitude_deg <= area.north and (longitude_deg - area.west) % 360.0 <= width
+    ):
         why = (
             f"is made for latitude {area.south:.2f} to {area.north:.2f}, longitude {area.west:.2f} "
             f"to {area.east:.2f} (where your agency uses it beyond, give its definition, such as "
@@ -95,13 +98,6 @@ def require_fitting(text: str, latitude_deg: float, longitude_deg: float) -> Non
         f"{longitude_deg:.2f}. Take {fitting} ({CRS.from_user_input(fitting).name}), or "
         "`crs: auto`, which finds it"
     )
-
-
-def _is_within(area: AreaOfUse, latitude_deg: float, longitude_deg: float) -> bool:
-    """Whether a place is in an area, which may reach over the 180th meridian or round the earth."""
-    east_of_west = (longitude_deg - area.west) % 360.0
-    width = (area.east - area.west) % 360.0 or 360.0
-    return area.south <= latitude_deg <= area.north and east_of_west <= width
 
 
 def projected_from_enu(enu_m: Floats, origin: Origin, crs: str) -> Floats:

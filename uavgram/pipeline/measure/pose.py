@@ -116,6 +116,10 @@ def _by_photos(inputs: Inputs, poses: PhotoPoses) -> Posed:
     messages: tuple[Message, ...] = ()
     try:
         place, messages = (stated, ()) if stated is not None else find_photo_home(poses)
+        if stated is None:  # what is above take-off is known without a believed altitude, too
+            by_home = place[2] + poses.height_home_m
+            height = np.where(np.isfinite(poses.height_m), poses.height_m, by_home)
+            poses = replace(poses, height_m=height)
         file_time = dict(zip(inputs.photos.frame_id, inputs.photos.file_time_s, strict=True))
         exposures, more = place_photos(
             poses,

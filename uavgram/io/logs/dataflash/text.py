@@ -9,13 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.io.logs.dataflash.formats import (
-    FMT,
-    TEXT_CHARACTERS,
-    Columns,
-    Format,
-    fields_of,
-)
+from uavgram.io.logs.dataflash.formats import FMT, TEXT_CHARACTERS, Columns, Format, fields_of
 from uavgram.io.logs.dataflash.tables import Piece, Tables
 
 _LONGEST_TEXT = 64  # bytes of format Z; a damaged line may be longer
