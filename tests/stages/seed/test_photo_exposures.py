@@ -224,7 +224,7 @@ def test_without_a_gimbal_the_tags_of_the_drone_state_the_heading(
 def test_a_photo_without_a_believed_altitude_is_placed_and_free_in_height(
     make_poses: Callable[..., PhotoPoses],
 ) -> None:
-    poses = make_poses()
+    poses = make_poses(height_home_m=np.full(8, np.nan))
     height = np.array(poses.height_m)
     height[2] = np.nan
     stated = TelemetryOptions(position_sigma_m=(0.5, 0.5))
@@ -332,3 +332,20 @@ def test_seeds_carry_the_stated_sigmas_and_what_is_shared(
     assert marginal[2, 2] == pytest.approx(9.0 + 3.0**2 + 0.1**2 + swing[2, 2])
     # tilt about the camera's x: own 3 degrees, boresight 2; the heading bias turns about up
     assert marginal[3, 3] == pytest.approx(np.radians(3) ** 2 + np.radians(2) ** 2)
+
+
+def test_without_a_believed_altitude_heights_count_from_take_off(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
+    poses = replace(make_poses(), height_m=np.full(8, np.nan))
+    origin, _ = find_photo_home(poses)
+    exposures, _ = place_photos(poses, origin, MountOptions(), TelemetryOptions())
+
+    low = (*ORIGIN[:2], ORIGIN[2] - 30.0)  # the scene, below take-off
+    one = replace(make_poses(), height_m=np.array([np.nan, *make_poses().height_m[1:]]))
+    by_others, _ = place_photos(one, low, MountOptions(), TelemetryOptions())
+
+    np.testing.assert_allclose(by_others.position_world_m[:, 2], 70.0, atol=1e-3)
+    assert origin[2] == 0.0
+    np.testing.assert_allclose(exposures.position_world_m[:, 2], 40.0, atol=1e-3)
+    np.testing.assert_allclose(exposures.sigma_position_m, 3.0)

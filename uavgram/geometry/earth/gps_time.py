@@ -6,7 +6,6 @@ Times are UTC seconds since the Unix epoch, float64: good to 0.2 microseconds to
 from __future__ import annotations
 
 from datetime import UTC, date, datetime
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -82,7 +81,6 @@ def utc_text(time_utc_s: float) -> str:
     return datetime.fromtimestamp(time_utc_s, tz=UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
 
 
-def span_text(span_s: float, sign: Literal["", "+"] = "") -> str:
-    """A span of time for people: seconds, and from one day on days; with its sign on request."""
-    is_short = abs(span_s) < DAY_S
-    return f"{span_s:{sign}.1f} s" if is_short else f"{span_s / DAY_S:{sign}.0f} days"
+def span_text(span_s: float) -> str:
+    """A span of time for people: seconds, and from one day on days."""
+    return f"{span_s:.1f} s" if span_s < DAY_S else f"{span_s / DAY_S:.0f} days"

@@ -57,8 +57,8 @@ def checked_crs(text: str) -> str:
     return str(crs.to_string())
 
 
-def require_fitting(text: str, latitude_deg: float, longitude_deg: float) -> None:
-    """Refuse a coordinate system whose maps would not fit a place.
+def misfit(text: str, latitude_deg: float, longitude_deg: float) -> str:
+    """Say why maps in a coordinate system would not fit a place; nothing where they do.
 
     Parameters
     ----------
@@ -67,23 +67,17 @@ def require_fitting(text: str, latitude_deg: float, longitude_deg: float) -> Non
     latitude_deg, longitude_deg
         The place, on WGS 84.
 
-    Raises
-    ------
-    GeometryError
-        The place is outside the system's area of use, or a metre there is shown more than
-        `MOST_SCALE` too long or too short; the message proposes a system that fits.
+    Returns
+    -------
+    str
+        That the place is outside the system's area of use, or that a metre there is shown more
+        than `MOST_SCALE` too long or too short; and a system that fits.
     """
     crs, fitting = CRS.from_user_input(text), utm_crs(latitude_deg, longitude_deg)
-    areas = (part.area_of_use for part in (crs, *crs.sub_crs_list))
-    area = next((area for area in areas if area is not None), None)
-    factors = Proj(crs).get_factors(longitude_deg, latitude_deg)
-    axes = (float(factors.tissot_semimajor), float(factors.tissot_semiminor))
-    scale = max(axes, key=lambda axis: abs(axis - 1.0))
-    # over the 180th meridian, or round the earth
-    width = 0.0 if area is None else (area.east - area.west) % 360.0 or 360.0
-    if area is not None and not (
-        area.south <= latitude_deg <= area.north and (longitude_deg - area.west) % 360.0 <= width
-    ):
+    area = crs.area_of_use
+    found = Proj(crs).get_factors(longitude_deg, latitude_deg)
+    scale = max(found.tissot_semimajor, found.tissot_semiminor, key=lambda axis: abs(axis - 1.0))
+    if area is not None and not _is_within(area.bounds, latitude_deg, longitude_deg):
         why = (
             f"is made for latitude {area.south:.2f} to {area.north:.2f}, longitude {area.west:.2f} "
             f"to {area.east:.2f} (where your agency uses it beyond, give its definition, such as "
@@ -92,12 +86,19 @@ def require_fitting(text: str, latitude_deg: float, longitude_deg: float) -> Non
     elif not abs(scale - 1.0) <= MOST_SCALE:  # infinite where the projection ends
         why = f"shows a metre on the ground as {scale:.3f} m at the site"
     else:
-        return
-    raise GeometryError(
+        return ""
+    return (
         f"crs: {text!r} ({crs.name}) {why}; the site is at {latitude_deg:.2f}, "
         f"{longitude_deg:.2f}. Take {fitting} ({CRS.from_user_input(fitting).name}), or "
         "`crs: auto`, which finds it"
     )
+
+
+def _is_within(bounds: tuple[float, ...], latitude_deg: float, longitude_deg: float) -> bool:
+    """Whether a place is in an area, which may reach over the 180th meridian or round the earth."""
+    west, south, east, north = bounds
+    width = (east - west) % 360.0 or 360.0
+    return south <= latitude_deg <= north and (longitude_deg - west) % 360.0 <= width
 
 
 def projected_from_enu(enu_m: Floats, origin: Origin, crs: str) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError, InputError, UavgramError
 from uavgram.geometry.earth.geodesy import curvature_drop, enu_from_geodetic
-from uavgram.geometry.earth.map_projection import require_fitting
+from uavgram.geometry.earth.map_projection import misfit
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import FlightLog, HeightDatum
@@ -70,11 +70,8 @@ def pose_frames(inputs: Inputs) -> Posed:
     else:
         posed = unposed(inputs)
     place, crs = posed.world.origin, inputs.project.crs
-    if place is not None and crs != "auto":
-        try:
-            require_fitting(crs, place.latitude_deg, place.longitude_deg)
-        except GeometryError as fault:
-            raise InputError(inputs.project_path, str(fault)) from fault
+    if place is not None and crs != "auto" and (why := misfit(crs, *place[:2])):
+        raise InputError(inputs.project_path, why)
     return posed
 
 
@@ -116,10 +113,6 @@ def _by_photos(inputs: Inputs, poses: PhotoPoses) -> Posed:
     messages: tuple[Message, ...] = ()
     try:
         place, messages = (stated, ()) if stated is not None else find_photo_home(poses)
-        if stated is None:  # what is above take-off is known without a believed altitude, too
-            by_home = place[2] + poses.height_home_m
-            height = np.where(np.isfinite(poses.height_m), poses.height_m, by_home)
-            poses = replace(poses, height_m=height)
         file_time = dict(zip(inputs.photos.frame_id, inputs.photos.file_time_s, strict=True))
         exposures, more = place_photos(
             poses,

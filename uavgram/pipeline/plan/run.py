@@ -15,7 +15,7 @@ from uavgram.io.exports.mission_qgc import qgc_plan_text
 from uavgram.io.exports.mission_waypoints import waypoints_text
 from uavgram.io.outputs import as_output_errors, replace_bytes, replace_text, staged_output
 from uavgram.io.results.plan_json import write_plan
-from uavgram.model.maps.mission import Autopilot, HeightFrame, Mission
+from uavgram.model.maps.mission import Autopilot, HeightFrame
 from uavgram.model.maps.plan import Paper
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.scenario.scenario import Scenario
@@ -34,7 +34,7 @@ from uavgram.views.pages_pdf import weasyprint_for
 from uavgram.views.planned_recording.write import write_plan_recording
 
 PLAN_FILE, SHEET_FILE = "plan.json", f"{SHEET}.html"
-MISSIONS = frozenset({"mission.waypoints", "mission.plan", "mission_litchi.csv"})
+MISSIONS = {"mission.waypoints", "mission.plan", "mission_litchi.csv"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,6 +120,7 @@ def write_outputs(
     """
     if made.pdf is not None:
         weasyprint_for(SHEET)
+    mission = flight_mission(planned, made.autopilot, made.heights)
     layers, sheet = plan_layers(planned), field_sheet(planned, made.units)
     with staged_output(folder, [source]) as hidden:
         replace_text(hidden / SHEET_FILE, sheet)
@@ -128,7 +129,10 @@ def write_outputs(
         write_layers_geojson(layers, hidden / "plan.geojson")
         write_kml(layers, hidden / "plan.kml")
         if nowhere().code not in {message.code for message in planned.messages}:
-            _write_missions(flight_mission(planned, made.autopilot, made.heights), hidden)
+            if made.autopilot == "ardupilot":
+                replace_text(hidden / "mission.waypoints", waypoints_text(mission))
+            replace_text(hidden / "mission.plan", qgc_plan_text(mission))
+            replace_text(hidden / "mission_litchi.csv", litchi_text(mission))
         write_plan_recording(planned, hidden / "plan.rrd", made.units)
         write_plan(planned, hidden / PLAN_FILE)
         remark = "The planned survey: `uavgram simulate` repeats it against known truth."
@@ -138,11 +142,3 @@ def write_outputs(
         for name in MISSIONS - written:  # an earlier plan's: nobody is to fly it by mistake
             (folder / name).unlink(missing_ok=True)
     return tuple(sorted(written))
-
-
-def _write_missions(mission: Mission, folder: Path) -> None:
-    """Write the mission in the form of each program that flies it."""
-    if mission.autopilot == "ardupilot":
-        replace_text(folder / "mission.waypoints", waypoints_text(mission))
-    replace_text(folder / "mission.plan", qgc_plan_text(mission))
-    replace_text(folder / "mission_litchi.csv", litchi_text(mission))

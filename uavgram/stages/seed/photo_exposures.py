@@ -18,7 +18,7 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.photo_poses import PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.stated_mount import with_stated_mount
+from uavgram.stages.seed.poses import with_stated_mount
 
 HORIZONTAL_SIGMA_M, VERTICAL_SIGMA_M = 3.0, 3.0
 TILT_SIGMA_DEG, YAW_SIGMA_DEG = 3.0, 3.0
@@ -45,10 +45,9 @@ def find_photo_home(poses: PhotoPoses) -> tuple[Origin, tuple[Message, ...]]:
         No photo has a height above take-off.
     """
     take_off_m = poses.height_m - poses.height_home_m
+    if not np.isfinite(take_off_m).any():  # no altitude is believed: heights count from there
+        take_off_m = 0.0 * poses.height_home_m
     known = np.flatnonzero(np.isfinite(take_off_m))
-    if not known.size:  # no altitude is believed: heights count from there
-        take_off_m = np.zeros_like(take_off_m)
-        known = np.flatnonzero(np.isfinite(poses.height_home_m))
     if not known.size:
         raise UavgramError(
             f"{poses.source} says nothing of the height above take-off, so there is no home: set "
@@ -92,9 +91,10 @@ def place_photos(
         (N,) when the photos' files say they were taken, on one clock; NaN where they do not. Used
         where `poses` has no times of its own.
     """
-    height = _heights(poses, origin)
+    height, is_known = _heights(poses, origin)
     position = enu_from_geodetic(poses.latitude_deg, poses.longitude_deg, height, origin)
     sigma_position = _position_sigmas(poses, telemetry)
+    sigma_position[~is_known, 1] = UNKNOWN_HEIGHT_SIGMA_M
     has_attitude = np.asarray(np.isfinite(poses.ypr_rad).all(axis=1))
     time_s = _times(poses, file_time_s)
     course, turning = _courses_in_time(time_s, position, sigma_position)
@@ -149,11 +149,18 @@ def _level(heading: Floats) -> Floats:
     return matrix_from_ypr(yaw, np.zeros_like(yaw), np.zeros_like(yaw))
 
 
-def _heights(poses: PhotoPoses, origin: Origin) -> Floats:
-    """(N,) [m] in the poses' datum; that of the other photos, or a usual one, where unknown."""
-    stated = poses.height_m[np.isfinite(poses.height_m)]
-    usual = np.median(stated) if stated.size else origin[2] + ABOVE_GROUND_M
-    return np.where(np.isfinite(poses.height_m), poses.height_m, usual)
+def _heights(poses: PhotoPoses, origin: Origin) -> tuple[Floats, Bools]:
+    """(N,) heights in the poses' datum [m], and which of them are known: if only above take-off.
+
+    The others are those of the other photos, or usual ones.
+    """
+    take_off = poses.height_m - poses.height_home_m
+    take_off = take_off[np.isfinite(take_off)]
+    home = np.median(take_off) if take_off.size else origin[2]
+    height = np.where(np.isfinite(poses.height_m), poses.height_m, home + poses.height_home_m)
+    known = np.isfinite(height)
+    usual = np.median(height[known]) if known.any() else origin[2] + ABOVE_GROUND_M
+    return np.where(known, height, usual), known
 
 
 def _times(poses: PhotoPoses, file_time_s: Floats | None) -> Floats:
@@ -233,13 +240,12 @@ def _courses(position_m: Floats, sigma_m: Floats, close: Bools) -> tuple[Floats,
 
 
 def _position_sigmas(poses: PhotoPoses, options: TelemetryOptions) -> Floats:
-    """(N, 2) horizontal and vertical [m]; what is only assumed is never made certain."""
-    stated = np.stack([poses.sigma_horizontal_m, poses.sigma_vertical_m], axis=1)
-    sigma = np.where(np.isfinite(stated), stated, [HORIZONTAL_SIGMA_M, VERTICAL_SIGMA_M])
+    """(N, 2) horizontal and vertical [m]."""
+    count = len(poses.frame_id)
     if options.position_sigma_m != "auto":
-        sigma[:] = options.position_sigma_m
-    sigma[np.isnan(poses.height_m), 1] = UNKNOWN_HEIGHT_SIGMA_M
-    return sigma
+        return np.tile(np.array(options.position_sigma_m), (count, 1))
+    stated = np.stack([poses.sigma_horizontal_m, poses.sigma_vertical_m], axis=1)
+    return np.where(np.isfinite(stated), stated, [HORIZONTAL_SIGMA_M, VERTICAL_SIGMA_M])
 
 
 def _attitude_sigmas(

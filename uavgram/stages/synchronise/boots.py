@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.boot_clock import fit_boot_clock, to_utc
-from uavgram.geometry.earth.gps_time import span_text, utc_text
+from uavgram.geometry.earth.gps_time import DAY_S, utc_text
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import Boot, BootClock, FlightLog
 from uavgram.model.message import Message
@@ -115,9 +115,9 @@ def apart(time_utc_s: Floats, usable: list[ClockedBoot]) -> tuple[float, str]:
         return 0.0, ""
     middle_s, spans = float(np.nanmedian(time_utc_s)), [each.span_utc_s() for each in usable]
     apart_s = min((middle_s - begin for begin, _ in spans), key=abs)
+    about = f"{apart_s:+.0f} s" if abs(apart_s) < DAY_S else f"{apart_s / DAY_S:+.0f} days"
     return apart_s, (
         f"no photo lies in the flight: the photos were taken {photos_span(time_utc_s)} (file times "
-        f"less time.offset_s), the log runs from {log_spans(usable)}. Name the log of that flight; "
-        f"or set time.offset_s (camera clock minus UTC) and time.offset_sigma_s, if the camera's "
-        f"clock is wrong by about {span_text(apart_s, '+')}"
+        f"less time.offset_s), the log runs from {log_spans(usable)}. Is it the log of another "
+        f"flight, or is the camera's clock wrong by about {about}? Then set time.offset_s"
     )

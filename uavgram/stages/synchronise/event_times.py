@@ -30,6 +30,10 @@ from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.boots import ClockedBoot
 
+HOW = (
+    "Set time.offset_s (camera clock minus UTC, in seconds; compare a photo's time with the "
+    "flight), and time.offset_sigma_s to how well it is known"
+)
 EVENT_JITTER_S = 0.01  # of a shutter after its event: one step of ArduPilot's 50 Hz loop is 0.02
 _LEAST_JITTER_S = 0.002  # no shutter was seen to be steadier
 _MOST_JITTER_S = 0.1

@@ -85,13 +85,11 @@ def synchronise(
         else:
             chosen, timing = by_offset(photos, usable, options, known_s)
     except UavgramError as fault:
-        if abs(apart_s) > DAY_S:  # what was tried then says nothing
-            raise UavgramError(both) from fault
-        raise
+        raise UavgramError(both if abs(apart_s) > DAY_S else str(fault)) from fault
     messages = (*chosen.messages, *timing.messages)
     if abs(apart_s) > DAY_S:
-        text = f"By the camera's clock {both}."
-        messages = (Message("warning", "log-of-another-day", text), *messages)
+        told = Message("warning", "log-of-another-day", f"By the camera's clock {both}.")
+        messages = (told, *messages)
     frames = placed_frames(photos, chosen, timing)
     return Synchronised(
         frames=frames,

@@ -60,11 +60,8 @@ def placed_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames
 
 
 def _outside(time: float, first: float, last: float) -> str:
-    if time < first:
-        end, how = first, f"taken {span_text(first - time)} before the log begins"
-    else:
-        end, how = last, f"taken {span_text(time - last)} after the log ends"
-    return f"{how} ({utc_text(time)}, the log {utc_text(end)})"
+    end, how = (first, "before the log begins") if time < first else (last, "after the log ends")
+    return f"taken {span_text(abs(time - end))} {how} ({utc_text(time)}, the log {utc_text(end)})"
 
 
 def _to_nearest(time: Floats, samples: Floats) -> Floats:

@@ -16,6 +16,7 @@ from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.boots import ClockedBoot, apart, is_inside, log_spans, photos_span
 from uavgram.stages.synchronise.event_times import (
     EVENT_JITTER_S,
+    HOW,
     Timing,
     event_timing,
     file_sigma_s,
@@ -126,12 +127,6 @@ def _snapped(
     return event_timing(photos, chosen, alignment, options, (message,))
 
 
-_HOW = (
-    "Set time.offset_s (camera clock minus UTC, in seconds; compare a photo's time with the "
-    "flight), and time.offset_sigma_s to how well it is known"
-)
-
-
 def by_alignment(
     photos: Photos, usable: list[ClockedBoot], options: TimeOptions
 ) -> tuple[ClockedBoot, Timing]:
@@ -203,11 +198,11 @@ def _ambiguity(alignment: Alignment, photos: int, events: int) -> str:
         return (
             f"time.offset_s is auto, but under no offset of the camera's clock do most of the "
             f"{photos} photos fall on one of the log's {events} camera events (best: {listed}): "
-            f"is this the log of another flight? {_HOW}"
+            f"is this the log of another flight? {HOW}"
         )
     return (
         f"time.offset_s is auto, but {photos} photos fit the log's {events} camera events under "
-        f"no single offset of the camera's clock that is clearly best: {listed}. {_HOW}"
+        f"no single offset of the camera's clock that is clearly best: {listed}. {HOW}"
     )
 
 
@@ -215,5 +210,5 @@ def _two_boots(unique: list[Alignment]) -> str:
     listed = " and ".join(f"{a.offset_s:+.3f} s ({a.candidates[0].matched} photos)" for a in unique)
     return (
         f"time.offset_s is auto, but the photos fit the camera events of {len(unique)} flights of "
-        f"the log: {listed}. {_HOW}"
+        f"the log: {listed}. {HOW}"
     )

@@ -97,17 +97,6 @@ def test_two_folders_in_one_project_are_refused(real: Path) -> None:
         read_mrk(real, photos)
 
 
-def test_an_image_log_of_another_day_is_told_by_both_dates(real: Path) -> None:
-    when = read_mrk(real, named([2, 3]))[0].time_utc_s
-    _, messages = read_mrk(real, named([2, 3], np.floor(when) + 3030 * 86400.0))
-    same_day = read_mrk(real, named([2, 3], np.floor(when) + 12 * 3600.0))[1]
-
-    assert [m.code for m in messages] == ["log-of-another-day"]
-    assert "2022-05-25" in messages[0].text
-    assert "2030-09-10" in messages[0].text
-    assert same_day == ()
-
-
 def test_malformed_and_doubled_lines_are_named(real: Path, tmp_path: Path) -> None:
     lines = real.read_text().splitlines()
     path = tmp_path / "a.mrk"

@@ -158,6 +158,16 @@ def test_altitudes_of_zero_or_of_the_wrong_sign_are_named_and_not_used(
         assert f"{altitudes[odd[0]]:.1f} m" in message.text
 
 
+def test_a_place_without_altitude_is_named_and_takes_part(read: Read) -> None:
+    low = {key: value for key, value in PLACE.items() if key != "AbsoluteAltitude"}
+    poses, messages = read(PLACE, low)
+
+    np.testing.assert_array_equal(poses.height_m, [200.5, np.nan])
+    assert [m.code for m in messages] == ["odd-altitude"]
+    assert "DJI_0001 cannot" in messages[0].text
+    assert "(none)" in messages[0].text
+
+
 def test_ellipsoidal_heights_may_be_below_zero(read: Read) -> None:
     """The geoid is 106 m below the ellipsoid south of India."""
     rtk = {"RtkFlag": "50", "AbsoluteAltitude": "-71.0"}

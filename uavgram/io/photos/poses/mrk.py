@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.geometry.earth.gps_time import DAY_S, span_text, utc_from_gps, utc_text
+from uavgram.geometry.earth.gps_time import utc_from_gps
 from uavgram.io.inputs import read_bytes
 from uavgram.io.photos.poses.tags import RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M
 from uavgram.model.arrays import Floats, Ints
@@ -70,7 +70,7 @@ def read_mrk(path: str | Path, photos: Photos) -> tuple[PhotoPoses, tuple[Messag
             f"{max(numbers)}; is it the log of another folder?",
         )
     photo, row = np.array(placed).T
-    messages = _check_times(path, photos, rows, photo, row)
+    _check_times(path, photos, rows, photo, row)
     horizontal = np.sqrt((rows.sigma_m[row, :2] ** 2).mean(axis=1))
     poses = PhotoPoses(
         frame_id=tuple(photos.frame_id[i] for i in photo),
@@ -83,7 +83,7 @@ def read_mrk(path: str | Path, photos: Photos) -> tuple[PhotoPoses, tuple[Messag
         sigma_vertical_m=np.maximum(rows.sigma_m[row, 2], RTK_FLOOR_VERTICAL_M),
         source="DJI MRK",
     )
-    return poses, messages + _quality_messages(path, rows.quality[row], len(joined) - len(placed))
+    return poses, _quality_messages(path, rows.quality[row], len(joined) - len(placed))
 
 
 def _read_rows(path: Path) -> _Rows:
@@ -142,33 +142,22 @@ def _photo_numbers(path: Path, photos: Photos) -> list[int]:
     return list(numbers)
 
 
-def _check_times(
-    path: Path, photos: Photos, rows: _Rows, photo: Ints, row: Ints
-) -> tuple[Message, ...]:
-    """The camera's clock may be off, but by the same for all photos; a message if by days."""
+def _check_times(path: Path, photos: Photos, rows: _Rows, photo: Ints, row: Ints) -> None:
+    """The camera's clock may be off, but by the same for all photos."""
     gap = photos.file_time_s[photo] - rows.utc_s[row]
     known = np.isfinite(gap)
-    if not known.any():
-        return ()
-    middle = float(np.median(gap[known]))
-    off = np.where(known, np.abs(gap - middle), 0.0)
+    if known.sum() < 2:
+        return
+    off = np.where(known, np.abs(gap - np.median(gap[known])), 0.0)
     worst = int(np.argmax(off))
     if off[worst] > _LARGEST_TIME_GAP_S:
         raise InputError(
             path,
-            f"{photos.frame_id[photo[worst]]!r} was taken {span_text(off[worst])} away from where "
-            "its number says, measured against the other photos: renamed photos, or the log of "
+            f"{photos.frame_id[photo[worst]]!r} was taken {off[worst]:.1f} s away from where its "
+            "number says, measured against the other photos: renamed photos, or the log of "
             "another folder?",
             int(rows.line[row[worst]]),
         )
-    if abs(middle) < DAY_S:
-        return ()
-    text = (
-        f"{path.name} is of another day than the photos: it begins {utc_text(rows.utc_s.min())}, "
-        f"the photos by the camera's clock {utc_text(np.nanmin(photos.file_time_s))}. Places are "
-        "right only if that clock was wrong; else name the image log of that flight."
-    )
-    return (Message("warning", "log-of-another-day", text),)
 
 
 def _quality_messages(path: Path, quality: Ints, without: int) -> tuple[Message, ...]:

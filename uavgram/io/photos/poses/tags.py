@@ -156,7 +156,7 @@ def read_photo_tags(photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
     InputError
         No photo has a place, tags cannot be read, or the photos' heights have several datums.
     """
-    readings, messages = _read_poses(photos)
+    readings = _read_poses(photos)
     rows = [k for k, pose in enumerate(readings) if _has_place(pose)]
     if not rows:
         raise InputError(
@@ -164,8 +164,7 @@ def read_photo_tags(photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
             f"has no place in EXIF or XMP, nor has any of the {len(photos.path)} photos: name a "
             "file in `poses`, or a `log`",
         )
-    poses, more = _of_tags(photos, rows, readings)
-    return poses, messages + more
+    return _of_tags(photos, rows, readings)
 
 
 def read_stated_tags(photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
@@ -173,42 +172,36 @@ def read_stated_tags(photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, 
 
     None, with a message, where no photo states either.
     """
-    readings, messages = _read_poses(photos)
-    readings = [_without_half_a_place(pose) for pose in readings]
+    readings = _read_poses(photos)
     rows = [k for k, pose in enumerate(readings) if _has_place(pose) or _has_attitude(pose)]
     if not rows:
         text = (
             f"None of the {len(readings)} photos states a place or an attitude in EXIF or XMP: "
             "`exif` in `poses` adds nothing."
         )
-        return None, (*messages, Message("warning", "no-pose-tags", text))
-    poses, more = _of_tags(photos, rows, readings)
-    return poses, messages + more
-
-
-def _without_half_a_place(pose: TagPose) -> TagPose:
-    if _has_place(pose) and math.isfinite(pose.height_m):
-        return pose
-    return replace(pose, latitude_deg=math.nan, longitude_deg=math.nan, height_m=math.nan)
+        return None, (Message("warning", "no-pose-tags", text),)
+    return _of_tags(photos, rows, readings)
 
 
 def _of_tags(
     photos: Photos, rows: list[int], readings: list[TagPose]
 ) -> tuple[PhotoPoses, tuple[Message, ...]]:
     """The tags of some photos as columns."""
-    chosen = [readings[k] for k in rows]
     frame_id = tuple(photos.frame_id[k] for k in rows)
+    chosen, unused = _without_fillers(frame_id, [readings[k] for k in rows])
     guesses = dict.fromkeys(pose.datum_guess for pose in chosen if pose.datum_guess)
     poses = PhotoPoses(
         frame_id=frame_id,
-        datum=_one_datum(photos, [k for k in rows if _has_place(readings[k])], readings),
+        datum=_one_datum(
+            photos, [k for k in rows if math.isfinite(readings[k].height_m)], readings
+        ),
         datum_guess="; ".join(guesses),
         ypr_rad=np.radians([p.ypr_deg for p in chosen]),
         vehicle_ypr_rad=np.radians([p.vehicle_ypr_deg for p in chosen]),
         source=", ".join(dict.fromkeys(p.source for p in chosen)),
         **{name: np.array([getattr(pose, name) for pose in chosen]) for name in _COLUMNS},
     )
-    return poses, (*_oddities(frame_id, chosen), *_edited(frame_id, chosen))
+    return poses, (*unused, *_oddities(frame_id, chosen), *_edited(frame_id, chosen))
 
 
 def first_maker(photos: Photos) -> str:
@@ -228,46 +221,51 @@ def _read_pose(path: str) -> TagPose:
     return replace(pose, editor=tool if _EDITORS.search(tool) else "")
 
 
-def _read_poses(photos: Photos) -> tuple[list[TagPose], tuple[Message, ...]]:
-    """What all photos state, without numbers that stand for nothing; messages on these."""
-    messages = []
+def _read_poses(photos: Photos) -> list[TagPose]:
     with ThreadPoolExecutor() as pool:
-        poses = list(pool.map(_read_pose, photos.path))
+        return list(pool.map(_read_pose, photos.path))
+
+
+def _without_fillers(
+    frame_id: tuple[str, ...], poses: list[TagPose]
+) -> tuple[list[TagPose], list[Message]]:
+    """The poses without angles and altitudes that stand for nothing, and messages on these."""
+    messages = []
     angles = [pose.ypr_deg for pose in poses if _has_attitude(pose)]
     if angles and not np.any(angles):
         poses = [replace(pose, ypr_deg=NONE) for pose in poses]
         text = (
             f"{counted(len(angles), 'photo')} state gimbal angles of exactly 0, 0 and 0: the drone "
-            "did not fill them in, and they were not used. If you know where the camera looked, "
-            "state `mount` in the project, or the angles in a CSV file (`poses`)."
+            "did not fill them in, and they were not used. State `mount` in the project, or the "
+            "angles in a CSV file (`poses`)."
         )
         messages.append(Message("warning", "gimbal-not-filled", text))
     odd = np.flatnonzero(_is_odd(poses))
     if odd.size:
-        names = tuple(photos.frame_id[k] for k in odd)
+        names = tuple(frame_id[k] for k in odd)
+        stated = sorted({f"{poses[k].height_m:.1f} m" for k in odd})
         text = (
-            f"{listed_photos(names)} cannot have been taken at the altitude that the photo states "
-            f"({', '.join(sorted({f'{poses[k].height_m:.1f} m' for k in odd}))}): it is 0 or has "
-            "the wrong sign, and was not used. The place was. If it is right, or you know the "
-            "true one, give the heights in a CSV file (`poses`)."
-        )
+            f"{listed_photos(names)} cannot have been taken at the altitude that the tags state "
+            f"({', '.join(stated)}): it is missing, 0 or of the wrong sign, and was not used, the "
+            "place was. Give true heights in a CSV file (`poses`)."
+        ).replace("nan m", "none")
         messages.append(Message("warning", "odd-altitude", text, frames=names))
-    for k in odd:
-        poses[k] = replace(poses[k], height_m=math.nan)
-    return poses, tuple(messages)
+        poses = [replace(p, height_m=math.nan) if k in odd else p for k, p in enumerate(poses)]
+    return poses, messages
 
 
 def _is_odd(poses: list[TagPose]) -> Bools:
-    """(N,) whether an altitude is 0, as where there is none, or is below sea level by its sign.
+    """(N,) whether the altitude of a place is missing, 0, or below the sea by its sign.
 
-    A negative one is that if it is the mirror of those of the other photos, or if all are.
+    By its sign is one that mirrors those of the other photos, or where all are below.
     """
     height = np.array([pose.height_m for pose in poses])
     above = height[height > 0]
     usual = float(np.median(above)) if above.size else math.nan
     below = (height < -_LEAST_DEPTH_M) & [pose.datum == "msl" for pose in poses]
     mirrored = np.abs(usual + height) < _MIRRORED_SHARE * (usual - height)
-    return np.asarray((height == 0) | (below & (mirrored | math.isnan(usual))))
+    missing = np.isnan(height) & [_has_place(pose) for pose in poses]
+    return np.asarray(missing | (height == 0) | (below & (mirrored | math.isnan(usual))))
 
 
 def _one_datum(photos: Photos, placed: list[int], readings: list[TagPose]) -> HeightDatum:
