@@ -226,7 +226,7 @@ def test_angles_that_the_project_states_replace_those_of_the_logs_gimbal(
     stated = [m.text for m in messages if m.code == "mount-stated"]
     assert len(stated) == (mount != MountOptions())
     if mount == MountOptions(pitch_deg=-45.0):
-        assert "not as MNT says" in stated[0]
+        assert "own angles (MNT)" in stated[0]
         assert "up to 15.0 degrees apart" in stated[0]
 
 

@@ -135,8 +135,8 @@ def with_stated_mount(
     turns = log_so3(np.swapaxes(before, 1, 2) @ after)
     most_deg = float(np.degrees(np.linalg.norm(turns, axis=1).max()))
     text = (
-        f"The camera looks as `mount` in the project states, not as {source} says: the two are up "
-        f"to {most_deg:.1f} degrees apart. `auto` takes the gimbal's own angles."
+        "The camera is taken to look as `mount` in the project states. The gimbal's own angles "
+        f"({source}), up to {most_deg:.1f} degrees apart, were not used: `auto` takes them."
     )
     return replaced, (Message("info", "mount-stated", text),)
 
