@@ -18,7 +18,7 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.photo_poses import PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.poses import with_stated_mount
+from uavgram.stages.seed.stated_mount import with_stated_mount
 
 HORIZONTAL_SIGMA_M, VERTICAL_SIGMA_M = 3.0, 3.0
 TILT_SIGMA_DEG, YAW_SIGMA_DEG = 3.0, 3.0

@@ -28,7 +28,7 @@ from uavgram.model.flight.log import (
 )
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.poses import with_stated_mount
+from uavgram.stages.seed.stated_mount import with_stated_mount
 
 # What a log says of itself is not believed below these. Against the truth of simulated flights the
 # estimator claimed 0.17 to 0.20 m (square roots of XKV1's variances) and was off by 0.2 m rms in

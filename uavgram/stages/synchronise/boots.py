@@ -115,7 +115,8 @@ def apart(time_utc_s: Floats, usable: list[ClockedBoot]) -> tuple[float, str]:
         return 0.0, ""
     middle_s, spans = float(np.nanmedian(time_utc_s)), [each.span_utc_s() for each in usable]
     apart_s = min((middle_s - begin for begin, _ in spans), key=abs)
-    about = f"{apart_s:+.0f} s" if abs(apart_s) < DAY_S else f"{apart_s / DAY_S:+.0f} days"
+    about = f"{apart_s:+.0f} s ({apart_s / 3600:+.2f} h)"
+    about = about if abs(apart_s) < DAY_S else f"{apart_s / DAY_S:+.0f} days"
     return apart_s, (
         f"no photo lies in the flight: the photos were taken {photos_span(time_utc_s)} (file times "
         f"less time.offset_s), the log runs from {log_spans(usable)}. Is it the log of another "
