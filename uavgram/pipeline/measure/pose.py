@@ -10,6 +10,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError, InputError, UavgramError
 from uavgram.geometry.earth.geodesy import curvature_drop, enu_from_geodetic
+from uavgram.geometry.earth.map_projection import misfit
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import FlightLog, HeightDatum
@@ -55,12 +56,23 @@ class Posed:
 
 
 def pose_frames(inputs: Inputs) -> Posed:
-    """Seed the poses from the log or from the photos; without either, only name the world."""
+    """Seed the poses from the log or from the photos; without either, only name the world.
+
+    Raises
+    ------
+    InputError
+        The project's coordinate system does not fit that world.
+    """
     if inputs.log is not None:
-        return _by_log(inputs, inputs.log)
-    if inputs.poses is not None:
-        return _by_photos(inputs, inputs.poses)
-    return unposed(inputs)
+        posed = _by_log(inputs, inputs.log)
+    elif inputs.poses is not None:
+        posed = _by_photos(inputs, inputs.poses)
+    else:
+        posed = unposed(inputs)
+    place, crs = posed.world.origin, inputs.project.crs
+    if place is not None and crs != "auto" and (why := misfit(crs, *place[:2])):
+        raise InputError(inputs.project_path, why)
+    return posed
 
 
 def _by_log(inputs: Inputs, log: FlightLog) -> Posed:

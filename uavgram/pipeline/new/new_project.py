@@ -19,12 +19,7 @@ from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.pipeline.check import missing
-from uavgram.pipeline.measure.ground_below import (
-    ABOVE_GROUND_M,
-    ABOVE_GROUND_SIGMA_M,
-    ground_below,
-    has_place,
-)
+from uavgram.pipeline.measure.ground_below import ABOVE_GROUND_SIGMA_M, ground_below, has_place
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.new.choices import (
@@ -40,6 +35,7 @@ from uavgram.pipeline.new.choices import (
     pattern_of,
 )
 from uavgram.stages.messages import in_order
+from uavgram.stages.seed.photo_exposures import ABOVE_GROUND_M
 
 Attempt = tuple[ProjectText, Message | None]
 

@@ -38,7 +38,7 @@ NOT_FITTING = frozenset(
         *("frame-left-out", "line-removed", "known-removed", "pick-removed"),
         *("line-duplicate", "known-duplicate", "group-misfit", "checks-misfit", "misfit"),
         *("camera-contradicted", "point-off-ground", "other-zoom", "readout-left-out"),
-        *("clock-off", "gimbal-off", "clock-jumps"),
+        *("clock-off", "gimbal-off", "clock-jumps", "log-of-another-day"),
         *("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
         *("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
     }
