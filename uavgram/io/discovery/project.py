@@ -17,11 +17,10 @@ from uavgram.io.cameras.colmap import is_colmap_cameras
 from uavgram.io.cameras.odm import is_odm_cameras
 from uavgram.io.cameras.opencv import is_opencv_calibration
 from uavgram.io.logs.flight_log import is_flight_log
-from uavgram.io.photos.files import bounded
+from uavgram.io.photos.files import PHOTO_SUFFIXES, bounded
 from uavgram.io.photos.size import image_size
 from uavgram.io.results.plan_json import is_plan
 
-PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 _CAMERA_SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".txt")
 _RESULTS = "results.json"
 _CALIBRATION, _CALIBRATED = "calibration.json", "camera.yaml"
@@ -63,6 +62,7 @@ class Holdings:
     logs: tuple[Path, ...]
     cameras: tuple[Path, ...]
     poses: tuple[Path, ...]
+    gcp_lists: tuple[Path, ...]
     tables: Mapping[TableRole, tuple[Path, ...]]
 
 
@@ -88,6 +88,7 @@ def search_folder(folder: Path) -> Holdings:
         logs=tuple(path for path in files if is_flight_log(path)),
         cameras=tuple(path for path in files if _is_camera(path)),
         poses=(*marks, *tables.get("poses", ())),
+        gcp_lists=tuple(p for p in files if p.suffix.lower() == ".txt" and "gcp" in p.stem.lower()),
         tables=tables,
     )
 

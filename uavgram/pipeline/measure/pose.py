@@ -9,7 +9,12 @@ from functools import partial
 import numpy as np
 
 from uavgram.errors import GeometryError, InputError, UavgramError
-from uavgram.geometry.earth.geodesy import curvature_drop, enu_from_geodetic
+from uavgram.geometry.earth.geodesy import (
+    SAME_SITE_M,
+    are_exchanged,
+    curvature_drop,
+    enu_from_geodetic,
+)
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import FlightLog, HeightDatum
@@ -34,9 +39,6 @@ from uavgram.stages.synchronise import Synchronised, synchronise
 from uavgram.stages.synchronise.by_ties import poses_of
 
 Place = tuple[float, float, float]
-
-FARTHEST_ORIGIN_M = 20_000.0
-"""Of a stated origin: over this distance the ground falls 31 m below its horizontal plane."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -158,7 +160,7 @@ def _far_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]:
         return ()
     apart_m = float(np.linalg.norm(np.median(center_world_m, axis=0)[:2]))
     below_m = curvature_drop(apart_m)
-    if apart_m > FARTHEST_ORIGIN_M:
+    if apart_m > SAME_SITE_M:
         raise InputError(
             inputs.project_path,
             f"world.origin lies {apart_m / 1000:.0f} km from the flight: give a place near it "
@@ -299,6 +301,11 @@ def known_in_world(
         With local or geodetic coordinates.
     world
         Where the local world lies.
+
+    Raises
+    ------
+    InputError
+        A point is far from the world's origin, and near it with latitude and longitude exchanged.
     """
     coordinates: Floats = points.coordinates
     if points.kind == "geodetic" and len(points.label):
@@ -310,5 +317,12 @@ def known_in_world(
             return NO_CONTROL, (Message("warning", "points-unplaced", text, labels=points.label),)
         shift = height_shift(inputs, world.height_datum)
         latitude, longitude, height = points.coordinates.T
+        exchanged = are_exchanged((latitude, longitude), (longitude, latitude), world.origin)
+        if exchanged.any():
+            raise InputError(
+                inputs.project_path,
+                f"the known point {points.label[int(exchanged.argmax())]!r} is far from where the "
+                "survey is, and near it with latitude and longitude exchanged: correct its row",
+            )
         coordinates = enu_from_geodetic(latitude, longitude, height + shift, world.origin)
     return KnownWorldPoints(label=points.label, world_m=coordinates, sigma_m=points.sigma_m), ()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import glob
 import os
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 from uavgram.errors import InputError
 from uavgram.io.discovery.project import Holdings, PhotoGroup, TableRole, grouped
 from uavgram.io.photos.files import matching_files
+from uavgram.io.tables.new_picks import CONTROL_HEADER
 from uavgram.io.tables.picked import LINES_HEADER, MEASURE_HEADER, PICKS_HEADER
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
@@ -20,6 +22,12 @@ from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
 PROJECT = "project.yaml"
 PICKED = {"picks": PICKS_HEADER, "lines": LINES_HEADER, "measure": MEASURE_HEADER}
 """Tables that the picking page makes, and their columns."""
+
+HEADERS = PICKED | {"control": CONTROL_HEADER}
+"""Columns of tables that a new project may have to be written for."""
+
+_IMPORTED = {"output": "picks", "control": "control"}
+"""Options of `uavgram picks import`, and the tables that they fill."""
 
 _TABLES: tuple[TableRole, ...] = (
     *("picks", "lines", "known", "measure", "control", "control_lines", "check", "plan"),
@@ -264,4 +272,15 @@ def choose_tables(folder: Path, holdings: Holdings, notes: Notes) -> dict[str, s
         if candidates:
             names[role] = _relative(folder, candidates[0])
             notes.found.append(f"{role}: {names[role]}")
+    if holdings.gcp_lists and "control" not in names:
+        names["control"] = "control.csv"
+        file = holdings.gcp_lists[0]
+        tables = (f"--{role}={folder / names[name]}" for role, name in _IMPORTED.items())
+        command = shlex.join(["uavgram", "picks", "import", str(file), *tables])
+        text = (
+            f"{_relative(folder, file)} holds picks of points with known coordinates. To use them: "
+            f"{command} --control-sigma-m=0.02; write how well the coordinates are known, in "
+            "metres, instead of 0.02."
+        )
+        notes.messages.append(Message("info", "gcp-list-found", text, files=(file.name,)))
     return names

@@ -28,7 +28,7 @@ from uavgram.pipeline.measure.ground_below import (
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.new.choices import (
-    PICKED,
+    HEADERS,
     PROJECT,
     Choices,
     Notes,
@@ -133,8 +133,8 @@ def _make_files(folder: Path, text: ProjectText) -> list[Path]:
     """Write the tables that are not there, and the project last; none over another."""
     contents = {
         folder / text.tables[role]: new_table(header, ()).decode()
-        for role, header in PICKED.items()
-        if not (folder / text.tables[role]).exists()
+        for role, header in HEADERS.items()
+        if role in text.tables and not (folder / text.tables[role]).exists()
     }
     contents[folder / PROJECT] = project_text(text)
     made: list[Path] = []
