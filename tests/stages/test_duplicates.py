@@ -110,3 +110,21 @@ def test_a_length_is_counted_once_for_each_of_its_readings() -> None:
     assert found.lines == {0: 1, 2: 1}
     (message,) = found.messages
     assert "12.34 m from 'A' to 'B' (counted: 'L1'; not counted: 'L0' and 'L2')" in message.text
+
+
+@pytest.mark.parametrize(
+    ("rare", "other"), [("Pl", "P1"), ("O", "0"), ("p1", "P1"), ("P 1", "P1"), ("Н2", "H2")]
+)
+def test_a_label_that_is_picked_once_and_looks_like_another_is_named(rare: str, other: str) -> None:
+    rows = (("a.jpg", other, 1.0, 2.0), ("b.jpg", other, 3.0, 4.0), ("c.jpg", rare, 5.0, 6.0))
+    (said,) = find_duplicates(photos(1.0, 2.0, 3.0), {}, picks(*rows), lines()).messages
+    assert (said.code, set(said.labels)) == ("label-resembles", {rare, other})
+    assert said.text.startswith(f"The label {rare!r} is picked once, in c.jpg, and looks like ")
+
+    both = picks(*rows, ("a.jpg", rare, 7.0, 8.0))
+    assert not find_duplicates(photos(1.0, 2.0, 3.0), {}, both, lines()).messages
+
+
+def test_labels_that_only_begin_alike_are_no_message() -> None:
+    rows = [("a.jpg", label, 1.0, 2.0) for label in ("P1", "P2", "P10", "P11", "P12", "B", "8")]
+    assert not find_duplicates(photos(1.0), {}, picks(*rows), lines()).messages

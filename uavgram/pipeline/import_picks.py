@@ -13,6 +13,7 @@ from uavgram.io.imports.gcp_list import GcpSigmas, read_gcp_list
 from uavgram.io.imports.labelme import read_labelme
 from uavgram.io.outputs import replace_bytes
 from uavgram.io.tables.new_picks import new_control, new_picks
+from uavgram.io.unread_formats import refuse_unread
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.survey.imported import ImportedPicks
@@ -133,6 +134,7 @@ def _read(path: Path, sigmas: GcpSigmas | None) -> ImportedPicks:
         return read_labelme(path)
     if path.suffix.lower() == ".txt":
         return read_gcp_list(path, sigmas)
+    refuse_unread(path)
     raise InputError(path, "is neither LabelMe's .json nor a gcp_list.txt")
 
 

@@ -7,11 +7,13 @@ copied the error of its reading; the adjustment takes observations for independe
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from uavgram.errors import alike
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
@@ -90,6 +92,7 @@ def find_duplicates(
             ),
             *_line_messages(lines, same_lines),
             *_known_messages(known, same_known),
+            *_alike_messages(picks),
         ),
         known=same_known,
     )
@@ -210,6 +213,22 @@ def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message,
     )
     lengths = tuple(lines.name[i] for i in same)
     return (Message("warning", "line-duplicate", text, lengths=lengths),)
+
+
+def _alike_messages(picks: Picks) -> Iterator[Message]:
+    """Labels that are picked once and look like another: one point may have both."""
+    count = Counter(picks.label)
+    groups: dict[str, list[str]] = {}
+    for label in sorted(count, key=lambda label: count[label]):
+        groups.setdefault(alike(label), []).append(label)
+    for labels in groups.values():
+        if len(labels) > 1 and count[labels[0]] == 1:
+            image = picks.image[picks.label.index(labels[0])]
+            text = (
+                f"The label {labels[0]!r} is picked once, in {image}, and looks like "
+                f"{listed(map(repr, labels[1:]))}: if that is the same point, give it one label."
+            )
+            yield Message("warning", "label-resembles", text, labels=tuple(labels))
 
 
 def _rest(parts: list[str]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 import os
 import shlex
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,8 +13,10 @@ from pathlib import Path
 from uavgram.errors import InputError
 from uavgram.io.discovery.project import Holdings, PhotoGroup, TableRole, grouped
 from uavgram.io.photos.files import matching_files
+from uavgram.io.photos.size import image_size
 from uavgram.io.tables.new_picks import CONTROL_HEADER
 from uavgram.io.tables.picked import LINES_HEADER, MEASURE_HEADER, PICKS_HEADER
+from uavgram.io.unread_formats import unread_format
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN
@@ -77,17 +80,27 @@ def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[P
         }
         groups = grouped(sorted(named))
         if not groups:
+            image_size(min(named))  # says why
             wanted = ", ".join(choices.images)
             raise InputError(folder, f"no photo is named {wanted}: correct --images")
     if not groups:
         raise InputError(
             folder,
             "holds no photo (.jpg, .png, .tif), nor do the folders in it: name the folder of the "
-            "flight, or copy the photos there",
+            f"flight, or copy the photos there. {passed_over(holdings)}".rstrip(),
         )
     if len({group.size_px for group in groups}) > 1:
         raise InputError(folder, _sizes(folder, groups))
     return groups
+
+
+def passed_over(holdings: Holdings) -> str:
+    """Files that a new project has no use for, by kind and number; empty where there is none."""
+    kinds = [(path, unread_format(path)) for path in holdings.others]
+    names = Counter(known.name if known else f"*{path.suffix}" for path, known in kinds)
+    ways = {f"A {known.name}: {known.way_out}": None for _, known in kinds if known}
+    counted = ", ".join(f"{count} x {name}" for name, count in names.items())
+    return ". ".join([f"Passed over: {counted}", *ways]) + "." if counted else ""
 
 
 def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:

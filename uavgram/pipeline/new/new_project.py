@@ -37,6 +37,7 @@ from uavgram.pipeline.new.choices import (
     choose_photos,
     choose_tables,
     only_one,
+    passed_over,
     pattern_of,
 )
 from uavgram.stages.messages import in_order
@@ -118,6 +119,8 @@ def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectTex
     for what, name in (("flight log", log), ("poses", poses)):
         if name is not None:
             notes.found.append(f"{what}: {name}")
+    if others := passed_over(holdings):
+        notes.messages.append(Message("info", "files-passed-over", others))
     text = ProjectText(
         name=folder.name or "survey",
         images=images,
