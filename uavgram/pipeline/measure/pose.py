@@ -15,7 +15,7 @@ from uavgram.geometry.earth.geodesy import (
     curvature_drop,
     enu_from_geodetic,
 )
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, rows_of
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import FlightLog, HeightDatum
 from uavgram.model.flight.pairing import Pairing
@@ -26,7 +26,7 @@ from uavgram.model.message import Message
 from uavgram.model.options import GeodeticOrigin, MountOptions
 from uavgram.model.survey.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.survey.world import Geodetic, World
-from uavgram.pipeline.measure.inputs import Inputs
+from uavgram.pipeline.measure.inputs import Inputs, duplicates_of
 from uavgram.stages.assemble import NO_CONTROL
 from uavgram.stages.seed import seed
 from uavgram.stages.seed.fault_messages import fault_messages
@@ -57,7 +57,40 @@ class Posed:
 
 
 def pose_frames(inputs: Inputs) -> Posed:
-    """Seed the poses from the log or from the photos; without either, only name the world."""
+    """Seed the poses from the log or from the photos; without either, only name the world.
+
+    Of photos of one exposure only one is matched and placed; the others are frames of its time.
+    """
+    names, duplicates = inputs.photos.frame_id, duplicates_of(inputs)
+    if not duplicates.photos:
+        return _posed(inputs)
+    counted = [k for k, name in enumerate(names) if name not in duplicates.photos]
+    posed = _posed(_of_photos(inputs, counted))
+    at = {name: k for k, name in enumerate(posed.frames.frame_id)}
+    rows = np.array([at[duplicates.photos.get(name, name)] for name in names])
+    frames = replace(posed.frames, **rows_of(posed.frames, rows) | {"frame_id": names})
+    whys = zip(map(duplicates.reason, names), frames.reason, strict=True)
+    frames = replace(
+        frames,
+        matched=frames.matched & ~np.isin(names, list(duplicates.photos)),
+        reason=tuple(copy or why for copy, why in whys),
+    )
+    pairing = posed.pairing and replace(
+        posed.pairing, **rows_of(posed.pairing, rows) | {"frame_id": names}
+    )
+    return replace(posed, frames=frames, pairing=pairing)
+
+
+def _of_photos(inputs: Inputs, rows: Sequence[int]) -> Inputs:
+    """The project with some of its photos alone."""
+    photos = replace(inputs.photos, **rows_of(inputs.photos, np.array(rows)))
+    poses = inputs.poses
+    if poses is not None:
+        poses = poses.rows(np.flatnonzero(np.isin(poses.frame_id, photos.frame_id)))
+    return replace(inputs, photos=photos, poses=poses)
+
+
+def _posed(inputs: Inputs) -> Posed:
     if inputs.log is not None:
         return _by_log(inputs, inputs.log)
     if inputs.poses is not None:
