@@ -31,6 +31,7 @@ from uavgram.model.survey.observations import KnownPoints
 
 _NAMES = ("x", "y", "z", "column", "row")
 _NUMBERS, _Z = 5, 2
+_MOST_LOOKED_AT = 20  # photos, for a place
 _PHOTO = re.compile(rf".*(?:{'|'.join(map(re.escape, PHOTO_SUFFIXES))})(?=\s|$)", re.IGNORECASE)
 """A photo's name, which may hold blanks: up to the last word that ends as photos' names do."""
 _NO_HEIGHT = "has no height (NaN), which a control point needs: add it, or leave the control out"
@@ -158,7 +159,7 @@ def _cells(text: str) -> list[str]:
 
 def _photos_site(path: Path, images: set[str]) -> Origin | None:
     """Where one of the photos, beside the file or in a folder there, was taken by its EXIF."""
-    for image in sorted(images):
+    for image in sorted(images)[:_MOST_LOOKED_AT]:
         for photo in (path.parent / image, *path.parent.glob(f"*/{glob.escape(image)}")):
             place = read_exif_place(photo) if photo.is_file() else None
             if place is not None and math.isfinite(place.latitude_deg + place.longitude_deg):

@@ -64,30 +64,31 @@ def pose_frames(inputs: Inputs) -> Posed:
     names, duplicates = inputs.photos.frame_id, duplicates_of(inputs)
     if not duplicates.photos:
         return _posed(inputs)
-    counted = [k for k, name in enumerate(names) if name not in duplicates.photos]
-    posed = _posed(_of_photos(inputs, counted))
+    copies = duplicates.photos
+    posed = _posed(_of_photos(inputs, [k for k, name in enumerate(names) if name not in copies]))
     at = {name: k for k, name in enumerate(posed.frames.frame_id)}
-    rows = np.array([at[duplicates.photos.get(name, name)] for name in names])
+    rows = np.array([at[copies.get(name, name)] for name in names])
     frames = replace(posed.frames, **rows_of(posed.frames, rows) | {"frame_id": names})
     whys = zip(map(duplicates.reason, names), frames.reason, strict=True)
-    frames = replace(
-        frames,
-        matched=frames.matched & ~np.isin(names, list(duplicates.photos)),
-        reason=tuple(copy or why for copy, why in whys),
+    is_copy = np.isin(names, list(copies))
+    pairing = posed.pairing
+    if pairing is not None:
+        pairing = replace(pairing, **rows_of(pairing, rows) | {"frame_id": names})
+    return replace(
+        posed,
+        frames=replace(
+            frames, matched=frames.matched & ~is_copy, reason=tuple(a or b for a, b in whys)
+        ),
+        pairing=pairing,
     )
-    pairing = posed.pairing and replace(
-        posed.pairing, **rows_of(posed.pairing, rows) | {"frame_id": names}
-    )
-    return replace(posed, frames=frames, pairing=pairing)
 
 
 def _of_photos(inputs: Inputs, rows: Sequence[int]) -> Inputs:
     """The project with some of its photos alone."""
     photos = replace(inputs.photos, **rows_of(inputs.photos, np.array(rows)))
     poses = inputs.poses
-    if poses is not None:
-        poses = poses.rows(np.flatnonzero(np.isin(poses.frame_id, photos.frame_id)))
-    return replace(inputs, photos=photos, poses=poses)
+    placed = poses and poses.rows(np.flatnonzero(np.isin(poses.frame_id, photos.frame_id)))
+    return replace(inputs, photos=photos, poses=placed)
 
 
 def _posed(inputs: Inputs) -> Posed:

@@ -29,9 +29,6 @@ PICKED = {"picks": PICKS_HEADER, "lines": LINES_HEADER, "measure": MEASURE_HEADE
 HEADERS = PICKED | {"control": CONTROL_HEADER}
 """Columns of tables that a new project may have to be written for."""
 
-_IMPORTED = {"output": "picks", "control": "control"}
-"""Options of `uavgram picks import`, and the tables that they fill."""
-
 _TABLES: tuple[TableRole, ...] = (
     *("picks", "lines", "known", "measure", "control", "control_lines", "check", "plan"),
 )
@@ -288,7 +285,7 @@ def choose_tables(folder: Path, holdings: Holdings, notes: Notes) -> dict[str, s
     if holdings.gcp_lists and "control" not in names:
         names["control"] = "control.csv"
         file = holdings.gcp_lists[0]
-        tables = (f"--{role}={folder / names[name]}" for role, name in _IMPORTED.items())
+        tables = f"--output={folder / names['picks']}", f"--control={folder / 'control.csv'}"
         command = shlex.join(["uavgram", "picks", "import", str(file), *tables])
         text = (
             f"{_relative(folder, file)} holds picks of points with known coordinates. To use them: "
