@@ -129,6 +129,11 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     "ambiguous-pose": ("The cameras may stand elsewhere: two solutions fit as well.",) * 2,
     "three-lengths": ("Nothing checks the three lengths.",) * 2,
     "three-known": ("Nothing checks the three things that are known.",) * 2,
+    "line-unseen": (
+        "{lengths} is not used: a point of it is not picked.",
+        "{lengths} are not used: points of them are not picked.",
+    ),
+    "known-unseen": ("Something known is not used: {labels} is not picked.",) * 2,
     "measurement-null": (
         "{measurements} cannot be measured.",
         "{measurements} cannot be measured.",

@@ -52,9 +52,12 @@ clearly (`UNCLEAR`), that is learnt as a precaution, and no misfit."""
 UNCLEAR = 0.01
 
 UNCHECKED = frozenset(
-    {"nothing-checks", "ambiguous-pose", "three-lengths", "three-known", "measurement-null"}
+    {
+        *("nothing-checks", "ambiguous-pose", "three-lengths", "three-known", "measurement-null"),
+        *("line-unseen", "known-unseen"),
+    }
 )
-"""Codes of what nothing decides or checks."""
+"""Codes of what nothing decides or checks, and of what is not used as a label is missing."""
 
 
 def pass_verdict(
