@@ -304,8 +304,8 @@ def _lens_messages(calibration: Calibration) -> tuple[Message, ...]:
     if share == 0:
         return ()
     text = (
-        f"The lens model of camera {calibration.name!r} cannot be inverted over {share:.1%} of the "
-        "image, at its rim: picks there are left out."
+        f"The calibration of camera {calibration.name!r} does not hold in {share:.1%} of each "
+        "photo, at its rim: picks there are left out. Pick nearer to the middle."
     )
     return (Message("info", "lens-rim", text),)
 
