@@ -20,7 +20,6 @@ from ezdxf.filemanagement import readfile
 from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.maps.layers import Features, Layer
-from uavgram.stages.products.text_places import Choice, TextPlaces
 
 Box = tuple[tuple[float, float], tuple[float, float], float]
 
@@ -192,29 +191,3 @@ def test_no_text_of_a_whole_survey_covers_another(
 
     assert len(shown_texts(document)) > 20
     assert covering(document) == []
-
-
-def test_the_second_drawing_of_a_survey_puts_texts_where_the_first_has_them(
-    features: Features, tmp_path: Path
-) -> None:
-    room: list[Choice] = []
-    write_local_dxf(features, tmp_path / "local.dxf", room=room)
-    first = list(room)
-    write_map_dxf(features, tmp_path / "map.dxf", room=room)
-    document = readfile(tmp_path / "map.dxf")
-
-    assert len(room) == len(first) > 20
-    # The map is turned a little, and texts beside points are not.
-    assert sum(a == b for a, b in zip(room, first, strict=True)) > 0.9 * len(first)
-    assert covering(document) == []
-
-
-def test_where_the_other_drawing_had_room_and_this_one_has_none_texts_look_for_it() -> None:
-    elsewhere, here = TextPlaces(), TextPlaces([Choice(0, 6, 0, is_crowded=False)])
-    for places in (elsewhere, here):
-        places.reserve(np.array([1.5, 0.5, 1.0, 1.0, 0.0]))
-
-    def candidates(rounds: Ints) -> Floats:
-        return np.array([[float(k), 0.0, 0.4, 0.2, 0.0] for k in rounds])
-
-    np.testing.assert_array_equal(here.take_near(candidates), elsewhere.take_near(candidates))
