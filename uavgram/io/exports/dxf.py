@@ -95,8 +95,12 @@ def place_texts(features: Features, words: Words = METRIC) -> PlacedTexts:
     corner = low - [0.0, 6.0 * text_m]
     large = _FAR * text_m
     below = np.array([[corner[0], corner[1] + 1.5 * text_m - large, large, large, 0.0]])
-    labels = place_labels([text.label for text in texts], below)
-    return PlacedTexts(tuple(texts), labels.boxes, text_m * labels.size, corner)
+    labels = [text.label for text in texts]
+    boxes, size = place_labels(labels, below)
+    # hundreds at one place have no room: they are where they belong, one over the other
+    own = [[*(one.start + one.end) / 2, *size * one.half, 0.0] for one in labels]
+    boxes = np.where(np.isfinite(boxes), boxes, np.reshape(own, boxes.shape))
+    return PlacedTexts(tuple(texts), boxes, text_m * size, corner)
 
 
 def write_local_dxf(

@@ -119,16 +119,19 @@ def text_beside(words: str, spot: Floats, layer: str, text_m: float, share: floa
 
 def as_text(words: str) -> str:
     """Words as TEXT has them, where some signs begin a code (percent twice, caret, backslash)."""
-    shown = re.sub(r"[\x00-\x1f]", " ", words).replace("%%", 2 * "%%%").replace("^", "^ ")
-    return re.sub(r"\\(?=[UM]\+)", r"\\U+005C", shown)
+    return re.sub(r"\\(?=U\+)", r"\\U+005C", _plain(words))
 
 
 def as_mtext(words: str) -> str:
     """Words as MTEXT and dimensions have them, where backslash, braces and ``<>`` are codes too."""
-    shown = re.sub(r"[\x00-\x1f]", " ", words).replace("%%", 2 * "%%%").replace("^", "^ ")
-    shown = re.sub(r"[\\{}]", r"\\\g<0>", shown)
+    shown = re.sub(r"[\\{}]", r"\\\g<0>", _plain(words))
     # an empty group parts what would be read as one code
-    return re.sub(r"\\(?=[UM]\+)", r"\\{}", shown).replace("<>", "<{}>")
+    return re.sub(r"\\(?=U\+)", r"\\{}", shown).replace("<>", "<{}>")
+
+
+def _plain(words: str) -> str:
+    """Words of one line, without the codes that TEXT and MTEXT share."""
+    return re.sub(r"[\x00-\x1f]", " ", words).replace("%%", 2 * "%%%").replace("^", "^ ")
 
 
 MARGIN = 1.15

@@ -29,9 +29,6 @@ _FIRST = (16, 80)
 _ROOM = 64
 """Places that are kept room for at first."""
 
-_ROUNDED_UP = 1.001
-"""What is no farther than that may meet, whatever the rounding."""
-
 _MOVED_GAP = 0.375
 """Of half the height of a text: between the end of a line and a text that was moved beyond it."""
 
@@ -290,46 +287,21 @@ def overlaps(one: Floats, other: Floats) -> Bools:
     Two convex shapes have none if and only if a line parts them; of rectangles, one that is
     parallel to a side (Ericson 2005, Real-Time Collision Detection, 4.4.1).
     """
-    # All places of one text have the same angle.
-    if len(one) and (one[:, 4] == one[0, 4]).all():
-        return _meet(one, other, float(one[0, 4]))
-    met = np.empty((len(one), len(other)), np.bool_)
-    for angle in np.unique(one[:, 4]):
-        rows = one[:, 4] == angle
-        met[rows] = _meet(one[rows], other, float(angle))
-    return met
-
-
-def _meet(one: Floats, other: Floats, angle: float) -> Bools:
-    """The same of rectangles (a, 5) that all have one angle, in whose axes all is counted."""
-    if angle == 0.0 and not other[:, 4].any():  # as in most pictures
-        level: Bools = np.abs(one[:, :1] - other[:, 0]) < one[:, 2:3] + other[:, 2]
-        level &= np.abs(one[:, 1:2] - other[:, 1]) < one[:, 3:4] + other[:, 3]
-        return level
-    to_own = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    turn = other[:, 4] - angle
-    cos, sin = np.cos(turn), np.sin(turn)
-    c, s = np.abs(cos), np.abs(sin)
-    half, (w, h) = one[:, 2:4], other[:, 2:4].T
-    own, (x, y) = one[:, :2] @ to_own, (other[:, :2] @ to_own).T
-    wide, tall = w * c + h * s, w * s + h * c
-    # Most pairs are far apart, which comparing their ends shows soonest.
-    begin, end = (own - half)[..., None], (own + half)[..., None]
-    met: Bools = begin[:, 0] < x + _ROUNDED_UP * wide
-    met &= end[:, 0] > x - _ROUNDED_UP * wide
-    met &= begin[:, 1] < y + _ROUNDED_UP * tall
-    met &= end[:, 1] > y - _ROUNDED_UP * tall
-    pairs = np.flatnonzero(met)
-    a, b = np.divmod(pairs, len(other))
-    x, y, w, h, wide, tall, cos, sin, c, s = np.stack([x, y, w, h, wide, tall, cos, sin, c, s])[
-        :, b
-    ]
-    own_x, own_y, width, height = np.column_stack([own, half])[a].T
-    x, y = own_x - x, own_y - y
-    met.ravel()[pairs] = (
-        (np.abs(x) < width + wide)
-        & (np.abs(y) < height + tall)
-        & (np.abs(x * cos + y * sin) < w + width * c + height * s)  # along the others' sides
-        & (np.abs(y * cos - x * sin) < h + width * s + height * c)
+    x, y, w, h, angle = one.T[:, :, None]
+    other_x, other_y, other_w, other_h, other_angle = other.T
+    x, y = x - other_x, y - other_y
+    if not one[:, 4].any() and not other[:, 4].any():  # as in most pictures
+        return np.asarray((np.abs(x) < w + other_w) & (np.abs(y) < h + other_h))
+    turn = other_angle - angle
+    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    return np.asarray(
+        _within(x, y, angle, w + other_w * c + other_h * s, h + other_w * s + other_h * c)
+        & _within(x, y, other_angle, other_w + w * c + h * s, other_h + w * s + h * c)
     )
-    return met
+
+
+def _within(x: Floats, y: Floats, angle: Floats, width: Floats, height: Floats) -> Bools:
+    """Whether places are within rectangles about zero that are turned by an angle [rad]."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    aside, up = np.abs(x * cos + y * sin), np.abs(y * cos - x * sin)
+    return np.asarray((aside < width) & (up < height))

@@ -12,13 +12,11 @@ from uavgram.model.arrays import Floats
 from uavgram.stages.products.text_places import Label, leader, place_labels
 from uavgram.views.survey.sheet import COMPASS, LETTER, SCALE_BAR, WIDTH, GridLine, Sheet
 
-HALF_LETTER = {
-    **dict.fromkeys(("measured",), 3.9),
-    **dict.fromkeys(("known", "name", "photo"), 3.5),
-    **dict.fromkeys(("off_plane", "off_ground"), 3.2),
-    **dict.fromkeys(("label",), 2.8),
-}
+HALF_LETTER = {"measured": 3.9, "off_plane": 3.2, "off_ground": 3.2, "label": 2.8}
 """Half the width of a letter, by CSS class, in the widest of the usual fonts."""
+
+HALF_OTHER = 3.5
+"""The same of all other classes."""
 
 ASIDE, HALF_LINE = 2.0, 7.0
 """Around a text, and half the height of its line."""
@@ -31,6 +29,9 @@ GAP = 4.0
 
 REACH = 10.0
 """A text may be so far from what it names, in its heights: a line leads to it."""
+
+MOST_NEEDED = 300
+"""Of more texts only so many are looked at, and none of them may be away from what it names."""
 
 LEAST_SIZE = 0.5
 """Letters are not made smaller than that share of their size: some texts are left out instead."""
@@ -97,18 +98,21 @@ def placed_texts(
     missing
         How many texts that are needed are not among them.
     """
+    needed = np.array([one.is_needed for one in wanted], np.bool_)
+    are_few = needed.sum() <= MOST_NEEDED
     labels = [
         Label(
             one.spots[0],
             one.spots[-1],
-            unit * np.array([HALF_LETTER[one.kind] * len(one.text) + ASIDE, HALF_LINE]),
+            unit
+            * np.array([HALF_LETTER.get(one.kind, HALF_OTHER) * len(one.text) + ASIDE, HALF_LINE]),
             unit * one.gap,
-            is_needed=one.is_needed,
+            is_needed=one.is_needed and bool(are_few),
         )
-        for one in wanted
+        for one in (wanted if are_few else wanted[:MOST_NEEDED])
     ]
     boxes, size = place_labels(labels, np.reshape(taken, (-1, 5)), bounds, LEAST_SIZE, REACH)
-    has_place = np.isfinite(boxes[:, 0])
+    rows = np.flatnonzero(np.isfinite(boxes[:, 0])).tolist()
     texts = tuple(
         Text(
             float(boxes[k, 0]),
@@ -118,10 +122,9 @@ def placed_texts(
             size,
             "" if (line := leader(labels[k], boxes[k])) is None else svg_points(line),
         )
-        for k in np.flatnonzero(has_place).tolist()
+        for k in rows
     )
-    needed = np.array([one.is_needed for one in wanted], np.bool_)
-    return texts, int((needed & ~has_place).sum())
+    return texts, int(needed.sum() - needed[rows].sum())
 
 
 def svg_points(drawn: Floats) -> str:
