@@ -198,12 +198,12 @@ def drawn_of(document: Drawing) -> dict[str, tuple[Floats, Floats]]:
     space = document.modelspace()
     named: dict[str, Floats] = {}
     for insert in space.query("INSERT"):
-        named[insert.get_attrib_text("LABEL")] = np.array([insert.dxf.insert.vec2])
+        named[insert.get_attrib_text("LABEL")] = np.array([insert.dxf.insert.vec2])  # type: ignore[attr-defined]
     for dimension in space.query("DIMENSION"):
         ends = dimension.dxf.defpoint2.vec2, dimension.dxf.defpoint3.vec2
         named[dimension.dxf.text] = np.array(ends)
     return {
-        words: (named[words], cv2.boxPoints(box_of(text)))
+        words: (named[words], np.asarray(cv2.boxPoints(box_of(text)), np.float64))
         for text in shown_texts(document)
         if (words := str(getattr(text, "text", "") or text.dxf.text)) in named
     }
@@ -289,7 +289,7 @@ def test_names_that_look_like_codes_are_read_as_they_are(tmp_path: Path) -> None
         replace(
             points,
             vertices_m=tuple(place[:, None]),
-            attributes={**attributes, "label": tuple(CODES)},
+            attributes={**attributes, "label": tuple(CODES)},  # type: ignore[dict-item]
         ),
     )
     write_local_dxf(replace(survey, layers=layers, name=CODES[0]), tmp_path / "codes.dxf")
@@ -297,15 +297,15 @@ def test_names_that_look_like_codes_are_read_as_they_are(tmp_path: Path) -> None
     space = document.modelspace()
     shown = [name.replace("\t", " ") for name in CODES]
 
-    assert [text.plain_text() for text in space.query('TEXT[layer=="LABELS"]')] == shown
-    hidden = [insert.get_attrib("LABEL").plain_text() for insert in space.query("INSERT")]
+    assert [text.plain_text() for text in space.query('TEXT[layer=="LABELS"]')] == shown  # type: ignore[attr-defined]
+    hidden = [insert.get_attrib("LABEL").plain_text() for insert in space.query("INSERT")]  # type: ignore[attr-defined]
     assert hidden == shown
     (note,) = space.query('TEXT[layer=="NOTES"]')
-    assert note.plain_text().startswith(f"{CODES[0]}: ")
+    assert note.plain_text().startswith(f"{CODES[0]}: ")  # type: ignore[attr-defined]
     dimensions = [
         one.plain_text()
         for dimension in space.query("DIMENSION")
-        for one in dimension.virtual_entities()
+        for one in dimension.virtual_entities()  # type: ignore[attr-defined]
         if isinstance(one, MText)
     ]
     assert dimensions == [f"{name}: 10.000 ±0.010 m" for name in shown[1:]]

@@ -67,11 +67,16 @@ def test_attitude_and_quality_of_positions_are_drawn(repository: Path) -> None:
     assert boot.attitudes is not None
     assert boot.sigmas is not None
 
-    roll, pitch = (line.get_ydata() for line in panels["Attitude of the vehicle"].get_lines())
+    roll, pitch = (
+        np.asarray(line.get_ydata(), np.float64)
+        for line in panels["Attitude of the vehicle"].get_lines()
+    )
     turned = Rotation.from_quat(boot.attitudes.ned_from_body_xyzw).as_euler("ZYX", degrees=True)
     np.testing.assert_allclose(roll, turned[:, 2], atol=1e-6)
     np.testing.assert_allclose(pitch, turned[:, 1], atol=1e-6)
-    horizontal, vertical = (line.get_ydata() for line in panels["GPS quality"].get_lines())
+    horizontal, vertical = (
+        np.asarray(line.get_ydata(), np.float64) for line in panels["GPS quality"].get_lines()
+    )
     np.testing.assert_array_equal(horizontal, boot.sigmas.horizontal_m)
     np.testing.assert_array_equal(vertical, boot.sigmas.vertical_m)
 

@@ -133,12 +133,28 @@ def svg_points(drawn: Floats) -> str:
 
 
 def box(middle: Floats | tuple[float, float], half_width: float, half_height: float) -> Floats:
-    """(5,) a level rectangle, as `TextPlaces` has it."""
+    """(5,) a level rectangle, as `TextPlaces` has it.
+
+    Parameters
+    ----------
+    middle
+        (2,) its middle.
+    half_width, half_height
+        Half its size.
+    """
     return np.array([*middle, half_width, half_height, 0.0])
 
 
 def around_drawing(sheet: Sheet, grid: Sequence[GridLine], bar: float) -> list[Floats]:
-    """(5,) where the scale bar, the north arrow and the names of the grid are."""
+    """(5,) where the scale bar, the north arrow and the names of the grid are.
+
+    Parameters
+    ----------
+    sheet, grid
+        The drawing, and the lines of its grid.
+    bar
+        Length of the scale bar in the drawing.
+    """
     half = COMPASS / 2
     return [
         box((24.0 + bar / 2, sheet.height - SCALE_BAR / 2 + 5.0), bar / 2 + 10.0, SCALE_BAR / 2),
