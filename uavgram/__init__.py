@@ -14,9 +14,11 @@ from __future__ import annotations
 
 import importlib
 import sys
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # typing takes longer to load than all of this
 if TYPE_CHECKING:
+    from typing import Any
+
     from uavgram.errors import UavgramError
     from uavgram.io.results.results_json import load_results
     from uavgram.model.result.result import Result

@@ -76,6 +76,15 @@ class OutputError(UavgramError):
     """A result that could not be written; earlier results are untouched."""
 
 
+# Letters that look like others in small letters, the Cyrillic and Greek ones too.
+_ALIKE = str.maketrans("il|oавекмнорстухαβεηικμνορτυχ", "1110abekmh0pctyxabeh1kmn0ptyx")
+
+
+def alike(name: str) -> str:
+    """Make equal what one cannot tell apart in print: ``Pl`` and ``P1``, ``O`` and ``0``."""
+    return "".join(name.casefold().translate(_ALIKE).split())
+
+
 def near_miss(word: str, known: Iterable[str]) -> str:
     """Suggest the known word that is spelled most like `word`.
 
@@ -84,9 +93,9 @@ def near_miss(word: str, known: Iterable[str]) -> str:
     str
         ``did you mean 'boresight_sigma_deg'?``, or an empty string where nothing is close.
     """
-    by_lower = {name.lower(): name for name in known}
-    close = difflib.get_close_matches(word.lower(), by_lower, n=1, cutoff=0.6)
-    return f"did you mean {by_lower[close[0]]!r}?" if close else ""
+    by_look = {alike(name): name for name in known}
+    close = difflib.get_close_matches(alike(word), by_look, n=1, cutoff=0.6)
+    return f"did you mean {by_look[close[0]]!r}?" if close else ""
 
 
 _KINDS = (

@@ -290,7 +290,7 @@ def test_numbers_move_before_the_button_is_up(copied_survey: Path, open_page: Pa
         page.mouse.down()
         page.mouse.move(x + 20, y + 10)
         expect(page.locator('table[aria-label="Measurements"]')).not_to_contain_text(before)
-        expect(page.locator("#mode")).to_contain_text(re.compile("first order|adjusted"))
+        expect(page.locator("#mode")).to_contain_text(re.compile("first estimate|adjusted"))
         page.mouse.up()
         wait_until_adjusted(page)
         page.keyboard.press("Control+z")

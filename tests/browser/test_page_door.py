@@ -9,12 +9,16 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import httpx
 import pytest
 from opened_pages import PageOpener
 from pick_pages import small_project
 from picking_pages import place
 from picking_server import Served, served
 from playwright.sync_api import Browser, expect
+from websockets import Origin
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
 
 from uavgram.picking.web.redirect import RedirectFile
 
@@ -153,6 +157,61 @@ def test_another_page_of_this_browser_gets_neither_photos_nor_socket(
         thread.join()
     place(page, "A", 100, 100)  # the page itself lives on
     assert [pick.label for pick in server.picking.state.picks] == ["A"]
+
+
+def test_the_cookie_that_another_server_of_this_machine_is_sent_opens_nothing(
+    server: Served, open_page: PageOpener
+) -> None:
+    page = open_page(server)
+    sent: list[str] = []
+
+    class Other(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            sent.append(self.headers.get("cookie", ""))
+            self.send_response(200)
+            self.send_header("content-type", "text/html")
+            self.end_headers()
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    other = ThreadingHTTPServer(("127.0.0.1", 0), Other)
+    thread = threading.Thread(target=other.serve_forever, daemon=True)
+    thread.start()
+    try:
+        page.context.new_page().goto(f"http://127.0.0.1:{other.server_port}/")
+    finally:
+        other.shutdown()
+        other.server_close()
+        thread.join()
+    assert sent[0].startswith(f"uavgram-pick-{server.port}=")  # browsers do send it there
+    stolen = {"Cookie": sent[0]}
+    for path in ("/photo/0/thumbnail.jpg", "/photo/0/0/0/0.jpg", "/output/report.html"):
+        assert httpx.get(server.origin + path, headers=stolen).status_code == 403
+    with pytest.raises(InvalidStatus):
+        connect(
+            f"ws://127.0.0.1:{server.port}/socket",
+            origin=Origin(server.origin),
+            additional_headers=stolen,
+            proxy=None,
+        )
+
+
+def test_a_tab_keeps_its_key_another_one_needs_a_fresh_address(
+    server: Served, open_page: PageOpener
+) -> None:
+    page = open_page(server)
+    page.reload()
+    page.wait_for_selector('.pane[data-sharp="true"]')
+    page.wait_for_function("document.querySelector('#strip img').naturalWidth > 0")
+    assert page.url == f"{server.origin}/"
+
+    other = page.context.new_page()
+    other.goto(f"{server.origin}/")
+    expect(other.locator("h1")).to_have_text("This page needs a fresh address")
+    other.goto(server.guard.address())
+    other.wait_for_selector('.pane[data-sharp="true"]')
+    assert not open_page.errors
 
 
 def test_a_file_that_only_its_user_can_read_leads_to_the_page(

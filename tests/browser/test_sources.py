@@ -32,10 +32,10 @@ def test_who_made_a_pick_is_seen_and_a_persons_takes_its_matches_along(
         begun = sources()
         show_photo(page, 0)
         own = page.locator('.mark[data-label="A"]')
-        expect(own.locator("title")).to_have_text("A: picked by hand, σ 1 px")
+        expect(own.locator("title")).to_have_text("A: picked by hand, ± 1 px")
         show_photo(page, 1)
         found = page.locator(".mark.found.match")
-        told = "match found by the program from the pick in P1.jpg, σ 0.06 px of the matching"
+        told = "match found by the program from the pick in P1.jpg, ± 0.06 px of the matching"
         expect(found.locator("title")).to_have_text(f"A: {told}, score 0.93")
         expect(page.locator(".mark.found.target title")).to_contain_text("T: target found by the")
         shapes = page.locator(".mark.found > path.thin").evaluate_all(

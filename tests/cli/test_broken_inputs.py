@@ -264,3 +264,10 @@ def test_check_refuses_what_run_refuses(project: Project, command: Command) -> N
     done = command("check", project.path)
     assert done.status == 1
     assert f"{project / 'lines.csv'}:2" in done.stderr
+
+
+def test_a_map_of_another_country_is_refused_with_one_that_fits(
+    project: Project, fails: Fails
+) -> None:
+    project.set(crs="EPSG:25833")
+    fails(project.path, "EPSG:25833", "longitude 12.00 to 18.01", "EPSG:32613")

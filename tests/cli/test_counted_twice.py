@@ -5,12 +5,18 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from small_projects import Command, Project
 
 import uavgram
+from uavgram.errors import InputError
+from uavgram.imaging.photos.decode import read_pixels
+from uavgram.io.photos.jpeg_segments import APP1, build_jpeg, parse_jpeg
 from uavgram.model.result.result import Result
+from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.pipeline.measure.pose import pose_frames
 
 
 @pytest.fixture(scope="module")
@@ -55,3 +61,74 @@ def test_a_copied_photo_with_the_picks_of_its_original(
     assert result.frames.reason[at] == f"the same photo as {photo}, which is counted"
     assert (result.measurements.sigma >= 0.98 * alone.measurements.sigma).all()
     assert f"{copy} is the same file as {photo}" in command("check", project.path).stdout
+
+
+def saved_anew(project: Project, photo: str, copy: str, *, exif: bool) -> None:
+    """The same exposure in another file: compressed again, with the tags or without."""
+    encoded = (project / "photos" / photo).read_bytes()
+    pixels = read_pixels(project / "photos" / photo)
+    again = parse_jpeg(cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 60])[1].tobytes())
+    before = parse_jpeg(encoded)
+    assert again is not None
+    assert before is not None
+    tags = [one for one in before.segments if exif and one.marker == APP1]
+    (project / "photos" / copy).write_bytes(build_jpeg([*tags, *again.segments], again.scan))
+
+
+@pytest.mark.parametrize("exif", [True, False])
+def test_clicks_in_a_photo_saved_anew_are_repeats_in_the_one_that_is_counted(
+    project: Project, command: Command, *, exif: bool
+) -> None:
+    """The mean of two clicks is one click at their mean, as exact as two."""
+    project.set(solve={"noise": "stated"})
+    header, *rows = (project / "picks.csv").read_text().splitlines()
+    photo = rows[0].split(",")[0]
+    copy = f"{photo[:-4]}_small.jpg"
+    own = [row.split(",") for row in rows if row.startswith(photo)]
+    others = [row for row in rows if not row.startswith(photo)]
+    assert header.startswith("image,label,u_px,v_px,sigma_px")
+
+    def run(*picks: list[str]) -> Result:
+        (project / "picks.csv").write_text("\n".join([header, *others, *map(",".join, picks)]))
+        return uavgram.run(project.path, output=None)
+
+    mean = run(
+        *(
+            [photo, label, str(float(u) + 0.25), v, str(float(sigma) / np.sqrt(2)), *rest]
+            for _, label, u, v, sigma, *rest in own
+        )
+    )
+    again = ([copy, label, str(float(u) + 0.5), v, *rest] for _, label, u, v, *rest in own)
+    saved_anew(project, photo, copy, exif=exif)
+    twice = run(*own, *again)
+
+    np.testing.assert_allclose(twice.measurements.value, mean.measurements.value, rtol=1e-6)
+    np.testing.assert_allclose(twice.measurements.sigma, mean.measurements.sigma, rtol=1e-6)
+    at = twice.frames.frame_id.index(copy)
+    assert twice.frames.status[at] == "rejected"
+    assert twice.frames.reason[at] == f"the same photo as {photo}, which is counted"
+    assert any(m.code == "photo-saved-anew" and m.frames == (copy,) for m in twice.messages)
+    told = command("check", project.path).stdout
+    assert f"{copy} is the same exposure as {photo}" in told
+    assert "frame-unmatched" not in told
+
+
+@pytest.mark.parametrize("exif", [True, False])
+def test_a_copy_without_picks_takes_no_event_from_a_photo(project: Project, *, exif: bool) -> None:
+    """The log has one event more than there are photos: the copy would make them equally many."""
+    copy, before = "IMG_0001_small.jpg", pose_frames(read_inputs(project.path)).frames
+    saved_anew(project, "IMG_0001.jpg", copy, exif=exif)
+    posed = pose_frames(read_inputs(project.path))
+    frames, pairing = posed.frames, posed.pairing
+
+    kept = [k for k, name in enumerate(frames.frame_id) if name != copy]
+    assert frames.clock_offset_s == pytest.approx(before.clock_offset_s, abs=1e-9)
+    assert tuple(frames.frame_id[k] for k in kept) == before.frame_id
+    assert frames.matched[kept].all()
+    assert frames.matched.sum() == len(kept)
+    assert pairing is not None
+    assert pairing.frame_id == frames.frame_id
+
+    project.set(time={"source": "events"})
+    with pytest.raises(InputError, match="there are 13 photos and 14 confirmed camera events"):
+        pose_frames(read_inputs(project.path))

@@ -10,6 +10,7 @@ import pytest
 from uavgram.cli import main
 from uavgram.io.tables.known_points import read_known_points
 from uavgram.io.tables.picks import read_picks
+from uavgram.pipeline.measure.inputs import read_inputs
 
 GCP = "EPSG:4326\n11.5 48.1 520 10.25 20.5 a.jpg A\n11.6 48.2 521 30 40 a.jpg B\n"
 
@@ -113,3 +114,33 @@ def test_a_wrong_choice_of_check_points_writes_nothing(
     assert main(["picks", "import", *arguments]) == 1
     assert said in capsys.readouterr().err
     assert not list(tmp_path.glob("*.csv"))
+
+
+def test_tables_with_a_header_only_are_filled(files: list[str], tmp_path: Path) -> None:
+    picks, control = tmp_path / "picks.csv", tmp_path / "control.csv"
+    picks.write_text("note;image;label;u_px;v_px\n\n", encoding="utf-8")
+    control.write_text("", encoding="utf-8")
+    arguments = ["--control", str(control), "--control-sigma-m", "0.03"]
+
+    assert main(["picks", "import", *files, "--output", str(picks), *arguments]) == 0
+    assert read_known_points(control).label == ("A", "B")
+    assert picks.read_text().splitlines()[0] == "note;image;label;u_px;v_px"
+    assert read_picks(picks).label == ("A", "B", "C")
+    assert main(["picks", "import", *files, "--output", str(picks)]) == 1  # filled now
+
+
+def test_a_new_project_is_written_for_the_list_and_the_import_fills_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from tagged_jpeg import jpeg
+
+    (tmp_path / "a.jpg").write_bytes(jpeg(size=64))
+    (tmp_path / "gcp_list.txt").write_text(GCP, encoding="utf-8")
+    assert main(["new", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    command = said[said.index("picks import") :].split(";")[0].split()
+    assert main(command) == 0
+
+    inputs = read_inputs(tmp_path / "project.yaml")
+    assert inputs.picks.label == ("A", "B")
+    assert inputs.control.coordinates[:, 2].tolist() == [520.0, 521.0]  # each its own height

@@ -40,6 +40,9 @@ def test_a_length_with_an_end_never_picked_is_unseen(project: Project, runs: Run
     assert "'L2'" in text
     assert "did you mean 'R" in text
     assert f"warning: {text}" in said
+    reason = next(one for one in result.verdict.reasons if one.cause == "line-unseen")
+    assert result.verdict.level == "amber"
+    assert reason.plain == "L2 is not used: a point of it is not picked."
     assert json.loads((project.out / "results.json").read_text())["lines"][1]["adjusted_m"] is None
 
 
@@ -133,3 +136,16 @@ def test_measurements_of_nothing_but_labels_never_picked_are_all_null(
     (said,) = [m for m in result.messages if m.code == "measurement-null"]
     assert said.measurements == ("one", "two")
     assert said.text.startswith("2 measurements have no value: 'one', 'two' (")
+
+
+def test_a_known_thing_with_a_point_never_picked_keeps_the_verdict_from_green(
+    project: Project, runs: Runs
+) -> None:
+    (project / "known.csv").write_text(
+        "name,kind,points,value,sigma\nkerb,distance,Rl;R2,12,0.1\n", encoding="utf-8"
+    )
+    project.set(known="known.csv")
+    result, _ = runs()
+    (text,) = messages(result, "known-unseen")
+    assert "'Rl' (did you mean 'R1'?)" in text
+    assert "known-unseen" in [reason.cause for reason in result.verdict.reasons]

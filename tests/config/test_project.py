@@ -255,7 +255,7 @@ def test_option_pairs_name_every_option_once(load: Load) -> None:
     keys = [key for key, _ in pairs]
 
     assert len(keys) == len(set(keys))
-    assert ("mount.pitch_deg", -90.0) in pairs
+    assert ("mount.pitch_deg", "auto") in pairs
     assert not any(is_dataclass(value) for _, value in pairs)
     assert {key.split(".")[0] for key in keys} == {f.name for f in fields(Project)}
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from uavgram.config.scenario import load_scenario
+from uavgram.config.scenario import load_repeated, load_scenario
 from uavgram.errors import InputError
 from uavgram.model.scenario.scenario import Scenario
 
@@ -95,4 +97,59 @@ def test_an_unknown_key_is_named_with_its_line(tmp_path: Path) -> None:
     path = tmp_path / "scenario.yaml"
     path.write_text("name: mine\nflight:\n  hight_m: 30.0\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"scenario.yaml:3: .*hight_m"):
+        load_scenario(path)
+
+
+MANY = 100_000
+LISTS = {
+    "points": "points: [{item}]",
+    "lines": "lines: [{item}]",
+    "measurements": "measurements: [{item}]",
+    "control": "control: [{item}]",
+    "points of a measurement": "measurements: [{{name: a, kind: area, points: [{item}]}}]",
+    "parameters": "camera: {{parameters: [{item}]}}",
+    "poses": "flight: {{pattern: poses, poses: [{item}]}}",
+    "plates": "plates: {{at: [{item}]}}",
+    "raised": "habits: {{raised: [{item}]}}",
+    "debris": "road: {{debris: [{item}]}}",
+    "a skid mark": "road: {{skid_marks: [[{item}]]}}",
+    "area": "plan: {{area: [{item}]}}",
+    "no go": "plan: {{area: [[0, 0], [9, 0], [9, 9]], no_go: [[{item}]]}}",
+    "wanted": "plan: {{area: [[0, 0], [9, 0], [9, 9]], wanted: [{item}]}}",
+    "heights": "plan: {{area: [[0, 0], [9, 0], [9, 9]], heights_m: [{item}]}}",
+}
+
+
+@pytest.mark.parametrize("text", LISTS.values(), ids=LISTS)
+@pytest.mark.parametrize("load", [load_scenario, load_repeated])
+def test_a_list_without_end_is_refused_at_once_with_its_line_and_the_limit(
+    tmp_path: Path, load: Callable[[Path], object], text: str
+) -> None:
+    path = tmp_path / "scenario.yaml"
+    path.write_text("name: a\n" + text.format(item=", ".join(["1"] * MANY)), encoding="utf-8")
+    began = time.process_time()
+    with pytest.raises(InputError, match=r"yaml:2: more than 2000 items in its lists.*shorten"):
+        load(path)
+    assert time.process_time() - began < 5.0  # reading all of it took 23 s
+
+
+def test_many_short_lists_are_as_many_items_as_a_long_one(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.yaml"
+    marks = ", ".join(["[[0, 0], [1, 1]]"] * 300)
+    path.write_text(f"road: {{skid_marks: [{marks}]}}", encoding="utf-8")
+    with pytest.raises(InputError, match="more than 2000 items"):
+        load_scenario(path)
+
+
+@pytest.mark.parametrize("name", ["heights_m", "pitches_deg", "frames", "patterns"])
+def test_choices_of_a_plan_are_few_as_each_is_flown_with_each_other(
+    tmp_path: Path, name: str
+) -> None:
+    one = {"heights_m": "20", "pitches_deg": "-60", "frames": "3", "patterns": "single"}[name]
+    path = tmp_path / "scenario.yaml"
+    text = "plan: {{area: [[0, 0], [9, 0], [9, 9]], {}: [{}]}}"
+    path.write_text(text.format(name, ", ".join([one] * 30)), encoding="utf-8")
+    assert load_scenario(path).plan is not None
+    path.write_text(text.format(name, ", ".join([one] * 31)), encoding="utf-8")
+    with pytest.raises(InputError, match=rf"yaml:1: .*{name} may name at most 30 \(got 31\)"):
         load_scenario(path)

@@ -83,3 +83,31 @@ def test_no_file(tmp_path: Path) -> None:
         read_areas(tmp_path / "area.kml")
     with pytest.raises(InputError, match="a folder"):
         read_areas(tmp_path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-7", "Shift_JIS", "utf-99", "punycode", "utf-16", ""])
+def test_kml_that_declares_another_encoding_than_its_own_is_one_message(
+    tmp_path: Path, encoding: str
+) -> None:
+    path = tmp_path / "a.kml"
+    path.write_text(KML.replace("UTF-8", encoding))
+
+    with pytest.raises(InputError, match=r"the encoding that it declares, .*: save it as UTF-8"):
+        read_areas(path)
+
+
+def test_kml_in_a_western_encoding_keeps_its_names(tmp_path: Path) -> None:
+    path = tmp_path / "a.kml"
+    text = KML.replace("UTF-8", "windows-1252").replace("yard", "Rue Émile")
+    path.write_bytes(text.encode("cp1252"))
+
+    assert read_areas(path).areas[0].name == "Rue Émile"
+
+
+def test_entities_are_found_in_whatever_encoding_they_are_declared(tmp_path: Path) -> None:
+    path = tmp_path / "a.kml"
+    bomb = '<?xml version="1.0" encoding="UTF-7"?><!DOCTYPE l [<!ENTITY a "b">]><l>&a;</l>'
+    path.write_bytes(bomb.encode("utf-7"))
+
+    with pytest.raises(InputError, match="UTF-7"):
+        read_areas(path)

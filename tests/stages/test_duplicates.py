@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import pytest
 
@@ -50,18 +52,28 @@ def lines(*rows: tuple[str, str, float, bool]) -> KnownLines:
 TWO = (("a.jpg", "A", 1, 2), ("a.jpg", "B", 3, 4))
 
 
-def test_of_identical_files_the_one_with_most_picks_is_kept() -> None:
+def found_in(
+    times: tuple[float, ...], *rows: tuple[str, str, float, float], same: bool = True
+) -> Mapping[str, str]:
+    """Copies among a.jpg, b.jpg, ..., all other files, of which all show the same, or none."""
+    files = {f"{chr(97 + k)}.jpg": str(k) for k in range(len(times))}
+    found = find_duplicates(photos(*times), files, picks(*rows), lines(), is_same=lambda *_: same)
+    assert len(found.messages) == bool(found.photos)
+    return found.photos
+
+
+def test_of_identical_files_the_one_with_a_time_is_counted_whatever_is_picked() -> None:
     found = find_duplicates(
-        photos(1.0, 2.0, 3.0),
+        photos(np.nan, 2.0, 3.0),
         {"a.jpg": "x", "b.jpg": "x", "c.jpg": "y"},
-        picks(("b.jpg", "A", 1, 2), ("b.jpg", "B", 3, 4), ("a.jpg", "C", 5, 6)),
+        picks(("a.jpg", "A", 1, 2), ("a.jpg", "B", 3, 4), ("b.jpg", "C", 5, 6)),
         lines(),
     )
     assert found.photos == {"a.jpg": "b.jpg"}
     (message,) = found.messages
     assert message.text.startswith(
         "1 photo is there twice and counted once, as a copy says nothing new: a.jpg is the same "
-        "file as b.jpg (picks of 'C' are in the copy alone: pick them in b.jpg)."
+        "file as b.jpg. Picks in both are repeats of one observation."
     )
     assert found.reason("a.jpg") == "the same photo as b.jpg, which is counted"
     assert not found.reason("c.jpg")
@@ -70,28 +82,30 @@ def test_of_identical_files_the_one_with_most_picks_is_kept() -> None:
 @pytest.mark.parametrize(
     ("times", "second", "same"),
     [
-        ((5.0, 5.0), (1, 2, 3, 4), True),
-        ((5.0, 5.0), (1, 2, 3, 4.001), False),
-        ((5.0, 6.0), (1, 2, 3, 4), False),
-        ((np.nan, np.nan), (1, 2, 3, 4), False),
+        ((5.0, 5.0), (), True),
+        ((5.0, 5.0), (("b.jpg", "C", 1, 2),), True),
+        ((5.0, 6.0), (("b.jpg", "A", 1, 2),), False),
+        ((5.0, np.nan), (("b.jpg", "A", 3, 4),), True),
+        ((np.nan, np.nan), (("b.jpg", "A", 3, 4),), True),
+        ((5.0, np.nan), (("b.jpg", "A", 9, 4),), False),
+        ((5.0, np.nan), (), False),
     ],
-    ids=["saved anew", "another pick", "another time", "no time"],
+    ids=["one time", "other picks", "another time", "no time", "neither", "far picks", "no picks"],
 )
-def test_other_bytes_with_equal_time_and_picks_are_the_same_photo(
-    times: tuple[float, float], second: tuple[float, float, float, float], *, same: bool
+def test_other_files_of_one_exposure_are_those_of_one_time_or_with_picks_alike(
+    times: tuple[float, float], second: tuple[tuple[str, str, float, float], ...], *, same: bool
 ) -> None:
-    u0, v0, u1, v1 = second
-    more = (("b.jpg", "B", u1, v1), ("b.jpg", "A", u0, v0))
-    found = find_duplicates(
-        photos(*times), {"a.jpg": "x", "b.jpg": "y"}, picks(*TWO, *more), lines()
-    )
-    assert found.photos == ({"b.jpg": "a.jpg"} if same else {})
-    assert len(found.messages) == int(same)
+    assert found_in(times, *TWO, *second) == ({"b.jpg": "a.jpg"} if same else {})
 
 
-def test_photos_of_one_second_without_picks_are_a_burst() -> None:
-    found = find_duplicates(photos(1.0, 1.0), {"a.jpg": "x", "b.jpg": "y"}, picks(), lines())
-    assert not found.photos
+def test_photos_of_one_second_that_do_not_show_the_same_are_a_burst() -> None:
+    assert not found_in((1.0, 1.0), *TWO, same=False)
+
+
+def test_a_copy_of_a_copy_is_one_of_the_photo_that_is_counted() -> None:
+    files = {"a.jpg": "x", "b.jpg": "y", "c.jpg": "y"}
+    found = find_duplicates(photos(1.0, 1.0, 1.0), files, picks(), lines(), is_same=lambda *_: True)
+    assert found.photos == {"b.jpg": "a.jpg", "c.jpg": "a.jpg"}
 
 
 def test_a_length_is_counted_once_for_each_of_its_readings() -> None:
@@ -110,3 +124,21 @@ def test_a_length_is_counted_once_for_each_of_its_readings() -> None:
     assert found.lines == {0: 1, 2: 1}
     (message,) = found.messages
     assert "12.34 m from 'A' to 'B' (counted: 'L1'; not counted: 'L0' and 'L2')" in message.text
+
+
+@pytest.mark.parametrize(
+    ("rare", "other"), [("Pl", "P1"), ("O", "0"), ("p1", "P1"), ("P 1", "P1"), ("Н2", "H2")]
+)
+def test_a_label_that_is_picked_once_and_looks_like_another_is_named(rare: str, other: str) -> None:
+    rows = (("a.jpg", other, 1.0, 2.0), ("b.jpg", other, 3.0, 4.0), ("c.jpg", rare, 5.0, 6.0))
+    (said,) = find_duplicates(photos(1.0, 2.0, 3.0), {}, picks(*rows), lines()).messages
+    assert (said.code, set(said.labels)) == ("label-resembles", {rare, other})
+    assert said.text.startswith(f"The label {rare!r} is picked once, in c.jpg, and looks like ")
+
+    both = picks(*rows, ("a.jpg", rare, 7.0, 8.0))
+    assert not find_duplicates(photos(1.0, 2.0, 3.0), {}, both, lines()).messages
+
+
+def test_labels_that_only_begin_alike_are_no_message() -> None:
+    rows = [("a.jpg", label, 1.0, 2.0) for label in ("P1", "P2", "P10", "P11", "P12", "B", "8")]
+    assert not find_duplicates(photos(1.0), {}, picks(*rows), lines()).messages

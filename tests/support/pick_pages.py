@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache, partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 from urllib.parse import urlsplit
 
 import cv2
@@ -163,25 +163,52 @@ class Reachable(Protocol):
     def origin(self) -> str: ...
 
 
-def cookie_of(server: Reachable) -> str:
-    """The cookie that the printed address is exchanged for."""
-    answer = ask(server.address, follow_redirects=False)
+class Entry(NamedTuple):
+    """What lets a page in: the browser's cookie, and the key that its tab alone has."""
+
+    cookie: str
+    key: str
+
+    def to(self, address: str) -> str:
+        """The address with the key."""
+        return f"{address}{'&' if '?' in address else '?'}tab={self.key}"
+
+
+def entry_of(server: Reachable) -> Entry:
+    """What the printed address is exchanged for."""
+    return entry_by(ask(server.address, follow_redirects=False))
+
+
+def entry_by(answer: httpx.Response) -> Entry:
+    """What an answer brings that lets in."""
     assert answer.status_code == 303, answer.text
-    return answer.headers["set-cookie"].split(";")[0]
+    way, _, key = answer.headers["location"].partition("#")
+    assert way == "/"
+    return Entry(answer.headers["set-cookie"].split(";")[0], key)
+
+
+def browser_of(server: Reachable, entry: Entry) -> httpx.Client:
+    """A tab of a browser that was let in."""
+    return httpx.Client(
+        base_url=server.origin,
+        headers={"Cookie": entry.cookie},
+        params={"tab": entry.key},
+        timeout=LONGEST_WAIT_S,
+    )
 
 
 class Page:
     """A page that is open: it sends commands, and keeps the state that the server confirmed."""
 
-    def __init__(self, server: Reachable, cookie: str | None = None) -> None:
-        self.cookie = cookie_of(server) if cookie is None else cookie
+    def __init__(self, server: Reachable, entry: Entry | None = None) -> None:
+        self.entry = entry_of(server) if entry is None else entry
         netloc = urlsplit(server.origin).netloc
         self._open = ExitStack()
         self.socket = self._open.enter_context(
             connect(
-                f"ws://{netloc}/socket",
+                self.entry.to(f"ws://{netloc}/socket"),
                 origin=Origin(server.origin),
-                additional_headers={"Cookie": self.cookie},
+                additional_headers={"Cookie": self.entry.cookie},
                 open_timeout=LONGEST_WAIT_S,
                 max_size=None,
                 proxy=None,

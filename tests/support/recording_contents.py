@@ -7,16 +7,15 @@ from typing import Any
 
 from rerun.chunk import RrdReader
 
-from uavgram.views.recording.stream import FIRST, OPENING
+from uavgram.views.recording.stream import FIRST
 
 
 class Contents:
-    """Columns of a recording by entity: static values, by frame, and what it opens with."""
+    """Columns of a recording by entity: static values, and by frame."""
 
     def __init__(self, path: Path) -> None:
         self.static: dict[str, dict[str, list[Any]]] = {}
         self.by_frame: dict[str, dict[str, dict[int, Any]]] = {}
-        self.opening: dict[str, dict[str, Any]] = {}
         self.timelines: set[str] = set()
         for chunk in RrdReader(str(path)).stream().to_chunks():
             columns = chunk.to_record_batch().to_pydict()
@@ -29,7 +28,4 @@ class Contents:
             for name, column in data.items():
                 rows = self.by_frame.setdefault(chunk.entity_path, {}).setdefault(name, {})
                 for frame, value in zip(columns["frame"], column, strict=True):
-                    if frame == OPENING:
-                        self.opening.setdefault(chunk.entity_path, {})[name] = value
-                    else:
-                        rows[frame - FIRST] = value
+                    rows[frame - FIRST] = value

@@ -24,7 +24,7 @@ Flag = Annotated[bool, Parameter(negative=())]
 Verbose = Annotated[bool, Parameter(name=["--verbose", "-v"], negative=())]
 Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
 
-DONE, PROBLEM, WRONG_USAGE, INTERRUPTED = 0, 1, 2, 130
+DONE, PROBLEM, WRONG_USAGE = 0, 1, 2
 
 app = App(
     name="uavgram",

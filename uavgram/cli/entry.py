@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import cyclopts
 
-from uavgram.cli.application import DONE, INTERRUPTED, PROBLEM, WRONG_USAGE, app
+from uavgram.cli.application import DONE, PROBLEM, WRONG_USAGE, app
 from uavgram.cli.commands import (  # noqa: F401  (each registers itself with the application)
     batch,
     calibrate,
@@ -28,6 +28,7 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
     targets,
     view,
 )
+from uavgram.cli.interrupt import has_come
 from uavgram.cli.terminal import as_told, drop_output, tell_in
 from uavgram.errors import UavgramError
 from uavgram.model.units import METRIC
@@ -39,7 +40,12 @@ def called(arguments: Sequence[str] | None) -> int:
     """Run the command that the arguments, or the process's own, name; its exit status."""
     tell_in(METRIC)
     try:
-        status = app(arguments)
+        try:
+            status = app(arguments)
+        except Exception as fault:
+            if has_come():  # what the fault says is of a library that Ctrl+C broke off
+                raise KeyboardInterrupt from fault
+            raise
     except cyclopts.CycloptsError as error:
         sys.stderr.write(f"uavgram: {_wrong_use(error)}\n")
         return WRONG_USAGE
@@ -49,9 +55,6 @@ def called(arguments: Sequence[str] | None) -> int:
     except BrokenPipeError:  # who reads our output has left (head, less): the files are written
         drop_output()
         return DONE
-    except KeyboardInterrupt:
-        sys.stderr.write("uavgram: interrupted; earlier results are as they were\n")
-        return INTERRUPTED
     return status if isinstance(status, int) else DONE
 
 

@@ -5,15 +5,28 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from uavgram.pipeline.own_process import load_little, seldom_look_for_cycles
+from uavgram.cli.interrupt import ending, has_come, watch
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit status.
+def begin(arguments: Sequence[str] | None) -> int:
+    """Set the process up, and run the command; its exit status.
 
-    0: done; 1: a problem that the user can solve, told in one message; 2: wrong usage. Anything
-    else is a bug and keeps its traceback.
+    Raises
+    ------
+    KeyboardInterrupt
+        Ctrl+C came, whatever exception it was turned into on its way here.
     """
+    if arguments is None:  # this process is ours alone
+        watch()
+    try:
+        return ending(_run(arguments))
+    except BaseException as fault:
+        if has_come():
+            raise KeyboardInterrupt from fault
+        raise
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     # Most matrices here are small: more threads wait for each other longer than they help. numpy's
     # library reads this when a command loads it.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -24,7 +37,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     # pydantic asks every installed package whether it has a plugin for it; we use none.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    if arguments is None:  # this process is ours alone
+    if arguments is None:
+        from uavgram.pipeline.own_process import load_little, seldom_look_for_cycles
+
         load_little()
         seldom_look_for_cycles()
     from uavgram.cli.entry import called

@@ -114,7 +114,8 @@ _OPTIONS = {
     "mount": """\
 # mount:
 #   gimbal: auto                   # auto: the log's gimbal angles where it has some; none: fixed
-#   pitch_deg: -90.0               # of a fixed camera: -90 looks straight down, 0 forward
+#   pitch_deg: auto                # -90 looks straight down, 0 forward, whatever tags or log say;
+#                                  # auto: as they say, and -90 where they say nothing
 """,
     "time": """\
 # time:

@@ -11,6 +11,9 @@ from uavgram.model.scenario.errors import USUAL, USUALLY_LOST
 from uavgram.model.scenario.repeated import RepeatedSurvey
 from uavgram.model.scenario.scenario import Scenario
 
+MOST_ITEMS = 2000
+"""Of all lists of a scenario together."""
+
 
 def load_scenario(path: str | Path) -> Scenario:
     """Read the scenario of a simulated survey; what it leaves out is the demo's.
@@ -26,7 +29,7 @@ def load_scenario(path: str | Path) -> Scenario:
 def scenario_document(path: str | Path) -> tuple[Scenario, Document]:
     """Read a scenario as `load_scenario` does, and where in its file everything stands."""
     path = Path(path).absolute()
-    document = _nothing_lost(_with_usual(read_yaml(path)))
+    document = _nothing_lost(_with_usual(read_yaml(path, MOST_ITEMS)))
     scenario = validate(Scenario, document)
     camera = scenario.camera
     if camera.file is not None:
@@ -43,7 +46,7 @@ def load_repeated(path: str | Path) -> RepeatedSurvey:
     InputError
         Names file, line and key of every mistake.
     """
-    return validate(RepeatedSurvey, read_yaml(Path(path).absolute()))
+    return validate(RepeatedSurvey, read_yaml(Path(path).absolute(), MOST_ITEMS))
 
 
 def _nothing_lost(document: Document) -> Document:

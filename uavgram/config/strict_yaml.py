@@ -23,6 +23,8 @@ KeyPath = tuple[str | int, ...]
 Plain = str | int | float | bool | None | list["Plain"] | dict[str, "Plain"]
 
 DEEPEST = 20  # composing is recursive; no file of ours nests deeper than 3
+MOST_ITEMS = 100_000
+"""Of all lists of a file together, such as the names of a project's photos: a minute to read."""
 _PREFIX = "tag:yaml.org,2002:"
 
 
@@ -54,18 +56,25 @@ class Document:
         return self.lines.get(key_path, 1)
 
 
-def read_yaml(path: Path) -> Document:
+def read_yaml(path: Path, most_items: int = MOST_ITEMS) -> Document:
     """Read a YAML file that a person wrote.
+
+    Parameters
+    ----------
+    path
+        The file.
+    most_items
+        How many items all its lists may have together, those of lists in lists too.
 
     Raises
     ------
     InputError
-        The file cannot be read, is not UTF-8, is no YAML, is empty, or uses what this program
-        does not know (several documents, aliases, tags).
+        The file cannot be read, is not UTF-8, is no YAML, is empty, is nested too deeply, has too
+        many items, or uses what this program does not know (several documents, aliases, tags).
     """
     text = _read_text(path)
     try:
-        root = _compose(path, text)
+        root = _compose(path, text, most_items)
     except yaml.MarkedYAMLError as fault:
         is_unclosed = "end of stream" in str(fault.problem) or "<stream end>" in str(fault.problem)
         mark = fault.context_mark if is_unclosed else fault.problem_mark
@@ -94,8 +103,8 @@ def _read_text(path: Path) -> str:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
 
 
-def _compose(path: Path, text: str) -> yaml.Node | None:
-    loader = _Loader(path, text)
+def _compose(path: Path, text: str, most_items: int) -> yaml.Node | None:
+    loader = _Loader(path, text, most_items)
     try:
         return loader.get_single_node()
     finally:
@@ -105,18 +114,27 @@ def _compose(path: Path, text: str) -> yaml.Node | None:
 class _Loader(yaml.SafeLoader):
     """Looks at each event as nodes are made of it: reading takes long enough once."""
 
-    def __init__(self, path: Path, text: str) -> None:
+    def __init__(self, path: Path, text: str, most_items: int) -> None:
         super().__init__(text)
-        self._path = path
-        self._depth = 0
+        self._path, self._most_items = path, most_items
+        self._within: list[type[yaml.Event]] = []
+        self._items = 0
 
     def get_event(self) -> yaml.Event:
         event: yaml.Event = super().get_event()  # type: ignore[no-untyped-call]
-        self._depth += isinstance(event, yaml.CollectionStartEvent)
-        self._depth -= isinstance(event, yaml.CollectionEndEvent)
-        if self._depth > DEEPEST:
-            line = event.start_mark.line + 1 if event.start_mark else None
-            raise InputError(self._path, f"more than {DEEPEST} levels of nesting", line)
+        if isinstance(event, yaml.CollectionEndEvent):
+            self._within.pop()
+        elif isinstance(event, yaml.NodeEvent):
+            self._items += self._within[-1:] == [yaml.SequenceStartEvent]
+        if isinstance(event, yaml.CollectionStartEvent):
+            self._within.append(type(event))
+        for found, most, what in (
+            (len(self._within), DEEPEST, "levels of nesting"),
+            (self._items, self._most_items, "items in its lists, all together: shorten them"),
+        ):
+            if found > most:
+                line = event.start_mark.line + 1 if event.start_mark else None
+                raise InputError(self._path, f"more than {most} {what}", line)
         if isinstance(event, yaml.NodeEvent):
             _refuse_sigils(self._path, event)
         return event

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import codecs
 import json
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree.ElementTree import Element, ParseError, fromstring
 
 import numpy as np
 
-from uavgram.errors import InputError, no_file
+from uavgram.errors import InputError
+from uavgram.io.inputs import read_bytes
 from uavgram.io.json_text import parse_json
 from uavgram.model.arrays import Floats
 
 FORMATS = "a GeoJSON file (.geojson, .json) or a KML file (.kml)"
+_DECLARED = re.compile(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([^"'>]*)""")
+_BYTE_BY_BYTE = re.compile(r"ascii|iso8859-\d+|cp125\d")
+"""Encodings in which old programs save KML beside UTF-8, as Python calls them."""
 
 
 class Area(NamedTuple):
@@ -48,12 +54,7 @@ def read_areas(path: Path) -> AreaFile:
         The file cannot be read, is neither GeoJSON nor KML, or holds no polygon in longitude and
         latitude.
     """
-    if what := no_file(path):
-        raise InputError(path, f"is {what}: name {FORMATS} with a polygon")
-    try:
-        text = path.read_text(encoding="utf-8-sig", errors="replace")
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    text = _decoded(path, read_bytes(path, f"name {FORMATS} with a polygon"))
     if text.startswith("PK"):
         raise InputError(path, "is zipped, as KMZ files are: save it as KML, or unpack it")
     found = _kml(path, text) if text.lstrip().startswith("<") else _geojson(path, text)
@@ -67,6 +68,23 @@ def read_areas(path: Path) -> AreaFile:
                 "longitude first",
             )
     return found
+
+
+def _decoded(path: Path, data: bytes) -> str:
+    """Text in the encoding that XML declares, or in UTF-8."""
+    declared = _DECLARED.match(data.removeprefix(codecs.BOM_UTF8))
+    if declared is None:
+        return data.decode("utf-8-sig", errors="replace")
+    stated = declared[1].decode("ascii", errors="replace")
+    try:
+        name = codecs.lookup(stated).name
+        if name == "utf-8" or _BYTE_BY_BYTE.fullmatch(name):
+            return data.decode("utf-8-sig" if name == "utf-8" else name)
+    except (LookupError, ValueError):
+        pass  # an unknown encoding, or bytes that are not in it
+    raise InputError(
+        path, f"cannot be read in the encoding that it declares, {stated!r}: save it as UTF-8"
+    )
 
 
 def _geojson(path: Path, text: str) -> AreaFile:
@@ -112,7 +130,7 @@ def _kml(path: Path, text: str) -> AreaFile:
     if "<!ENTITY" in text:  # no KML has any, and they can be made to fill the memory
         raise InputError(path, "defines entities, which no KML does: save it again")
     try:
-        root = fromstring(text.encode("utf-8"))  # noqa: S314
+        root = fromstring(text)  # noqa: S314  (text: the declaration no longer counts)
     except ParseError as fault:
         line = fault.position[0]
         raise InputError(

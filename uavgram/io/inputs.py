@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from uavgram.errors import InputError, no_file
+from uavgram.io.unread_formats import refuse_unread
 
 
 def read_bytes(path: str | Path, way_out: str = "name a file") -> bytes:
@@ -23,7 +24,7 @@ def read_bytes(path: str | Path, way_out: str = "name a file") -> bytes:
     Raises
     ------
     InputError
-        It is no file, or cannot be read.
+        It is no file, of a format that is not read, or cannot be read.
     """
     with opened(path, way_out) as file:
         return file.read()
@@ -34,6 +35,7 @@ def opened(path: str | Path, way_out: str = "name a file") -> Iterator[BinaryIO]
     """A file to read piece by piece; parameters and errors as of `read_bytes`."""
     if what := no_file(path):
         raise InputError(path, f"is {what}: {way_out}")
+    refuse_unread(path)
     try:
         with Path(path).open("rb") as file:
             yield file

@@ -7,7 +7,7 @@ default stands. They keep the file's units (degrees); stages convert at their en
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from types import MappingProxyType
 from typing import Literal
@@ -169,15 +169,26 @@ class GroundOptions(_Options):
 
 @dataclass(frozen=True, kw_only=True)
 class MountOptions(_Options):
-    """How the camera sits on the vehicle."""
+    """How the camera sits on the vehicle.
+
+    An angle that is stated takes the place of what the gimbal says in the log or in the photos'
+    tags. ``auto`` is the gimbal's own angle, and straight down with image up at the nose where
+    there is none.
+    """
 
     gimbal: Literal["auto", "none"] = "auto"
-    yaw_deg: float = 0.0
-    pitch_deg: float = -90.0
-    roll_deg: float = 0.0
+    yaw_deg: float | Auto = "auto"
+    pitch_deg: float | Auto = "auto"
+    roll_deg: float | Auto = "auto"
     boresight_sigma_deg: float = 2.0
     lever_arm_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     lever_arm_sigma_m: float = 0.1
+
+    def angles_deg(self, otherwise: Sequence[float] = (0.0, -90.0, 0.0)) -> tuple[float, ...]:
+        """Yaw, pitch and roll of the optical axis where they are stated, `otherwise` elsewhere."""
+        stated = (self.yaw_deg, self.pitch_deg, self.roll_deg)
+        pairs = zip(stated, otherwise, strict=True)
+        return tuple(other if angle == "auto" else angle for angle, other in pairs)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,9 @@ import numpy as np
 from uavgram.errors import InputError, near_miss
 from uavgram.io.imports.gcp_list import GcpSigmas, read_gcp_list
 from uavgram.io.imports.labelme import read_labelme
-from uavgram.io.tables.new_picks import write_new_control, write_new_picks
+from uavgram.io.outputs import replace_bytes
+from uavgram.io.tables.new_picks import new_control, new_picks
+from uavgram.io.unread_formats import refuse_unread
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.survey.imported import ImportedPicks
@@ -73,7 +75,7 @@ def import_picks(
     ------
     UavgramError
         A file is of neither kind or wrong, two files pick one label in one photo, or a file to
-        write is there already. Nothing is written then.
+        write holds more than a header. Nothing is written then.
     """
     read = [_read(path, None if control is None else control.sigmas) for path in files]
     _check_doubles(files, read)
@@ -85,12 +87,10 @@ def import_picks(
         messages=in_order(*(message for one in read for message in one.messages)),
     )
     tables = {} if control is None else _tables(files[0], together.known, control)
-    for path in tables:
-        if path.exists():
-            raise InputError(path, "is there already: name another file, or move this one away")
-    write_new_picks(together, output)
-    for path, known in tables.items():
-        write_new_control(known, path)
+    contents = {output: new_picks(together, output)}
+    contents |= {path: new_control(known, path) for path, known in tables.items()}
+    for path, content in contents.items():
+        replace_bytes(path, content)
     checks = 0 if control is None else len(control.check)
     return Imported(
         picks=len(together.image),
@@ -134,6 +134,7 @@ def _read(path: Path, sigmas: GcpSigmas | None) -> ImportedPicks:
         return read_labelme(path)
     if path.suffix.lower() == ".txt":
         return read_gcp_list(path, sigmas)
+    refuse_unread(path)
     raise InputError(path, "is neither LabelMe's .json nor a gcp_list.txt")
 
 

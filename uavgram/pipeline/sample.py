@@ -12,16 +12,12 @@ from uavgram.imaging.demo_scene.render import render_photos
 from uavgram.io.demo_files import write_unpicked
 from uavgram.model.scenario.scenario import Scenario
 from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.sample_scene import MARK, TAPED, is_sample
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.simulate.survey import simulate
 
 SAMPLE = "uavgram-sample"
 """Its folder, where none is named."""
-
-MARK = "# The sample survey of `uavgram pick --sample`:"
-"""How its project file begins; a person may change all that follows."""
-
-TAPED = "taped.txt"
 
 
 @with_one_blas_thread
@@ -48,7 +44,7 @@ def make_sample(folder: Path, progress: Progress = silent) -> Path:
     """
     folder = folder.absolute()
     project = folder / "project.yaml"
-    if _is_sample(project):
+    if is_sample(project):
         return project
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(
@@ -73,14 +69,6 @@ def make_sample(folder: Path, progress: Progress = silent) -> Path:
             f"{folder}: cannot be written ({fault.strerror}); name another"
         ) from fault
     return project
-
-
-def _is_sample(project: Path) -> bool:
-    try:
-        with project.open(encoding="utf-8") as stream:
-            return stream.readline().startswith(MARK)
-    except (OSError, UnicodeDecodeError):
-        return False
 
 
 def _taped_text(lengths: Iterable[tuple[str, str, float]]) -> str:

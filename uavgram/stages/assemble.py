@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
@@ -86,7 +86,7 @@ class Observations:
     exposures
         When each photo was taken; None where nobody says.
     copies
-        Photos that stay out, as others stand for them.
+        Photos of an exposure that is counted already -> the photo that is.
     """
 
     calibration: Calibration
@@ -103,7 +103,7 @@ class Observations:
     own_scale_sigma: tuple[tuple[str, float], ...] = ()
     photos: Sequence[str] = ()
     exposures: Frames | None = None
-    copies: Collection[str] = ()
+    copies: Mapping[str, str] = field(default_factory=dict)
 
 
 def assemble(observed: Observations) -> Assembled:
@@ -121,13 +121,17 @@ def assemble(observed: Observations) -> Assembled:
     picks, lines, control = observed.picks, observed.lines, observed.control
     telemetry = observed.telemetry
     chosen = _usable_picks(observed)
-    picked = {picks.image[i] for i in chosen} | _tied(observed)
+    copies = observed.copies
+    picked = {copies.get(picks.image[i], picks.image[i]) for i in chosen} | _tied(observed)
     order = (
         (*observed.photos, *picks.image, *observed.ties.image)
         if telemetry is None
         else telemetry.poses.frame_id
     )
     frame_at = _rows(name for name in order if name in picked)
+    shown_at = frame_at | {
+        copy: frame_at[kept] for copy, kept in copies.items() if kept in frame_at
+    }
     label_at = _rows(picks.label[i] for i in chosen)
     seen = [
         i
@@ -144,7 +148,7 @@ def assemble(observed: Observations) -> Assembled:
     # The default area comes first where any label lies in it: with a free gauge it is z = 0.
     area_at = _rows(sorted(areas, key=lambda name: name != DEFAULT_AREA))
     sigma = np.where(np.isnan(picks.sigma_px), observed.picks_sigma_px, picks.sigma_px)
-    matches, stale = matches_of(picks, sigma, _index(chosen, len(picks.image)), frame_at)
+    matches, stale = matches_of(picks, sigma, _index(chosen, len(picks.image)), shown_at)
     time_s, time_sigma_s = _times(observed.exposures, frame_at)
     survey = Survey(
         frame_id=tuple(frame_at),
@@ -159,7 +163,7 @@ def assemble(observed: Observations) -> Assembled:
         height_sigma_m=_of_labels(picks, picks.height_sigma_m, label_at),
         is_free=np.isin(list(label_at), np.array(picks.label)[picks.is_free]),
         identification_sigma_m=np.full(len(label_at), observed.picks_identification_sigma_m),
-        pick_frame=np.array([frame_at[picks.image[i]] for i in chosen]),
+        pick_frame=np.array([shown_at[picks.image[i]] for i in chosen]),
         pick_label=np.array([label_at[picks.label[i]] for i in chosen]),
         pixel_px=picks.pixel_px[chosen],
         pick_sigma_px=sigma[chosen],
@@ -209,6 +213,11 @@ def _usable_picks(observed: Observations) -> Ints:
     picks, posed = observed.picks, _posed(observed)
     used = np.flatnonzero([image in posed for image in picks.image])
     used = used[~picks.of_source("match")[used]]
+    if observed.copies:  # what was clicked again counts, what was copied with the photo does not
+        shown = [observed.copies.get(name, name) for name in picks.image]
+        places = zip(shown, picks.label, *picks.pixel_px.T.tolist(), strict=True)
+        first = {place: i for i, place in reversed(list(enumerate(places)))}
+        used = used[np.isin(used, list(first.values()))]
     if not used.size:
         raise GeometryError(
             "no usable frame remains: not one pick lies in a photo that the flight log covers; "
@@ -218,17 +227,18 @@ def _usable_picks(observed: Observations) -> Ints:
 
 
 def _posed(observed: Observations) -> set[str]:
-    """Photos that may take part."""
-    telemetry = observed.telemetry
+    """Photos that may take part, and others of the same exposures."""
+    telemetry, copies = observed.telemetry, observed.copies
     seen = {*observed.picks.image, *observed.ties.image}
     posed = seen if telemetry is None else set(telemetry.poses.frame_id)
-    return posed - set(observed.copies)
+    counted = {copies.get(name, name) for name in posed}
+    return counted | {copy for copy, kept in copies.items() if kept in counted}
 
 
 def _tied(observed: Observations) -> set[str]:
     """Photos that take part by what was found in them."""
     found = {observed.picks.image[i] for i in np.flatnonzero(observed.picks.of_source("match"))}
-    return (found | set(observed.ties.image)) & _posed(observed)
+    return (found | set(observed.ties.image)) & _posed(observed) - set(observed.copies)
 
 
 def _rows(names: Iterable[str]) -> dict[str, int]:

@@ -7,18 +7,26 @@ copied the error of its reading; the adjustment takes observations for independe
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from uavgram.errors import alike
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
-from uavgram.model.naming import listed
+from uavgram.model.naming import listed, photo_name
 from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, Picks
 
 _MOST_NAMED = 10
+
+MOST_AT_ONCE = 8
+"""Photos of one capture time among which copies are looked for: more are of a clock that stood."""
+
+SAME_PX = 5.0
+"""Apart at most: two clicks of a person on the same point of one exposure."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +62,7 @@ def find_duplicates(
     picks: Picks,
     lines: KnownLines,
     known: KnownThings = NO_KNOWN,
+    is_same: Callable[[str, str], bool] = lambda _one, _other: False,
 ) -> Duplicates:
     """Find photos and lengths that are there more than once.
 
@@ -65,63 +74,67 @@ def find_duplicates(
         Of their files, by name.
     picks, lines, known
         Every one of them.
+    is_same
+        Whether two photos, by name, are of one camera and show the same; asked of those that may
+        be one exposure.
     """
-    picked = _picked(photos, picks)
-    by_content = [(sha256[name],) if name in sha256 else None for name in photos.frame_id]
-    same_file = _copies(photos.frame_id, by_content, picked)
-    rest = [name not in same_file for name in photos.frame_id]
-    timed = zip(photos.frame_id, rest, photos.file_time_s.tolist(), strict=True)
-    by_picks = [
-        (time, frozenset(picked[name].items()))
-        if is_other and picked[name] and math.isfinite(time)
-        else None
-        for name, is_other, time in timed
-    ]
-    saved_anew = _copies(photos.frame_id, by_picks, picked)
+    same_file, saved_anew = _same_exposures(photos, sha256, picks, is_same)
     same_lines = _same_lines(lines)
     same_known = _same_known(lines, known)
     return Duplicates(
         photos={**same_file, **saved_anew},
         lines=same_lines,
         messages=(
-            *_photo_message("photo-duplicate", "the same file as", same_file, picked),
-            *_photo_message(
-                "photo-saved-anew", "with the capture time and all the picks of", saved_anew, picked
-            ),
+            *_photo_message("photo-duplicate", "the same file as", same_file),
+            *_photo_message("photo-saved-anew", "the same exposure as", saved_anew),
             *_line_messages(lines, same_lines),
             *_known_messages(known, same_known),
+            *_alike_messages(picks),
         ),
         known=same_known,
     )
 
 
-Places = dict[str, tuple[float, float]]
+def _same_exposures(
+    photos: Photos, sha256: Mapping[str, str], picks: Picks, is_same: Callable[[str, str], bool]
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Copies of a file, and other files of an exposure -> the photo that is counted.
 
-
-def _picked(photos: Photos, picks: Picks) -> dict[str, Places]:
-    """Photo -> label -> pixel."""
-    picked: dict[str, Places] = {name: {} for name in photos.frame_id}
-    for image, label, (u, v) in zip(picks.image, picks.label, picks.pixel_px.tolist(), strict=True):
-        if image in picked:
-            picked[image][label] = u, v
-    return picked
-
-
-def _copies(
-    names: Iterable[str],
-    keys: Iterable[tuple[object, ...] | None],
-    picked: Mapping[str, Places],
-) -> dict[str, str]:
-    """Copy -> what is kept: of those with one key the one with most picks, then the first."""
-    groups: dict[tuple[object, ...], list[str]] = {}
-    for name, key in zip(names, keys, strict=True):
-        if key is not None:
-            groups.setdefault(key, []).append(name)
-    copies: dict[str, str] = {}
-    for group in groups.values():
-        kept = max(group, key=lambda name: len(picked[name]))  # the first of the largest
-        copies.update({name: kept for name in group if name != kept})
-    return copies
+    Of one exposure that is the first by name of those with a capture time. A photo without a time
+    is compared with those that have a label at nearly the same pixel, and with the one before it
+    where its name goes on as a copy's does.
+    """
+    time_s = dict(zip(photos.frame_id, photos.file_time_s.tolist(), strict=True))
+    rows: dict[str, list[int]] = {}
+    for i, image in enumerate(picks.image):
+        rows.setdefault(image, []).append(i)
+    counted: dict[str, str] = {}  # by content of the file
+    at_time: dict[float, list[str]] = {}
+    of_label: dict[str, list[int]] = {}
+    files: dict[str, str] = {}
+    exposures: dict[str, str] = {}
+    before = ""
+    for name in sorted(time_s, key=lambda name: (math.isnan(time_s[name]), photo_name(name))):
+        content, own = sha256.get(name, name), rows.get(name, [])
+        near = at_time.get(time_s[name], [])
+        near = near if len(near) < MOST_AT_ONCE else []
+        if math.isnan(time_s[name]):
+            pairs = [(i, k) for i in own for k in of_label.get(picks.label[i], ())]
+            apart = [np.abs(picks.pixel_px[i] - picks.pixel_px[k]).max() for i, k in pairs]
+            near = [
+                *(picks.image[k] for (_, k), px in zip(pairs, apart, strict=True) if px <= SAME_PX),
+                *([before] if before and photo_name(name).startswith(photo_name(before)) else []),
+            ]
+        if content in counted:
+            files[name] = counted[content]
+        elif same := next((other for other in dict.fromkeys(near) if is_same(other, name)), ""):
+            counted[content] = exposures[name] = same
+        else:
+            counted[content] = before = name
+            at_time.setdefault(time_s[name], []).append(name)
+            for i in own:
+                of_label.setdefault(picks.label[i], []).append(i)
+    return files, exposures
 
 
 def _same_lines(lines: KnownLines) -> dict[int, int]:
@@ -170,21 +183,15 @@ def _known_messages(known: KnownThings, same: Mapping[int, str]) -> tuple[Messag
     return (Message("warning", "known-duplicate", text, labels=tuple(labels)),)
 
 
-def _photo_message(
-    code: str, what: str, copies: Mapping[str, str], picked: Mapping[str, Places]
-) -> tuple[Message, ...]:
+def _photo_message(code: str, what: str, copies: Mapping[str, str]) -> tuple[Message, ...]:
     if not copies:
         return ()
-    parts = []
-    for name, kept in copies.items():
-        lost = sorted(picked[name].keys() - picked[kept].keys())
-        alone = listed(map(repr, lost), _MOST_NAMED)
-        more = f" (picks of {alone} are in the copy alone: pick them in {kept})"
-        parts.append(f"{name} is {what} {kept}{more if lost else ''}")
+    parts = [f"{name} is {what} {kept}" for name, kept in copies.items()]
     count = f"{len(copies)} photo{'s are' if len(copies) > 1 else ' is'}"
     text = (
         f"{count} there twice and counted once, as a copy says nothing new: "
-        f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. Take the copies out of `images`."
+        f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. Picks in both are repeats of one "
+        "observation. Take the copies out of `images`."
     )
     return (Message("warning", code, text, frames=tuple(copies)),)
 
@@ -210,6 +217,22 @@ def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message,
     )
     lengths = tuple(lines.name[i] for i in same)
     return (Message("warning", "line-duplicate", text, lengths=lengths),)
+
+
+def _alike_messages(picks: Picks) -> Iterator[Message]:
+    """Labels that are picked once and look like another: one point may have both."""
+    count = Counter(picks.label)
+    groups: dict[str, list[str]] = {}
+    for label in sorted(count, key=lambda label: count[label]):
+        groups.setdefault(alike(label), []).append(label)
+    for labels in groups.values():
+        if len(labels) > 1 and count[labels[0]] == 1:
+            image = picks.image[picks.label.index(labels[0])]
+            text = (
+                f"The label {labels[0]!r} is picked once, in {image}, and looks like "
+                f"{listed(map(repr, labels[1:]))}: if that is the same point, give it one label."
+            )
+            yield Message("warning", "label-resembles", text, labels=tuple(labels))
 
 
 def _rest(parts: list[str]) -> str:

@@ -7,8 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.boot_clock import as_text, fit_boot_clock, to_utc
+from uavgram.estimation.clocks.boot_clock import fit_boot_clock, to_utc
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.earth.gps_time import utc_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import (
     Boot,
@@ -65,7 +66,7 @@ def _span(positions: PositionSamples | None, clock: BootClock | None) -> tuple[s
     if positions is None or clock is None:
         return "", ""
     first, last = to_utc(clock, positions.time_boot_s[[0, -1]])
-    return as_text(float(first)), as_text(float(last))
+    return utc_text(float(first)), utc_text(float(last))
 
 
 def _residuals(boot: Boot, clock: BootClock | None) -> tuple[Floats, Floats]:

@@ -183,10 +183,12 @@ def _status(
 ) -> tuple[FrameStatus, str]:
     if name in refined:
         return "refined", ""
+    if picked.get(name):
+        return "rejected", picked[name]
     if seeded is not None and name not in seeded:
         return "unmatched", reason
     if name in picked:
-        return "rejected", picked[name] or "its picks do not determine its pose"
+        return "rejected", "its picks do not determine its pose"
     if seeded is None:
         return "unmatched", "no flight log and no picks"
     return "seeded", "no picks"

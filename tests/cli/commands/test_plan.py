@@ -23,6 +23,8 @@ FILES = {
     "mission_litchi.csv",
     "scenario.yaml",
 }
+SITE = "site: {latitude_deg: 47.0, longitude_deg: 8.0, scene_east_m: 0, scene_north_m: 0}\n"
+MISSIONS = {"mission.plan", "mission.waypoints", "mission_litchi.csv"}
 PLAN = """
 name: yard
 plan:
@@ -43,7 +45,7 @@ def scenario(folder: Path, text: str) -> Path:
 def test_all_files_are_written_and_the_screen_says_what_to_do(
     command: Command, tmp_path: Path
 ) -> None:
-    path = scenario(tmp_path, PLAN.format(area=SQUARE))
+    path = scenario(tmp_path, SITE + PLAN.format(area=SQUARE))
     done = command("plan", path, "--output", tmp_path / "out")
     assert done.status == 0, done
     assert {one.name for one in (tmp_path / "out").iterdir()} == FILES
@@ -54,6 +56,21 @@ def test_all_files_are_written_and_the_screen_says_what_to_do(
     assert read_areas(tmp_path / "out" / "plan.geojson").areas
     world = read_world(tmp_path / "out" / "scenario.yaml")  # it makes sense, without errors too
     assert len(world.scenario.flight.poses) == len(planned.frames.name)
+
+
+def test_without_a_site_no_mission_is_written_nor_an_earlier_one_left(
+    command: Command, tmp_path: Path
+) -> None:
+    folder = tmp_path / "out"
+    folder.mkdir()
+    for name in MISSIONS:
+        (folder / name).write_text("of another place")
+    path = scenario(tmp_path, PLAN.format(area=SQUARE))
+    done = command("plan", path, "--output", folder)
+
+    assert done.status == 0, done
+    assert {one.name for one in folder.iterdir()} == FILES - MISSIONS
+    assert "no mission file was written" in done.stdout
 
 
 def test_an_area_from_a_map_is_where_it_lies(command: Command, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.boot_clock import as_text, fit_boot_clock, to_boot, to_utc
+from uavgram.estimation.clocks.boot_clock import fit_boot_clock, to_boot, to_utc
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Boot, ClockSamples
 
@@ -76,11 +76,6 @@ def test_a_log_without_any_utc_is_refused_with_the_way_out() -> None:
 def test_both_ways_of_the_clock_are_inverse() -> None:
     clock, _ = fit_boot_clock(boot(gps=EPOCH + TIME * (1 + 1e-4)))
     assert to_boot(clock, to_utc(clock, TIME)) == pytest.approx(TIME, abs=1e-6)
-
-
-def test_instants_are_written_for_people() -> None:
-    assert as_text(1533430850.0) == "2018-08-05 01:00:50 UTC"
-    assert as_text(-5.0) == "-5 s since 1970"
 
 
 def test_the_real_cuav_clock_is_the_receive_clock(data_dir: Path) -> None:

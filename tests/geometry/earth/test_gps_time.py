@@ -13,7 +13,9 @@ from uavgram.geometry.earth.gps_time import (
     MAX_PLAUSIBLE_UTC_S,
     MIN_PLAUSIBLE_UTC_S,
     leap_seconds,
+    span_text,
     utc_from_gps,
+    utc_text,
 )
 
 
@@ -74,3 +76,10 @@ def test_bounds_of_a_clock_that_was_set() -> None:
     assert utc(2080, 1, 1) == MAX_PLAUSIBLE_UTC_S
     rolled_over = utc_from_gps(2400 - 1024, 0)
     assert rolled_over < MIN_PLAUSIBLE_UTC_S
+
+
+def test_instants_and_spans_are_written_for_people() -> None:
+    assert utc_text(1533430850.0) == "2018-08-05 01:00:50 UTC"
+    assert utc_text(-5.0) == "-5 s since 1970"
+    assert span_text(36000.04) == "36000.0 s"
+    assert span_text(261822435.844) == "3030 days"

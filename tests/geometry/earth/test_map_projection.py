@@ -11,6 +11,7 @@ from uavgram.errors import GeometryError
 from uavgram.geometry.earth.map_projection import (
     checked_crs,
     map_scale,
+    misfit,
     projected_from_enu,
     utm_crs,
 )
@@ -58,3 +59,36 @@ def test_a_map_distance_is_the_ground_distance_times_the_scale() -> None:
 def test_degrees_feet_and_nonsense_are_refused_by_name(wrong: str) -> None:
     with pytest.raises(GeometryError, match=wrong):
         checked_crs(wrong)
+
+
+@pytest.mark.parametrize(
+    ("crs", "latitude", "longitude", "why", "fitting"),
+    [
+        ("EPSG:31370", 52.5, 13.4, "latitude 49.50 to 51.51, longitude 2.50 to 6.40", "EPSG:32633"),
+        ("EPSG:2193", 40.0, 175.0, "latitude -47.33 to -34.10", "EPSG:32660"),
+        ("EPSG:3857", 52.5, 13.4, "1.64", "EPSG:32633"),
+        ("+proj=utm +zone=32 +ellps=GRS80", -30.0, 150.0, "1.19", "EPSG:32756"),
+    ],
+)
+def test_a_system_that_does_not_fit_the_site_is_refused(
+    crs: str, latitude: float, longitude: float, why: str, fitting: str
+) -> None:
+    said = misfit(crs, latitude, longitude)
+
+    assert crs in said
+    assert why in said
+    assert fitting in said
+    assert not misfit(fitting, latitude, longitude)
+
+
+@pytest.mark.parametrize(
+    ("crs", "latitude", "longitude"),
+    [
+        ("EPSG:32701", -17.0, -179.9),  # an area that begins at the 180th meridian
+        ("EPSG:3832", 2.0, -179.9),  # and one that reaches over it
+        ("EPSG:32661", 89.9, 20.0),
+        ("+proj=utm +zone=32 +ellps=GRS80", 48.5, 13.4),  # beyond the zone, on purpose
+    ],
+)
+def test_a_system_that_fits_is_accepted(crs: str, latitude: float, longitude: float) -> None:
+    assert not misfit(crs, latitude, longitude)

@@ -214,3 +214,52 @@ def test_the_real_files_of_opencv_and_canberrauav_load(data_dir: Path) -> None:
     np.testing.assert_allclose(left.parameters[[0, 3, 8]], [535.91573396, 235.5708291, 0.23839153])
     assert (cuav.width_px, cuav.height_px) == (1640, 1232)
     np.testing.assert_allclose(cuav.parameters[[1, 4, 8]], [1329.3364713, 0.16641467, -0.60795875])
+
+
+MANY = 50_000
+YAML = "%YAML:1.0\n---\n"
+XML = '<?xml version="1.0"?>\n<opencv_storage>\n'
+NESTED = {
+    "json lists": '{"camera_matrix":' + "[" * MANY,
+    "json objects": '{"camera_matrix":' * MANY,
+    "json, closed in comments": '{"camera_matrix":' + "[/*]*/" * MANY,
+    "json, closed in quotes": '{"camera_matrix":' + '["]",' * MANY,
+    "xml tags": XML + "<camera_matrix>" * MANY,
+    "xml tags, closed in comments": XML + "<camera_matrix><!-- </camera_matrix> -->\n" * MANY,
+    "yaml lists": f"{YAML}camera_matrix: " + "[" * MANY,
+    "yaml lists, closed in comments": f"{YAML}camera_matrix: " + "[ # ]\n" * MANY,
+    "yaml lists behind an apostrophe": f"{YAML}a: it's ]\ncamera_matrix: " + "['['," * MANY,
+    "yaml items in one line": f"{YAML}camera_matrix:\n   " + "- " * MANY + "1\n",
+    "yaml dashes": f"{YAML}camera_matrix:\n   " + "-" * MANY + " x\n",
+    "yaml keys in one line": f"{YAML}camera_matrix: " + "x: " * MANY + "1\n",
+    "yaml keys without spaces": YAML + "k:" * MANY + "x\n",
+    "yaml without its header": "k: " + "[" * MANY,
+}
+
+
+@pytest.mark.parametrize("text", NESTED.values(), ids=NESTED)
+def test_what_is_nested_without_end_is_refused_before_opencv_ends_the_program(
+    tmp_path: Path, text: str
+) -> None:
+    path = tmp_path / "camera.yml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=r"camera\.yml:\d+: has more than 50 levels of brackets"):
+        read_opencv_calibration(path)
+
+
+def test_yaml_nested_by_its_indents_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yml"
+    levels = "".join(" " * k + "k:\n" for k in range(1500))
+    path.write_text(YAML + levels, encoding="utf-8")
+    with pytest.raises(InputError, match="more than 50 levels"):
+        read_opencv_calibration(path)
+
+
+@pytest.mark.parametrize("name", ["camera.yml", "camera.json", "camera.xml"])
+def test_many_lists_beside_each_other_and_brackets_in_names_are_no_nesting(
+    write: Write, name: str
+) -> None:
+    more: dict[str, Any] = {f"rotation_{k}": np.eye(3) for k in range(300)}
+    more |= {f"photo_{k}": f"IMG [{k}] of 2025-03-09" for k in range(100)}
+    camera, _ = read_opencv_calibration(write(name, **more))
+    assert camera.width_px == 1920

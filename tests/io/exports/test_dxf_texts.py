@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from ezdxf import recover
 from ezdxf.addons import text2path
 from ezdxf.document import Drawing
 from ezdxf.entities.dxfentity import DXFEntity
@@ -20,7 +22,6 @@ from ezdxf.filemanagement import readfile
 from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.maps.layers import Features, Layer
-from uavgram.stages.products.text_places import Choice, TextPlaces
 
 Box = tuple[tuple[float, float], tuple[float, float], float]
 
@@ -57,10 +58,8 @@ def random_survey(rng: np.random.Generator) -> Features:
     )
 
 
-def _nothing() -> Layer:
-    return Layer(
-        name="measured_areas", kind="polygon", vertices_m=(), attributes={"alternatives": ()}
-    )
+def _nothing(name: str = "measured_areas") -> Layer:
+    return Layer(name=name, kind="polygon", vertices_m=(), attributes={"alternatives": ()})
 
 
 def _ends(place: Floats, pairs: Ints) -> tuple[Floats, ...]:
@@ -194,27 +193,119 @@ def test_no_text_of_a_whole_survey_covers_another(
     assert covering(document) == []
 
 
-def test_the_second_drawing_of_a_survey_puts_texts_where_the_first_has_them(
-    features: Features, tmp_path: Path
-) -> None:
-    room: list[Choice] = []
-    write_local_dxf(features, tmp_path / "local.dxf", room=room)
-    first = list(room)
-    write_map_dxf(features, tmp_path / "map.dxf", room=room)
-    document = readfile(tmp_path / "map.dxf")
+def drawn_of(document: Drawing) -> dict[str, tuple[Floats, Floats]]:
+    """By each text what it names, (k, 2) ends or the place of a point, and its corners (4, 2)."""
+    space = document.modelspace()
+    named: dict[str, Floats] = {}
+    for insert in space.query("INSERT"):
+        named[insert.get_attrib_text("LABEL")] = np.array([insert.dxf.insert.vec2])  # type: ignore[attr-defined]
+    for dimension in space.query("DIMENSION"):
+        ends = dimension.dxf.defpoint2.vec2, dimension.dxf.defpoint3.vec2
+        named[dimension.dxf.text] = np.array(ends)
+    return {
+        words: (named[words], np.asarray(cv2.boxPoints(box_of(text)), np.float64))
+        for text in shown_texts(document)
+        if (words := str(getattr(text, "text", "") or text.dxf.text)) in named
+    }
 
-    assert len(room) == len(first) > 20
-    # The map is turned a little, and texts beside points are not.
-    assert sum(a == b for a, b in zip(room, first, strict=True)) > 0.9 * len(first)
+
+def letters_apart(document: Drawing) -> Floats:
+    """From each text to the nearest point of what it names, in heights of its letters."""
+    height = document.dimstyles.get("UAVGRAM").dxf.dimtxt
+    share = np.linspace(0.0, 1.0, 501)[:, None]
+    found = []
+    for ends, corners in drawn_of(document).values():
+        line = (1 - share) * ends[0] + share * ends[-1] if len(ends) > 1 else ends
+        outline = corners.astype(np.float32)
+        inside = [cv2.pointPolygonTest(outline, at, measureDist=True) for at in line.tolist()]
+        found.append(max(-max(inside), 0.0) / height)
+    return np.array(found)
+
+
+MOST_LETTERS = 15.0
+
+
+@pytest.mark.parametrize("seed", range(100, 106))
+def test_no_text_is_far_from_what_it_names(seed: int, tmp_path: Path) -> None:
+    write_local_dxf(random_survey(np.random.default_rng(seed)), tmp_path / "random.dxf")
+
+    assert letters_apart(readfile(tmp_path / "random.dxf")).max() < MOST_LETTERS
+
+
+def test_a_net_of_lengths_between_all_points_keeps_its_texts(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7)
+    place = np.column_stack([rng.uniform(size=(14, 2)) * [90.0, 25.0], np.zeros(14)])
+    pairs = np.array([(i, j) for i in range(14) for j in range(i)])
+    survey = random_survey(rng)
+    layers = tuple(
+        _lengths(place, pairs) if one.name == "known_lengths" else one for one in survey.layers
+    )
+    write_local_dxf(replace(survey, layers=layers), tmp_path / "net.dxf")
+    document = readfile(tmp_path / "net.dxf")
+
+    assert len(document.modelspace().query('DIMENSION[layer=="KNOWN_LENGTHS"]')) == len(pairs)
     assert covering(document) == []
+    assert letters_apart(document).max() < MOST_LETTERS
 
 
-def test_where_the_other_drawing_had_room_and_this_one_has_none_texts_look_for_it() -> None:
-    elsewhere, here = TextPlaces(), TextPlaces([Choice(0, 6, 0, is_crowded=False)])
-    for places in (elsewhere, here):
-        places.reserve(np.array([1.5, 0.5, 1.0, 1.0, 0.0]))
+def test_a_line_leads_to_a_label_that_is_not_beside_its_point(tmp_path: Path) -> None:
+    survey = random_survey(np.random.default_rng(1))
+    points = survey.layer("points")
+    together = replace(points, vertices_m=tuple(np.zeros((1, 3)) for _ in points.vertices_m))
+    many = replace(survey, layers=(_nothing(), _nothing("measured_lines"), together))
+    write_local_dxf(many, tmp_path / "crowd.dxf")
+    document = readfile(tmp_path / "crowd.dxf")
+    lines = document.modelspace().query('LINE[layer=="LABELS"]')
 
-    def candidates(rounds: Ints) -> Floats:
-        return np.array([[float(k), 0.0, 0.4, 0.2, 0.0] for k in rounds])
+    assert covering(document) == []
+    assert len(lines) > 0
+    assert {tuple(line.dxf.start) for line in lines} == {(0.0, 0.0, 0.0)}
 
-    np.testing.assert_array_equal(here.take_near(candidates), elsewhere.take_near(candidates))
+
+CODES = [
+    "%%d 20%%",
+    r"\U+0041",
+    "a^Ib",
+    "{x}",
+    r"C:\P1",
+    "<> [] a<>",
+    "50%%%",
+    "a\tb",
+]
+
+
+def test_names_that_look_like_codes_are_read_as_they_are(tmp_path: Path) -> None:
+    count = len(CODES)
+    place = np.column_stack([10.0 * np.arange(count), np.zeros((count, 2))])
+    pairs = np.column_stack([np.arange(count - 1), np.arange(1, count)])
+    survey = random_survey(np.random.default_rng(5))
+    points = survey.layer("points")
+    attributes = {key: (values[0],) * count for key, values in points.attributes.items()}
+    known = _lengths(place, pairs)
+    layers = (
+        replace(known, attributes={**known.attributes, "name": tuple(CODES[1:])}),
+        _nothing(),
+        _nothing("measured_lines"),
+        replace(
+            points,
+            vertices_m=tuple(place[:, None]),
+            attributes={**attributes, "label": tuple(CODES)},  # type: ignore[dict-item]
+        ),
+    )
+    write_local_dxf(replace(survey, layers=layers, name=CODES[0]), tmp_path / "codes.dxf")
+    document, _ = recover.readfile(tmp_path / "codes.dxf")  # decodes as programs do
+    space = document.modelspace()
+    shown = [name.replace("\t", " ") for name in CODES]
+
+    assert [text.plain_text() for text in space.query('TEXT[layer=="LABELS"]')] == shown  # type: ignore[attr-defined]
+    hidden = [insert.get_attrib("LABEL").plain_text() for insert in space.query("INSERT")]  # type: ignore[attr-defined]
+    assert hidden == shown
+    (note,) = space.query('TEXT[layer=="NOTES"]')
+    assert note.plain_text().startswith(f"{CODES[0]}: ")  # type: ignore[attr-defined]
+    dimensions = [
+        one.plain_text()
+        for dimension in space.query("DIMENSION")
+        for one in dimension.virtual_entities()  # type: ignore[attr-defined]
+        if isinstance(one, MText)
+    ]
+    assert dimensions == [f"{name}: 10.000 ±0.010 m" for name in shown[1:]]

@@ -14,7 +14,12 @@ import rasterio
 from numpy.typing import NDArray
 from rasterio.enums import ColorInterp, MaskFlags
 
-from uavgram.io.exports.geotiff import read_reduced, write_colour_geotiff, write_float_geotiff
+from uavgram.io.exports.geotiff import (
+    read_reduced,
+    write_colour_geotiff,
+    write_float_geotiff,
+    write_turned_picture,
+)
 from uavgram.model.maps.raster import GroundRaster
 
 Pixels = NDArray[np.uint8]
@@ -98,6 +103,24 @@ def test_a_picture_to_print_comes_from_the_smallest_overview_that_will_do(path: 
     assert read_reduced(path, 651).shape == (HEIGHT, WIDTH, 4)
     assert read_reduced(path, 650).shape == (HEIGHT // 2, WIDTH // 2, 4)
     assert read_reduced(path, 10).shape == (HEIGHT // 4, WIDTH // 4, 4)
+
+
+def test_a_picture_that_lies_turned_has_the_same_overviews(
+    picture: Pixels, path: Path, tmp_path: Path
+) -> None:
+    corners = np.array([[10.0, 20.0], [70.0, 45.0], [-7.0, 61.0]])
+    write_turned_picture(picture, corners, CRS, {}, tmp_path / "t.tif")
+
+    with rasterio.open(tmp_path / "t.tif") as file:
+        assert file.overviews(1) == [2, 4]
+        np.testing.assert_array_equal(np.moveaxis(file.read(), 0, 2), picture)
+        np.testing.assert_allclose(file.xy(0, WIDTH, offset="ul"), corners[1])
+    for level in (0, 1):
+        with (
+            rasterio.open(tmp_path / "t.tif", overview_level=level) as turned,
+            rasterio.open(path, overview_level=level) as straight,
+        ):
+            np.testing.assert_array_equal(turned.read(), straight.read())
 
 
 def test_local_metres_have_a_place_but_no_coordinate_system(

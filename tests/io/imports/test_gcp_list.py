@@ -7,9 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pyproj import Transformer
+from tagged_jpeg import jpeg
 
 from uavgram.errors import InputError
 from uavgram.io.imports.gcp_list import GcpSigmas, read_gcp_list
+from uavgram.io.photos.jpeg_segments import APP1, EXIF_HEAD, Segment, build_jpeg, parse_jpeg
+from uavgram.io.photos.tagging.exif_gps import ExifGps, with_gps
 
 HEAD = "EPSG:32632\n"
 ROW = "691000.25 5334000.5 520.125 1539.25 1337 DSC_1.JPG A\n"
@@ -146,3 +149,74 @@ def test_points_may_have_sigmas_of_their_own(tmp_path: Path) -> None:
 def test_a_label_that_no_table_can_hold_is_told(tmp_path: Path, label: str) -> None:
     with pytest.raises(InputError, match=r":2: label .* holds"):
         read_gcp_list(write(tmp_path, f"EPSG:4326\n1 2 5 10 20 a.jpg {label}\n"))
+
+
+@pytest.mark.parametrize(
+    ("row", "image", "label"),
+    [
+        ("1\t2\t3\t4\t5\tday 2 DSC 1.JPG\tnorth corner", "day 2 DSC 1.JPG", "north corner"),
+        ("1\t2\t3\t4\t5\tday 2 DSC 1.JPG", "day 2 DSC 1.JPG", "gcp-1"),
+        ("1\t2\t3\t4\t5\tday 2 camera 7\tA", "day 2 camera 7", "A"),
+        ("1\t2\t3\t4\t5\tDSC 1.JPG A", "DSC 1.JPG", "A"),
+        ("1 2 3 4 5 day 2 DSC 1.tiff A", "day 2 DSC 1.tiff", "A"),
+        ("1 2 3 4 5 DSC_1 A", "DSC_1", "A"),
+    ],
+)
+def test_names_with_blanks_are_kept_whole(tmp_path: Path, row: str, image: str, label: str) -> None:
+    picks = read_gcp_list(write(tmp_path, HEAD + row + "\n"))
+
+    assert (picks.image, picks.label) == ((image,), (label,))
+
+
+def test_sigmas_behind_a_label_with_blanks_are_its_own(tmp_path: Path) -> None:
+    row = "691000\t5334000\t520\t4\t5\tDSC 1.JPG\tnorth corner\t0.02\t0.04\n"
+    picks = read_gcp_list(write(tmp_path, HEAD + row), GcpSigmas(in_columns=True))
+
+    assert picks.known is not None
+    np.testing.assert_array_equal(picks.known.sigma_m, [[0.02, 0.02, 0.04]])
+
+
+@pytest.mark.parametrize("labels", [("", ""), (" A", " B")])
+def test_one_place_at_two_heights_is_told_with_its_lines(
+    tmp_path: Path, labels: tuple[str, str]
+) -> None:
+    rows = (
+        f"1 2 939.97 10 20 a.jpg{labels[0]}\n1 2 930.18 30 40 b.jpg{labels[1]}\n5 6 7 1 1 a.jpg\n"
+    )
+    messages = read_gcp_list(write(tmp_path, HEAD + rows)).messages
+
+    (said,) = [m.text for m in messages if m.code == "gcp-two-heights"]
+    assert "at 939.97 (line 2) and" in said
+    assert "at 930.18 (line 3)" in said
+
+
+def test_a_label_at_two_heights_is_a_mistake(tmp_path: Path) -> None:
+    rows = "1 2 939.97 10 20 a.jpg A\n1 2 930.18 30 40 b.jpg A\n"
+
+    with pytest.raises(InputError, match=r":3: label 'A' has another height than in line 2"):
+        read_gcp_list(write(tmp_path, HEAD + rows))
+
+
+@pytest.mark.parametrize("folder", [".", "images"])
+@pytest.mark.parametrize(
+    ("head", "first", "second"),
+    [("EPSG:4326", "8.55 47.3", "47.3001 8.5502"), ("EPSG:32632", "{0} {1}", "{1} {0}")],
+)
+def test_exchanged_coordinates_are_told_where_photos_show_it(
+    tmp_path: Path, folder: str, head: str, first: str, second: str
+) -> None:
+    plain = parse_jpeg(jpeg())
+    assert plain is not None
+    place = ExifGps(latitude_deg=47.31, longitude_deg=8.54, height_m=500.0, sigma_horizontal_m=1.0)
+    data = build_jpeg(
+        [Segment(APP1, EXIF_HEAD + with_gps(None, place)), *plain.segments], plain.scan
+    )
+    (tmp_path / folder).mkdir(exist_ok=True)
+    (tmp_path / folder / "a.jpg").write_bytes(data)
+    to_map = Transformer.from_crs("EPSG:4326", "EPSG:32632", always_xy=True)
+    east, north = to_map.transform(8.55, 47.3)
+    rows = f"{first} 400 1 1 a.jpg A\n{second} 400 2 2 a.jpg B\n".format(east, north)
+    path = write(tmp_path, f"{head}\n{rows}")
+
+    with pytest.raises(InputError, match=r":3: .*near it with latitude and longitude .* exchanged"):
+        read_gcp_list(path, GcpSigmas(sigma_m=0.05))

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavgram.io.tables.csv_tables import Columns, read_table
-from uavgram.io.tables.new_picks import write_new_picks
+from uavgram.io.tables.new_picks import new_picks
 from uavgram.io.tables.rewrite import new_table
 from uavgram.io.tables.spreadsheet_cells import guarded, readable, runs
 from uavgram.model.limits import UNSHOWABLE
@@ -83,5 +83,5 @@ def test_imported_labels_are_guarded(tmp_path: Path) -> None:
         known=None,
         messages=(),
     )
-    write_new_picks(picks, tmp_path / "picks.csv")
-    assert f"'-a.jpg,'{COMMAND},1.0,2.0" in (tmp_path / "picks.csv").read_text()
+    content = new_picks(picks, tmp_path / "picks.csv").decode()
+    assert f"'-a.jpg,'{COMMAND},1.0,2.0" in content

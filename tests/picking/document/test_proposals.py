@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
-from uavgram.picking.document.proposals import BY_HAND, Outcome, accepted, refused, that_hold
+from uavgram.picking.document.proposals import (
+    BY_HAND,
+    ENOUGH,
+    Outcome,
+    accepted,
+    refused,
+    surely_found,
+    that_hold,
+)
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import Pick, State
 
@@ -81,3 +91,21 @@ def test_what_is_refused_is_asked_for_and_once_more_is_not() -> None:
     assert not once["4.jpg", "A"].is_asked
     assert once["3.jpg", "A"] == OUTCOMES["3.jpg", "A"]
     assert not refused(once, [("2.jpg", "A")])["2.jpg", "A"].is_asked
+
+
+def test_a_match_is_sure_where_enough_photos_show_its_surroundings_alike() -> None:
+    images = [f"{k}.jpg" for k in range(2, 3 + ENOUGH)]
+    alike = {(image, "A"): replace(found(image), is_alike=True) for image in images[:ENOUGH]}
+    rest = {(image, "A"): found(image) for image in images[ENOUGH:]}
+
+    assert surely_found(alike | rest) == set(alike)
+    alike.pop((images[0], "A"))
+    assert surely_found(alike | rest) == set()  # what is left agrees with too few
+
+
+def test_a_target_is_sure_by_itself() -> None:
+    match = found("2.jpg")
+    assert match.found is not None
+    target = replace(match, found=replace(match.found, source="target"))
+
+    assert surely_found({("2.jpg", "A"): target, ("3.jpg", "A"): match}) == {("2.jpg", "A")}

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from pick_pages import LONGEST_WAIT_S, Page, Server, ask, cookie_of, small_project
+from pick_pages import LONGEST_WAIT_S, Page, Server, ask, browser_of, entry_of, small_project
 from small_recording import write_small_recording
 
 from uavgram.picking.protocol.encode_survey import Json
@@ -48,7 +48,7 @@ def test_a_table_that_was_edited_outside_is_taken_on_request_and_loses_nothing(
     server: Server, tmp_path: Path
 ) -> None:
     edited = PICKS + b"P2.jpg,Z,7,8,from a spreadsheet\r\n"
-    with Page(server) as page, Page(server, page.cookie) as other:
+    with Page(server) as page, Page(server, page.entry) as other:
         assert page.initial_state["outside"] == []
         (tmp_path / "picks.csv").write_bytes(edited)
         assert page.until("outside")["files"] == ["picks.csv"]
@@ -75,7 +75,7 @@ def test_a_table_that_was_edited_outside_is_taken_on_request_and_loses_nothing(
 def test_what_the_page_has_is_saved_before_the_project_is_read_again(
     server: Server, project: Path, tmp_path: Path
 ) -> None:
-    with Page(server) as page, Page(server, page.cookie) as other:
+    with Page(server) as page, Page(server, page.entry) as other:
         page.do("place", image=1, label="B", u_px=50, v_px=60)
         project.write_text(project.read_text() + "picks_sigma_px: 2.5\n", encoding="utf-8")
         assert ask_project(page, "reload")["t"] == "done"
@@ -83,7 +83,7 @@ def test_what_the_page_has_is_saved_before_the_project_is_read_again(
         assert not codes & {"pick-recovered", "pick-not-recovered"}
         page.do("place", image=0, label="C", u_px=5, v_px=6)
         page.until("saved", fault="")
-    with Page(server, page.cookie) as page:
+    with Page(server, page.entry) as page:
         assert page.initial_state["pick_sigma_px"] == 2.5
         assert labels(page.initial_state) == {"A", "B", "C"}
     assert b"P2.jpg,B,50" in (tmp_path / "picks.csv").read_bytes()
@@ -108,8 +108,7 @@ def test_a_project_that_cannot_be_read_any_more_leaves_the_page_as_it_was(
 def test_outputs_are_handed_out_by_name_and_a_report_can_do_nothing(
     server: Server, tmp_path: Path
 ) -> None:
-    headers = {"Cookie": cookie_of(server)}
-    with httpx.Client(base_url=server.origin, headers=headers, timeout=LONGEST_WAIT_S) as browser:
+    with browser_of(server, entry := entry_of(server)) as browser:
         assert browser.get("/output/report.html").status_code == 404
         out = tmp_path / "out"
         (out / "report.html").write_text("<script>1</script>", encoding="utf-8")
@@ -122,7 +121,7 @@ def test_outputs_are_handed_out_by_name_and_a_report_can_do_nothing(
         assert "script-src" not in policy
         table = browser.get("/output/measurements.csv")
         assert table.headers["content-disposition"] == 'attachment; filename="measurements.csv"'
-        with Page(server, headers["Cookie"]) as page:
+        with Page(server, entry) as page:
             outputs = page.initial_state["outputs"]
         assert [file["name"] for file in outputs["files"]] == ["report.html", "measurements.csv"]
         assert not outputs["recording"]
@@ -131,8 +130,7 @@ def test_outputs_are_handed_out_by_name_and_a_report_can_do_nothing(
 def test_the_recording_opens_in_a_viewer_of_this_machine_that_ends_with_the_page(
     server: Server, tmp_path: Path
 ) -> None:
-    headers = {"Cookie": cookie_of(server)}
-    with httpx.Client(base_url=server.origin, headers=headers, timeout=LONGEST_WAIT_S) as browser:
+    with browser_of(server, entry_of(server)) as browser:
         assert browser.get("/recording").status_code == 404
         write_small_recording(tmp_path / "out" / "recording.rrd")
         answer = browser.get("/recording")
@@ -188,7 +186,7 @@ def test_a_camera_is_calibrated_on_a_folder_beside_and_taken_into_the_project(
         assert ask_project(page, "use-camera")["t"] == "done"
     changed = before.replace("camera: camera.yaml", "camera: calibration/camera.yaml")
     assert project.read_text(encoding="utf-8") == changed
-    with Page(server, page.cookie) as page:
+    with Page(server, page.entry) as page:
         focal = float(page.initial_state["camera"]["parameters"][0][1].split()[0])
         assert focal == pytest.approx(534, abs=8)  # OpenCV's own result for these photos
         assert any("board" in line for line in page.initial_state["camera"]["source"])

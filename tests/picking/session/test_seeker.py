@@ -175,6 +175,18 @@ def test_what_stands_off_the_ground_is_known_less_well(start: Start) -> None:
     assert found.sigma_px == pytest.approx(np.hypot(0.06, RAISED_PX), abs=1e-4)
 
 
+def test_it_is_kept_whether_all_that_surrounds_a_find_is_alike(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    likeness = iter([0.79, 0.81])
+    monkeypatch.setattr(module, "least_likeness", lambda *_: next(likeness))
+    seeker, _ = start(World())
+    seeker.submit(Wanted(state("A"), LAST))
+    until(lambda: len(seeker.proposed.outcomes) == 2)
+
+    assert sorted(one.is_alike for one in seeker.proposed.outcomes.values()) == [False, True]
+
+
 def test_what_others_in_the_photo_contradict_is_proposed_no_longer(start: Start) -> None:
     world = World()
     world.wrong = [("2.jpg", "B")]

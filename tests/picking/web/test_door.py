@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import socket
 import time
 from collections.abc import Iterator
@@ -12,7 +13,17 @@ from urllib.parse import urlsplit
 
 import httpx
 import pytest
-from pick_pages import LONGEST_WAIT_S, Page, Server, ask, cookie_of, small_project
+from pick_pages import (
+    LONGEST_WAIT_S,
+    Entry,
+    Page,
+    Server,
+    ask,
+    browser_of,
+    entry_by,
+    entry_of,
+    small_project,
+)
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 from websockets.typing import Origin
@@ -35,13 +46,13 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
 
 
 @pytest.fixture(scope="module")
-def cookie(server: Server) -> str:
-    return cookie_of(server)
+def entry(server: Server) -> Entry:
+    return entry_of(server)
 
 
 @pytest.fixture
-def page(server: Server, cookie: str) -> Iterator[Page]:
-    with Page(server, cookie) as page:
+def page(server: Server, entry: Entry) -> Iterator[Page]:
+    with Page(server, entry) as page:
         yield page
         assert server.is_alive
         # Whatever was tried: a page can still pick, and undo it.
@@ -51,10 +62,8 @@ def page(server: Server, cookie: str) -> Iterator[Page]:
 
 
 @pytest.fixture
-def browser(server: Server, cookie: str) -> Iterator[httpx.Client]:
-    with httpx.Client(
-        base_url=server.origin, headers={"Cookie": cookie}, timeout=LONGEST_WAIT_S
-    ) as client:
+def browser(server: Server, entry: Entry) -> Iterator[httpx.Client]:
+    with browser_of(server, entry) as client:
         yield client
 
 
@@ -75,7 +84,7 @@ def test_other_addresses_of_this_machine_do_not_answer(server: Server) -> None:
             assert caller.connect_ex((address, port)) != 0
 
 
-@pytest.mark.usefixtures("cookie")
+@pytest.mark.usefixtures("entry")
 def test_the_token_serves_once(server: Server) -> None:
     used = ask(server.address, follow_redirects=False)
     assert used.status_code == 403
@@ -87,7 +96,9 @@ def test_the_token_becomes_a_cookie_that_scripts_and_other_sites_cannot_use(tmp_
     try:
         answer = ask(server.address, follow_redirects=False)
         assert answer.status_code == 303
-        assert answer.headers["location"] == "/"  # the token is gone from the address
+        # the token is gone from the address; the key stands where no browser sends it
+        assert re.fullmatch(r"/#[-\w]{43}", answer.headers["location"])
+        assert entry_by(answer).key not in answer.headers["set-cookie"]
         attributes = [part.strip().lower() for part in answer.headers["set-cookie"].split(";")]
         assert {"httponly", "samesite=strict", "path=/"} <= set(attributes)
         guessed = server.address.split("=")[0] + "=guess"
@@ -146,20 +157,54 @@ def test_a_foreign_host_is_refused_and_logged(
         assert f"foreign host {host!r}" in logged(server)
 
 
-def refused_socket(server: Server, origin: str | None, headers: dict[str, str]) -> int:
+PROJECT = [
+    "/photo/0/0/0/0.jpg",
+    "/photo/0/thumbnail.jpg",
+    "/photo/0/tones.json",
+    "/output/report.html",
+    "/recording",
+    "/calibration",
+    "/page/../photo/0/thumbnail.jpg",
+]
+
+
+@pytest.mark.parametrize("path", PROJECT)
+def test_the_cookie_alone_gives_nothing_of_the_project_nor_does_the_key(
+    server: Server, entry: Entry, path: str
+) -> None:
+    """The browser sends it to every server of this machine that it visits: ports are the same."""
+    cookie = {"Cookie": entry.cookie}
+    for address in (path, f"{path}?tab=", f"{path}?tab=guess", f"{path}?tab={entry.cookie}"):
+        assert ask(server.origin + address, headers=cookie).status_code == 403
+    assert ask(entry.to(server.origin + path)).status_code == 403
+
+
+def test_the_cookie_alone_gets_no_socket_and_no_key(server: Server, entry: Entry) -> None:
+    cookie = {"Cookie": entry.cookie}
+    assert refused_socket(server, server.origin, cookie) == 403
+    used = ask(server.address, headers=cookie, follow_redirects=False)
+    assert (used.status_code, used.headers["location"]) == (303, "/")
+    guessed = ask(f"{server.origin}/?token=guess", headers=cookie, follow_redirects=False)
+    assert (guessed.status_code, guessed.headers["location"]) == (303, "/")
+    assert entry.key not in ask(server.origin + "/", headers=cookie).text
+
+
+def refused_socket(
+    server: Server, origin: str | None, headers: dict[str, str], way: str = "/socket"
+) -> int:
     """Status of a socket that is asked for and not given."""
     netloc = urlsplit(server.origin).netloc
     stated = None if origin is None else Origin(origin)
     with pytest.raises(InvalidStatus) as refused:
-        connect(f"ws://{netloc}/socket", origin=stated, additional_headers=headers, proxy=None)
+        connect(f"ws://{netloc}{way}", origin=stated, additional_headers=headers, proxy=None)
     return refused.value.response.status_code
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://127.0.0.1:1", None])
 def test_a_foreign_origin_gets_no_socket_though_it_has_the_cookie(
-    server: Server, cookie: str, origin: str | None
+    server: Server, entry: Entry, origin: str | None
 ) -> None:
-    assert refused_socket(server, origin, {"Cookie": cookie}) == 403
+    assert refused_socket(server, origin, {"Cookie": entry.cookie}, entry.to("/socket")) == 403
     assert f"foreign origin {str(origin)!r}" in logged(server)
 
 
@@ -219,11 +264,13 @@ PATHS = [
 
 
 @pytest.mark.parametrize("path", PATHS, ids=range(len(PATHS)))
-def test_photos_go_by_number_and_no_path_leads_out(server: Server, cookie: str, path: str) -> None:
+def test_photos_go_by_number_and_no_path_leads_out(server: Server, entry: Entry, path: str) -> None:
     """Sent as they are: a client library would tidy them up."""
     parts = urlsplit(server.origin)
     with socket.create_connection((parts.hostname, parts.port), timeout=LONGEST_WAIT_S) as line:
-        request = f"GET {path} HTTP/1.1\r\nHost: {parts.netloc}\r\nCookie: {cookie}\r\n"
+        request = (
+            f"GET {entry.to(path)} HTTP/1.1\r\nHost: {parts.netloc}\r\nCookie: {entry.cookie}\r\n"
+        )
         line.sendall(f"{request}Connection: close\r\n\r\n".encode())
         answer = b""
         while more := line.recv(65536):
@@ -312,13 +359,13 @@ def read_to_the_end(page: Page) -> ConnectionClosed:
 
 
 @pytest.mark.usefixtures("page")
-def test_a_message_that_is_too_long_ends_its_own_page_only(server: Server, cookie: str) -> None:
-    with Page(server, cookie) as loud:
+def test_a_message_that_is_too_long_ends_its_own_page_only(server: Server, entry: Entry) -> None:
+    with Page(server, entry) as loud:
         loud.socket.send("x" * (LONGEST_MESSAGE + 1))
         told = read_to_the_end(loud).rcvd
         assert told is not None
         assert told.code == 1009
-    with Page(server, cookie) as loud:
+    with Page(server, entry) as loud:
         loud.socket.send(b"\x00\x01")
         read_to_the_end(loud)
     deadline = time.monotonic() + LONGEST_WAIT_S
@@ -328,10 +375,10 @@ def test_a_message_that_is_too_long_ends_its_own_page_only(server: Server, cooki
 
 
 def test_a_flood_is_slowed_down_while_another_page_goes_on(
-    page: Page, server: Server, cookie: str
+    page: Page, server: Server, entry: Entry
 ) -> None:
     """Far more than people can make; a million takes the same road, only longer."""
-    with Page(server, cookie) as loud:
+    with Page(server, entry) as loud:
         flood = json.dumps({"seq": 1, "t": "place", "image": 9, "label": "A", "u_px": 1, "v_px": 1})
         refused, began = 0, time.monotonic()
         for _ in range(1200):
@@ -362,11 +409,14 @@ def test_the_pace_lets_people_through_and_slows_down_machines() -> None:
 
 
 @pytest.mark.usefixtures("page")
-def test_more_pages_than_people_open_are_refused(server: Server, cookie: str) -> None:
+def test_more_pages_than_people_open_are_refused(server: Server, entry: Entry) -> None:
     with ExitStack() as pages:
         for _ in range(15):  # and the one that is open
-            pages.enter_context(Page(server, cookie))
-        assert refused_socket(server, server.origin, {"Cookie": cookie}) == 403
+            pages.enter_context(Page(server, entry))
+        assert (
+            refused_socket(server, server.origin, {"Cookie": entry.cookie}, entry.to("/socket"))
+            == 403
+        )
     assert "16 are open" in logged(server)
 
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from pick_pages import Page, ask, cookie_of, small_project
+from pick_pages import Page, ask, entry_of, small_project
 from picking_server import Served, served
 
 from uavgram.picking.web import patience
@@ -52,13 +52,13 @@ def test_who_is_in_stays_and_who_comes_later_gets_in(
     server: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(patience, "HEADERS_S", 0.3)
-    cookie = cookie_of(server)
-    with Page(server, cookie) as page:
+    entry = entry_of(server)
+    with Page(server, entry) as page:
         monkeypatch.setattr(patience, "HEADERS_S", 60.0)
         silent = calls(server, patience.MOST_SILENT * 2, b"GET /")
         time.sleep(0.5)
         assert page.do("place", image=0, label="A", u_px=1, v_px=2)["t"] == "changed"
-        assert ask(server.origin, headers={"Cookie": cookie}).status_code == 200
+        assert ask(server.origin, headers={"Cookie": entry.cookie}).status_code == 200
         still = [one for one in silent if not is_closed(one)]
         assert len(still) <= patience.MOST_SILENT
         for call in silent:

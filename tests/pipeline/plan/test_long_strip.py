@@ -48,7 +48,8 @@ def test_metres_from_a_place_that_nobody_named_are_not_to_be_flown(
     strip: FlightPlanned, tmp_path: Path
 ) -> None:
     (told,) = (message for message in strip.messages if message.code == "plan-nowhere")
-    assert "do not fly by the mission files" in told.text
+    assert "no mission file was written" in told.text
+    assert "site: {latitude_deg: ..., longitude_deg" in told.text
     assert corners_on_earth(strip) == ()
     path = tmp_path / "strip.yaml"
     path.write_text(HERE + STRIP, encoding="utf-8")

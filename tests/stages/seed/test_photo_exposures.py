@@ -36,6 +36,8 @@ class Changes(TypedDict, total=False):
     sigma_horizontal_m: Floats
     sigma_vertical_m: Floats
     sigma_attitude_rad: Floats
+    vehicle_ypr_rad: Floats
+    height_m: Floats
 
 
 @pytest.fixture
@@ -189,6 +191,54 @@ def test_the_mount_turns_the_camera_against_the_course(
     np.testing.assert_allclose(headings_deg(exposures)[:3], 90.0, atol=1e-3)
 
 
+@pytest.mark.parametrize("nose_deg", [None, 70.0])
+def test_angles_that_the_project_states_replace_those_of_the_tags(
+    make_poses: Callable[..., PhotoPoses], nose_deg: float | None
+) -> None:
+    vehicle = np.full((8, 3), np.nan if nose_deg is None else np.radians(nose_deg))
+    vehicle[:, 1:] *= 0.1  # a vehicle that leans: a gimbal does not
+    poses = make_poses(ypr_deg=(50.0, -90.0, 0.0), vehicle_ypr_rad=vehicle)
+    turned, messages = place(poses, mount=MountOptions(yaw_deg=180.0))
+    raised, _ = place(poses, mount=MountOptions(pitch_deg=-30.0))
+
+    np.testing.assert_allclose(headings_deg(turned), (nose_deg or 50.0) + 180.0, atol=1e-3)
+    axis = raised.world_from_gimbal[:, :, 0]
+    np.testing.assert_allclose(axis[:, 2], -0.5)
+    np.testing.assert_allclose(np.degrees(np.arctan2(axis[:, 0], axis[:, 1])), 50.0)
+    assert [m.code for m in messages] == ["mount-stated"]
+    np.testing.assert_allclose(np.degrees(turned.sigma_attitude_rad), 3.0)
+
+
+def test_without_a_gimbal_the_tags_of_the_drone_state_the_heading(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
+    vehicle = np.radians(np.tile([70.0, -12.0, 4.0], (8, 1)))
+    exposures, messages = place(make_poses(vehicle_ypr_rad=vehicle), every_s=60.0)
+
+    np.testing.assert_allclose(headings_deg(exposures), 70.0, atol=1e-3)
+    np.testing.assert_allclose(exposures.world_from_gimbal[:, 2, 0], -1.0)  # level, straight down
+    np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad), [[6.0, 15.0]] * 8)
+    assert [m.code for m in messages] == ["attitude-from-course"]
+
+
+def test_a_photo_without_a_believed_altitude_is_placed_and_free_in_height(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
+    poses = make_poses(height_home_m=np.full(8, np.nan))
+    height = np.array(poses.height_m)
+    height[2] = np.nan
+    stated = TelemetryOptions(position_sigma_m=(0.5, 0.5))
+    exposures, _ = place(replace(poses, height_m=height))
+    tight, _ = place(replace(poses, height_m=height), telemetry=stated)
+    all_free, _ = place(replace(poses, height_m=np.full(8, np.nan)))
+
+    np.testing.assert_allclose(exposures.position_world_m[:, :2], ROUTE, atol=1e-6)
+    np.testing.assert_allclose(exposures.position_world_m[:, 2], 40.0, atol=1e-3)
+    assert exposures.sigma_position_m[2].tolist() == [3.0, 1000.0]
+    assert tight.sigma_position_m[1:3].tolist() == [[0.5, 0.5], [0.5, 1000.0]]
+    np.testing.assert_allclose(all_free.position_world_m[:, 2], 60.0, atol=1e-3)
+
+
 def test_a_course_over_minutes_is_no_attitude(make_poses: Callable[..., PhotoPoses]) -> None:
     exposures, messages = place(make_poses(), every_s=10.0)
 
@@ -282,3 +332,20 @@ def test_seeds_carry_the_stated_sigmas_and_what_is_shared(
     assert marginal[2, 2] == pytest.approx(9.0 + 3.0**2 + 0.1**2 + swing[2, 2])
     # tilt about the camera's x: own 3 degrees, boresight 2; the heading bias turns about up
     assert marginal[3, 3] == pytest.approx(np.radians(3) ** 2 + np.radians(2) ** 2)
+
+
+def test_without_a_believed_altitude_heights_count_from_take_off(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
+    poses = replace(make_poses(), height_m=np.full(8, np.nan))
+    origin, _ = find_photo_home(poses)
+    exposures, _ = place_photos(poses, origin, MountOptions(), TelemetryOptions())
+
+    low = (*ORIGIN[:2], ORIGIN[2] - 30.0)  # the scene, below take-off
+    one = replace(make_poses(), height_m=np.array([np.nan, *make_poses().height_m[1:]]))
+    by_others, _ = place_photos(one, low, MountOptions(), TelemetryOptions())
+
+    np.testing.assert_allclose(by_others.position_world_m[:, 2], 70.0, atol=1e-3)
+    assert origin[2] == 0.0
+    np.testing.assert_allclose(exposures.position_world_m[:, 2], 40.0, atol=1e-3)
+    np.testing.assert_allclose(exposures.sigma_position_m, 3.0)

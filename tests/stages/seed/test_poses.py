@@ -115,7 +115,7 @@ def truth(
     """Poses by scipy: centre, rotation."""
     position = np.stack([np.interp(at, TIME, c) for c in flight.position_world_m.T], axis=1)
     body = Slerp(TIME, Rotation.from_quat(flight.world_from_body_xyzw))(at)
-    nominal = [mount.yaw_deg, mount.pitch_deg, mount.roll_deg]
+    nominal = np.array(mount.angles_deg())
     inner = Rotation.from_euler("ZYX", nominal, degrees=True)
     carrier = body
     if len(flight.gimbal_time_s):

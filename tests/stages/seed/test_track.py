@@ -201,6 +201,35 @@ def test_gimbal_none_leaves_the_gimbal_out() -> None:
     assert "MNT" not in track.source
 
 
+@pytest.mark.parametrize("frame", ["earth", "vehicle"])
+@pytest.mark.parametrize(
+    ("mount", "expected_deg"),
+    [
+        (MountOptions(), (30.0, -60.0, 0.0)),
+        (MountOptions(pitch_deg=-45.0), (30.0, -45.0, 0.0)),
+        (MountOptions(yaw_deg=90.0), (110.0, -60.0, 0.0)),  # from the nose, which heads to 20
+        (MountOptions(yaw_deg=0.0, pitch_deg=-80.0, roll_deg=5.0), (20.0, -80.0, 5.0)),
+    ],
+)
+def test_angles_that_the_project_states_replace_those_of_the_logs_gimbal(
+    frame: Literal["earth", "vehicle"],
+    mount: MountOptions,
+    expected_deg: tuple[float, float, float],
+) -> None:
+    gimbal = gimbal_of(frame, 30.0 if frame == "earth" else 10.0, -60.0)
+    track, messages = track_of(boot(yaw_deg=20.0, gimbal=gimbal), mount=mount)
+    found = Rotation.from_quat(track.world_from_gimbal_xyzw)
+    from_ned = Rotation.from_matrix([[0, 1, 0], [1, 0, 0], [0, 0, -1]])
+    expected = from_ned * Rotation.from_euler("ZYX", expected_deg, degrees=True)
+
+    assert (found * expected.inv()).magnitude().max() < 1e-9
+    stated = [m.text for m in messages if m.code == "mount-stated"]
+    assert len(stated) == (mount != MountOptions())
+    if mount == MountOptions(pitch_deg=-45.0):
+        assert "own angles (MNT)" in stated[0]
+        assert "up to 15.0 degrees apart" in stated[0]
+
+
 def test_a_gimbal_that_ends_early_is_held_with_a_warning() -> None:
     track, messages = track_of(boot(gimbal=gimbal_of("earth", 30.0, time=TIME[:8])))
     assert track.gimbal_time_s[-1] == track.attitude_time_s[-1]

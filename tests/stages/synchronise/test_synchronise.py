@@ -276,6 +276,42 @@ def test_a_log_of_another_day_names_both_spans_and_the_difference() -> None:
     assert "2023-11-14 22:13:30 UTC" in str(e.value)  # where the log begins
 
 
+@pytest.mark.parametrize("options", [TimeOptions(), TimeOptions(offset_s=2.0)])
+@pytest.mark.parametrize("events", [None, uneven(30, seed=6)])
+def test_a_log_of_another_year_is_told_by_both_dates_and_no_seconds(
+    options: TimeOptions, events: Floats | None
+) -> None:
+    photos = photos_at(EPOCH - 3030 * 86400.0 + uneven(30, seed=5))
+    with pytest.raises(UavgramError, match="no photo lies in the flight") as caught:
+        synchronise(photos, log_of(flight(events)), options)
+
+    assert "2015-07-29" in str(caught.value)
+    assert "2023-11-14" in str(caught.value)
+    assert "wrong by about -3030 days" in str(caught.value)
+    assert "26179" not in str(caught.value)  # the seconds between them
+
+
+def test_photos_of_another_year_that_fit_the_events_are_a_warning_unless_it_is_stated() -> None:
+    events = uneven(30, seed=6)
+    photos, log = photos_at(EPOCH - 3030 * 86400.0 + events), log_of(flight(events))
+    found = {m.code: m.text for m in synchronise(photos, log, TimeOptions()).messages}
+    stated = synchronise(photos, log, TimeOptions(offset_s=-3030 * 86400.0))
+
+    assert "2015-07-29" in found["log-of-another-day"]
+    assert "2023-11-14" in found["log-of-another-day"]
+    assert "log-of-another-day" not in {m.code for m in stated.messages}
+
+
+def test_a_photo_of_another_year_is_left_out_with_both_dates() -> None:
+    photos = photos_at(EPOCH + np.array([100.0, 110.0, -3030 * 86400.0]))
+    result = synchronise(photos, log_of(flight()), TimeOptions(source="exif", offset_s=0.0))
+
+    assert result.frames.reason[2] == (
+        "taken 3030 days before the log begins "
+        "(2015-07-29 22:13:20 UTC, the log 2023-11-14 22:13:30 UTC)"
+    )
+
+
 def test_frames_outside_the_log_or_in_its_gaps_are_unmatched_with_a_reason() -> None:
     photos = photos_at(EPOCH + np.array([5.0, 100.0, 205.0, 210.5, 500.0, np.nan]))
     boot = flight(gap=(200.0, 210.0))

@@ -2,15 +2,20 @@
 
 import io
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.stages.log_summary import summarise_log
+from uavgram.views.flight_log import plot
 from uavgram.views.flight_log.plot import log_plot_png
 
 ORANGE, RED, BLUE = (217, 115, 13), (201, 42, 42), (47, 111, 181)
@@ -27,8 +32,8 @@ def has(picture: Pixels, colour: tuple[int, int, int]) -> int:
 
 def test_track_events_and_missed_shots_are_drawn(data_dir: Path) -> None:
     picture = drawn(data_dir / "wind_oblique" / "flight.BIN")
-    half = picture.shape[0] // 2
-    top_left, bottom_right = picture[:half, :715], picture[half:, 715:]
+    third = picture.shape[0] // 3
+    top_left, bottom_right = picture[:third, :715], picture[2 * third :, 715:]
     assert has(top_left, BLUE) > 500
     assert has(top_left, ORANGE) > 500
     assert 20 < has(top_left, RED) < 400
@@ -36,10 +41,69 @@ def test_track_events_and_missed_shots_are_drawn(data_dir: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "boots"), [("dronekit_flight.tlog", 2), ("sample.ulg", 1), ("pymavlink_test.BIN", 1)]
+    ("name", "rows"),
+    [("dronekit_flight.tlog", 2 + 2), ("sample.ulg", 1), ("pymavlink_test.BIN", 3)],
 )
-def test_every_boot_has_its_panels(data_dir: Path, name: str, boots: int) -> None:
-    assert drawn(data_dir / "logs" / name).shape[0] == round(110 * (0.8 + 7.2 * boots))
+def test_every_boot_has_the_panels_that_it_has_something_for(
+    data_dir: Path, name: str, rows: int
+) -> None:
+    assert drawn(data_dir / "logs" / name).shape[0] == round(110 * (0.8 + 3.6 * rows))
+
+
+def panels_of(repository: Path, **changed: object) -> dict[str, Axes]:
+    """Panels of a log of which some tables are others, by their titles."""
+    summary = summarise_log(read_flight_log(repository / "logs" / "twin_short.BIN"))
+    boot = replace(summary.boots[0], boot=replace(summary.boots[0].boot, **changed))  # type: ignore[arg-type]
+    axes = {}
+    for title, draw in plot._panels(boot):
+        axes[title] = Figure().add_subplot()
+        draw(axes[title])
+    return axes
+
+
+def test_attitude_and_quality_of_positions_are_drawn(repository: Path) -> None:
+    boot = read_flight_log(repository / "logs" / "twin_short.BIN").boots[0]
+    panels = panels_of(repository)
+    assert boot.attitudes is not None
+    assert boot.sigmas is not None
+
+    roll, pitch = (
+        np.asarray(line.get_ydata(), np.float64)
+        for line in panels["Attitude of the vehicle"].get_lines()
+    )
+    turned = Rotation.from_quat(boot.attitudes.ned_from_body_xyzw).as_euler("ZYX", degrees=True)
+    np.testing.assert_allclose(roll, turned[:, 2], atol=1e-6)
+    np.testing.assert_allclose(pitch, turned[:, 1], atol=1e-6)
+    horizontal, vertical = (
+        np.asarray(line.get_ydata(), np.float64) for line in panels["GPS quality"].get_lines()
+    )
+    np.testing.assert_array_equal(horizontal, boot.sigmas.horizontal_m)
+    np.testing.assert_array_equal(vertical, boot.sigmas.vertical_m)
+
+
+def test_what_a_log_has_nothing_of_has_no_panel(repository: Path) -> None:
+    every = set(panels_of(repository))
+    assert set(panels_of(repository, events=None)) == every - {
+        "Time from one camera event to the next"
+    }
+    assert set(panels_of(repository, attitudes=None, sigmas=None)) == every - {
+        "Attitude of the vehicle",
+        "GPS quality",
+    }
+
+
+def test_zeros_before_the_first_place_do_not_set_the_axis(repository: Path) -> None:
+    boot = read_flight_log(repository / "logs" / "twin_short.BIN").boots[0]
+    positions = boot.positions
+    assert positions is not None
+    early = np.arange(len(positions.height_m)) < 25
+    height = np.where(early, 0.02, positions.height_m)
+    axis = panels_of(repository, positions=replace(positions, height_m=height))["Height"]
+    flown = positions.height_m[~early]
+
+    low, high = axis.get_ylim()
+    assert low < flown.min() < flown.max() < high
+    assert low > 0.5 * flown.min()
 
 
 def test_no_window_toolkit_and_no_pyplot_is_loaded(repository: Path) -> None:

@@ -194,6 +194,36 @@ def test_every_number_of_a_caption_is_that_of_the_results(tmp_path: Path) -> Non
         agree([one.told], len(points[one.name]["frames"]), near and scale * near)
 
 
+def test_every_mark_of_a_picture_is_named_once_and_no_name_covers_another() -> None:
+    made, several = result(), 0
+    for one in (*shown().overview, *shown().points):
+        region, unit = one.region, one.unit
+        low = np.array([region.left_px, region.top_px]) - 0.5
+        here = [
+            label
+            for label, image, status, spot in zip(
+                made.picks.label,
+                made.picks.image,
+                made.picks.status,
+                made.picks.pixel_px - low,
+                strict=True,
+            )
+            if image == made.frames.frame_id[region.frame] and status != "unused"
+            if (spot >= 0).all() and (spot <= [region.width_px, region.height_px]).all()
+        ]
+        assert sorted(tag.text for tag in one.tags) == sorted(here)
+        several += len(here) > 1
+        for k, tag in enumerate(one.tags):
+            half = 3.0 * unit * tag.size * len(tag.text)
+            assert low[0] <= tag.x - half
+            assert tag.x + half <= low[0] + region.width_px
+            for other in one.tags[:k]:
+                aside = half + 3.0 * unit * other.size * len(other.text)
+                up = 10.0 * unit * tag.size
+                assert abs(tag.x - other.x) >= aside or abs(tag.y - other.y) >= up
+    assert several
+
+
 def test_a_picture_of_a_measurement_names_its_own_points_and_wrong_ones_alone() -> None:
     made = result()
     status = tuple(

@@ -121,6 +121,39 @@ def test_no_text_is_cut_off_or_covers_another() -> None:
     assert not (np.triu(aside & level, 1) & bold & bold[:, None]).any()
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_every_point_is_named_however_crowded_and_no_text_covers_another(seed: int) -> None:
+    result = survey.build(lines=(), measures=())
+    rng = np.random.default_rng(seed)
+    place = result.points.position_world_m.copy()
+    place[5:25] = place[5] + rng.normal(size=(20, 3)) * [0.4, 0.4, 0.0]
+    view = drawing(replace(result, points=replace(result.points, position_world_m=place)))
+    names = [text for text in view.texts if text.kind == "name"]
+    size = view.texts[0].size
+    half = np.array([0.5 * 0.62 * 10 * size * len(text.text) for text in names])
+    x, y = np.array([(text.x, text.y) for text in names]).T
+    aside = np.abs(x[:, None] - x) < half[:, None] + half
+    level = np.abs(y[:, None] - y) < 10 * size
+
+    assert sorted(text.text for text in names) == sorted(result.points.label)
+    assert view.unnamed == 0
+    assert not np.triu(aside & level, 1).any()
+    far = [text for text in names if text.leader]
+    assert far
+    for text in far:
+        start = np.array(text.leader.split()[0].split(","), np.float64)
+        row = result.points.label.index(text.text)
+        np.testing.assert_allclose(start, view.dots[row], atol=0.1)
+
+
+def test_of_thousands_of_points_some_are_named_and_the_others_counted() -> None:
+    view = drawing(survey.build(point_count=1200, lines=(), measures=()))
+    names = [text for text in view.texts if text.kind == "name"]
+
+    assert len(names) > 20
+    assert len(names) + view.unnamed == 1200
+
+
 def test_many_known_lengths_are_thin_but_the_suspect_ones() -> None:
     lines: tuple[survey.Line, ...] = tuple(
         (f"L{k}", f"P{k:02d}", f"P{k + 3:02d}", "suspect" if k == 7 else "used", 0.004)

@@ -27,8 +27,8 @@ def new(
     """Write a project.yaml for a folder of photos, and say what is still missing.
 
     Finds the photos, the flight log, the camera file (or what the photos say of theirs; or, where
-    they say nothing, an ordinary drone camera with very wide errors), poses in the photos, and
-    tables that are there. Never writes over a file.
+    they say nothing, an ordinary drone camera with very wide errors), poses in the photos, tables
+    that are there, and a gcp_list.txt. Says what it passed over. Never writes over a file.
 
     Parameters
     ----------

@@ -60,9 +60,10 @@ def pick(
 def _sample(folder: Path | None) -> Path:
     """The project of the sample, which is made where it is not there yet."""
     from uavgram.pipeline.sample import SAMPLE, make_sample
+    from uavgram.pipeline.sample_scene import TAPED
 
     made = make_sample(folder or Path(SAMPLE), progress())
-    say(f"Sample to play with: {made.parent}")
+    say(f"Sample to play with: {made.parent}; what was taped on its scene: {made.with_name(TAPED)}")
     return made
 
 
@@ -73,7 +74,9 @@ def _led_to_running(project: Path, *, browser: bool) -> bool:
     fresh = fresh_address(project)
     if fresh is None:
         return False
-    say(f"The page runs already. Fresh address: {fresh.text}", "It serves once, for five minutes.")
+    say(
+        f"The page runs already. Fresh address: {fresh.text}", "It works once, within five minutes."
+    )
     if browser:
         import webbrowser
 

@@ -39,7 +39,7 @@ def import_(
     files
         LabelMe .json files (points and circles), or one gcp_list.txt.
     output
-        The picks.csv to write; one that is there is never written over.
+        The picks.csv to write; one that holds more than a header is never written over.
     control
         Also write the coordinates of a gcp_list.txt to this control.csv.
     control_sigma_m

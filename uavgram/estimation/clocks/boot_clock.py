@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
-
 import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import ClockLine, fit_line, fit_lower_envelope
-from uavgram.geometry.earth.gps_time import MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
+from uavgram.geometry.earth.gps_time import DAY_S, MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Boot, BootClock, ClockSamples
 from uavgram.model.message import Message
 
-_DAY_S = 86400.0
 _WORST_DRIFT = 2e-3
 _WORST_SCATTER_S = 0.5
 _WORST_STATION_SCATTER_S = 2.0
@@ -90,13 +87,6 @@ def to_boot(clock: BootClock, time_utc_s: Floats | float) -> Floats:
     return np.asarray((np.asarray(time_utc_s, dtype=np.float64) - clock.offset_s) / clock.rate)
 
 
-def as_text(time_utc_s: float) -> str:
-    """An instant for people, such as ``2018-08-05 01:00:50 UTC``."""
-    if not 0 <= time_utc_s < 1e11:
-        return f"{time_utc_s:.0f} s since 1970"
-    return datetime.fromtimestamp(time_utc_s, tz=UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
-
-
 def _line(samples: ClockSamples) -> ClockLine:
     return fit_line(samples.time_boot_s, samples.utc_s)
 
@@ -158,13 +148,13 @@ def _objection(line: ClockLine, system: ClockSamples, station: ClockLine | None)
     middle = float(np.median(system.time_boot_s))
     stated = line.offset_s + line.rate * middle
     if not _is_dated(line, system.time_boot_s):
-        return f"is nonsense ({stated / (365.2425 * _DAY_S) + 1970:.0f} as the year)"
+        return f"is nonsense ({stated / (365.2425 * DAY_S) + 1970:.0f} as the year)"
     if not _is_plausible(line, system):
         return "does not keep pace with its boot clock"
     if station is not None:
         apart = stated - (station.offset_s + station.rate * middle)
-        if abs(apart) > _DAY_S:
-            return f"lies {apart / _DAY_S:.1f} days off the ground station's clock"
+        if abs(apart) > DAY_S:
+            return f"lies {apart / DAY_S:.1f} days off the ground station's clock"
     return ""
 
 

@@ -9,12 +9,17 @@ from numpy.typing import ArrayLike
 from pyproj import Transformer
 from pyproj.enums import TransformDirection
 
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 
 Origin = tuple[float, float, float]
+Places = tuple[ArrayLike, ArrayLike]
 
 EARTH_RADIUS_M = 6_371_000.0
 """Mean radius: for what the earth's curvature does over some kilometres."""
+
+SAME_SITE_M = 20_000.0
+"""Farther apart, two places are not of one flight: over this the ground falls 31 m below the
+horizontal plane."""
 
 
 def curvature_drop(distance_m: float) -> float:
@@ -44,6 +49,23 @@ def enu_from_geodetic(
     latitude, longitude, height = np.broadcast_arrays(latitude_deg, longitude_deg, height_m)
     east, north, up = _to_enu(origin).transform(longitude, latitude, height)
     return _finite_or_nan(np.stack([east, north, up], axis=-1))
+
+
+def are_exchanged(stated: Places, turned: Places, site: Origin) -> Bools:
+    """Tell which places (N,) cannot be of the flight at `site`, but could with x and y exchanged.
+
+    Parameters
+    ----------
+    stated, turned
+        Latitudes and longitudes (N,) [deg] as they are stated, and with x and y exchanged.
+    site
+        Where the flight was.
+    """
+    far, turned_far = (
+        ~(np.linalg.norm(enu_from_geodetic(*one, 0.0, site), axis=-1) < SAME_SITE_M)
+        for one in (stated, turned)
+    )
+    return np.asarray(far & ~turned_far)
 
 
 def geodetic_from_enu(enu: Floats, origin: Origin) -> tuple[Floats, Floats, Floats]:

@@ -26,6 +26,8 @@ MIN_PLAUSIBLE_UTC_S = _utc_s(2009, 1, 1)
 MAX_PLAUSIBLE_UTC_S = _utc_s(2080, 1, 1)
 
 SECONDS_PER_WEEK = 604800.0
+DAY_S = 86400.0
+"""No time zone is so far from UTC: clocks that differ by more are of different days."""
 
 # IERS Bulletin C: the days from whose first moment GPS was one second further ahead of UTC. None
 # had been announced after that of 2017 when this was written (program version 0.1).
@@ -70,3 +72,15 @@ def utc_from_gps(week: ArrayLike, milliseconds: ArrayLike) -> Floats:
     )
     leaps = np.searchsorted(_LEAP_GPS_S, gps_s, side="right")
     return np.asarray(gps_s - leaps, np.float64)
+
+
+def utc_text(time_utc_s: float) -> str:
+    """An instant for people, such as ``2018-08-05 01:00:50 UTC``."""
+    if not 0 <= time_utc_s < 1e11:
+        return f"{time_utc_s:.0f} s since 1970"
+    return datetime.fromtimestamp(time_utc_s, tz=UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
+
+
+def span_text(span_s: float) -> str:
+    """A span of time for people: seconds, and from one day on days."""
+    return f"{span_s:.1f} s" if span_s < DAY_S else f"{span_s / DAY_S:.0f} days"

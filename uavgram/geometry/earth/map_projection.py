@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from pyproj import CRS, Transformer
+from pyproj import CRS, Proj, Transformer
 from pyproj.exceptions import CRSError
 
 from uavgram.errors import GeometryError
@@ -14,6 +14,8 @@ from uavgram.model.arrays import Floats
 
 # UTM covers these latitudes; beyond them maps use the polar stereographic pair.
 _UTM_SOUTH_DEG, _UTM_NORTH_DEG = -80.0, 84.0
+MOST_SCALE = 0.01
+"""By which a map may be larger or smaller than the ground: zones of surveyors stay below 0.001."""
 
 
 def utm_crs(latitude_deg: float, longitude_deg: float) -> str:
@@ -53,6 +55,50 @@ def checked_crs(text: str) -> str:
             "EPSG:25832, or auto for the UTM zone"
         )
     return str(crs.to_string())
+
+
+def misfit(text: str, latitude_deg: float, longitude_deg: float) -> str:
+    """Say why maps in a coordinate system would not fit a place; nothing where they do.
+
+    Parameters
+    ----------
+    text
+        A coordinate system that `checked_crs` accepts.
+    latitude_deg, longitude_deg
+        The place, on WGS 84.
+
+    Returns
+    -------
+    str
+        That the place is outside the system's area of use, or that a metre there is shown more
+        than `MOST_SCALE` too long or too short; and a system that fits.
+    """
+    crs, fitting = CRS.from_user_input(text), utm_crs(latitude_deg, longitude_deg)
+    area = crs.area_of_use
+    found = Proj(crs).get_factors(longitude_deg, latitude_deg)
+    scale = max(found.tissot_semimajor, found.tissot_semiminor, key=lambda axis: abs(axis - 1.0))
+    if area is not None and not _is_within(area.bounds, latitude_deg, longitude_deg):
+        why = (
+            f"is made for latitude {area.south:.2f} to {area.north:.2f}, longitude {area.west:.2f} "
+            f"to {area.east:.2f} (where your agency uses it beyond, give its definition, such as "
+            '"+proj=utm +zone=32 +ellps=GRS80")'
+        )
+    elif not abs(scale - 1.0) <= MOST_SCALE:  # infinite where the projection ends
+        why = f"shows a metre on the ground as {scale:.3f} m at the site"
+    else:
+        return ""
+    return (
+        f"crs: {text!r} ({crs.name}) {why}; the site is at {latitude_deg:.2f}, "
+        f"{longitude_deg:.2f}. Take {fitting} ({CRS.from_user_input(fitting).name}), or "
+        "`crs: auto`, which finds it"
+    )
+
+
+def _is_within(bounds: tuple[float, ...], latitude_deg: float, longitude_deg: float) -> bool:
+    """Whether a place is in an area, which may reach over the 180th meridian or round the earth."""
+    west, south, east, north = bounds
+    width = (east - west) % 360.0 or 360.0
+    return south <= latitude_deg <= north and (longitude_deg - west) % 360.0 <= width
 
 
 def projected_from_enu(enu_m: Floats, origin: Origin, crs: str) -> Floats:

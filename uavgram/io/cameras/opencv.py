@@ -42,6 +42,16 @@ _CALIB_FIX_ASPECT_RATIO = 2  # bit of the key `flags`, opencv2/calib3d.hpp
 _XML_ROOT = "<opencv_storage"
 _YAML_HEADER = "%YAML:1.0\n---\n"
 
+_DEEPEST = 50
+"""Levels inside each other in a file that is read; OpenCV writes 4. Its parser calls itself at each
+of them, and ends the whole program where that takes too much memory."""
+_LEVEL = r"(?P<opened>[\[{]|<(?=[^/?!\s]))|(?P<closed>[\]}]|</|/>)"
+_ASIDE = (
+    r"(?P<aside>\"(?:[^\"\\\n]|\\.)*\"|'[^'\n]*'|<!--.*?(?:-->|\Z)|/\*.*?(?:\*/|\Z)"
+    r"|(?:\#|//)[^\n]*)"
+)  # quotes and comments
+_YAML_LEVEL = re.compile(r"[-:](?![0-9.])")  # each may begin one more block, even in the same line
+
 
 def is_opencv_calibration(path: str | Path) -> bool:
     """Tell OpenCV's files from this program's camera.yaml by how they begin and what they name."""
@@ -102,6 +112,13 @@ def _read_keys(path: Path) -> dict[str, Any]:
             "is XML of another program, no camera calibration: name a camera.yaml, or a file that "
             "OpenCV wrote",
         )
+    if (deep := _too_deep(text)) is not None:
+        raise InputError(
+            path,
+            f"has more than {_DEEPEST} levels of brackets, tags or keys inside each other: it is "
+            "damaged, or no calibration; export the calibration again",
+            deep,
+        )
     is_bare_yaml = not text.lstrip().startswith(("%YAML", "<", "{"))
     content = _YAML_HEADER + text if is_bare_yaml else text
     try:
@@ -123,6 +140,32 @@ def _read_keys(path: Path) -> dict[str, Any]:
         key.lower().replace("_", ""): _plain(root.getNode(key))
         for key in root.keys()  # noqa: SIM118
     }
+
+
+def _too_deep(text: str) -> int | None:
+    """Find the line from which a parser may nest more than `_DEEPEST` levels; None: it cannot.
+
+    The three formats have quotes and comments in different places. So what looks like one may open
+    levels here, and closes none but its own.
+    """
+    depth = 0
+    for found in re.finditer(f"{_ASIDE}|{_LEVEL}", text, re.DOTALL):
+        least = depth if found["aside"] else 0
+        for one in re.finditer(_LEVEL, found[0]) if found["aside"] else [found]:
+            depth = depth + 1 if one["opened"] else max(depth - 1, least)
+            if depth > _DEEPEST:
+                return text.count("\n", 0, found.start()) + 1
+    if text.lstrip().startswith(("{", "<")):
+        return None
+    at_indent: dict[int, int] = {}  # blocks that a line begins, at most
+    for number, line in enumerate(text.splitlines(), 1):
+        content = line.lstrip()
+        blocks = 0 if content.startswith("#") else len(_YAML_LEVEL.findall(content))
+        indent = len(line) - len(content)
+        at_indent[indent] = max(blocks, at_indent.get(indent, 0))
+        if sum(at_indent.values()) > _DEEPEST:
+            return number
+    return None
 
 
 def _plain(node: cv2.FileNode) -> Any:  # noqa: ANN401

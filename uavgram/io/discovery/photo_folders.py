@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavgram.errors import InputError
-from uavgram.io.discovery.project import PHOTO_SUFFIXES
+from uavgram.io.photos.files import PHOTO_SUFFIXES
 from uavgram.io.photos.size import image_size
 
 DEEPEST = 3

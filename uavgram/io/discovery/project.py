@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,15 +18,15 @@ from uavgram.io.cameras.colmap import is_colmap_cameras
 from uavgram.io.cameras.odm import is_odm_cameras
 from uavgram.io.cameras.opencv import is_opencv_calibration
 from uavgram.io.logs.flight_log import is_flight_log
-from uavgram.io.photos.files import bounded
+from uavgram.io.photos.files import PHOTO_SUFFIXES, bounded
 from uavgram.io.photos.size import image_size
 from uavgram.io.results.plan_json import is_plan
 
-PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 _CAMERA_SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".txt")
 _RESULTS = "results.json"
 _CALIBRATION, _CALIBRATED = "calibration.json", "camera.yaml"
 _LARGEST_CAMERA_BYTES = 1_000_000
+_HIDDEN = re.compile(r"\.(?!_)")  # what macOS writes beside files, as ._x, is told of
 
 TableRole = Literal[
     "picks", "lines", "known", "measure", "control", "control_lines", "check", "poses", "plan"
@@ -57,13 +58,15 @@ class PhotoGroup:
 
 @dataclass(frozen=True, kw_only=True)
 class Holdings:
-    """What a folder holds, each in the order of its path."""
+    """What a folder holds, each in the order of its path; `others` are none of these."""
 
     photos: tuple[PhotoGroup, ...]
     logs: tuple[Path, ...]
     cameras: tuple[Path, ...]
     poses: tuple[Path, ...]
+    gcp_lists: tuple[Path, ...]
     tables: Mapping[TableRole, tuple[Path, ...]]
+    others: tuple[Path, ...]
 
 
 def search_folder(folder: Path) -> Holdings:
@@ -83,12 +86,20 @@ def search_folder(folder: Path) -> Holdings:
         if role is not None:
             tables[role] = (*tables.get(role, ()), path)
     marks = tuple(p for p in files if p.suffix.lower() == ".mrk" or p.name.lower() == "geo.txt")
+    photos = grouped(path for path in files if path.suffix.lower() in PHOTO_SUFFIXES)
+    logs = tuple(path for path in files if is_flight_log(path))
+    cameras = tuple(path for path in files if _is_camera(path))
+    gcp = tuple(p for p in files if p.suffix.lower() == ".txt" and "gcp" in p.stem.lower())
+    groups = (*(group.files for group in photos), *tables.values())
+    known = {*logs, *cameras, *marks, *gcp, *(path for group in groups for path in group)}
     return Holdings(
-        photos=grouped(path for path in files if path.suffix.lower() in PHOTO_SUFFIXES),
-        logs=tuple(path for path in files if is_flight_log(path)),
-        cameras=tuple(path for path in files if _is_camera(path)),
+        photos=photos,
+        logs=logs,
+        cameras=cameras,
         poses=(*marks, *tables.get("poses", ())),
+        gcp_lists=gcp,
         tables=tables,
+        others=tuple(path for path in files if path not in known),
     )
 
 
@@ -129,7 +140,7 @@ def _files(folder: Path) -> Iterable[Path]:
         if _CALIBRATION in names and Path(here) != folder:  # its pictures are no photos
             folders.clear()
             names = [name for name in names if name == _CALIBRATED]
-        yield from (Path(here, name) for name in sorted(names) if not name.startswith("."))
+        yield from (Path(here, name) for name in sorted(names) if not _HIDDEN.match(name))
 
 
 def _table_role(path: Path) -> TableRole | None:

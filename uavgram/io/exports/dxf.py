@@ -6,7 +6,8 @@ have sheets of their own.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,12 +17,23 @@ from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
 
 from uavgram.geometry.earth.map_projection import map_scale, projected_from_enu
-from uavgram.io.exports.dxf_points import add_point_block, draw_points
+from uavgram.io.exports.dxf_points import add_point_block, draw_points, texts_of_points
 from uavgram.io.exports.dxf_profiles import draw_profiles
-from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Place, Sheet, Words, half_size
-from uavgram.model.arrays import Floats, Ints
+from uavgram.io.exports.dxf_sheet import (
+    LABELS,
+    LAYERS,
+    Place,
+    Sheet,
+    Text,
+    Words,
+    as_mtext,
+    as_text,
+    half_size,
+    text_beside,
+)
+from uavgram.model.arrays import Floats
 from uavgram.model.maps.layers import HIDDEN, Features, Layer, placed
-from uavgram.stages.products.text_places import Choice, TextPlaces, around
+from uavgram.stages.products.text_places import Label, leader, place_labels
 
 METRIC = Words()
 """Numbers in metres, as the drawing itself."""
@@ -35,9 +47,8 @@ _IN_SPACE = " (3-D)"
 _DOUBT = " ?"
 """After a value that is another one in another solution that fits as well."""
 
-_SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)
-"""Of a dimension line, where its text may stand."""
-_CROWDED = 16
+_SHORT_M = 1e-6  # a length that short in the plan has no direction
+_ASIDE = 2.5  # between a length and its dimension line, in heights of a letter
 _GAP = 0.3  # around the text of a dimension, in heights of a letter
 _FAR = 1e6  # heights of a letter: farther than any drawing reaches
 _PAPER_M = (0.420, 0.297)  # A3
@@ -45,8 +56,55 @@ _TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters,
 _CROWD = 0.2  # or, of many points, what leaves three quarters of an evenly filled sheet empty
 
 
+@dataclass(frozen=True)
+class PlacedTexts:
+    """Texts of a survey's drawings, placed in local metres; all of its drawings have the same.
+
+    Attributes
+    ----------
+    texts, boxes
+        The texts, and (n, 5) their places as `place_labels` gives them.
+    text_m
+        Height of letters.
+    corner
+        East and north below which notes and profiles are.
+    """
+
+    texts: tuple[Text, ...]
+    boxes: Floats
+    text_m: float
+    corner: Floats
+
+
+def place_texts(features: Features, words: Words = METRIC) -> PlacedTexts:
+    """Place the texts of drawings: none covers another, none is far from what it names.
+
+    Parameters
+    ----------
+    features
+        What is drawn.
+    words
+        By which texts and dimensions are written.
+    """
+    text_m = _text_height(features)
+    texts = texts_of_points(features.layer("points"), text_m, words)
+    for layer in features.layers:
+        texts += _values(layer, text_m, words)
+    vertices = features.layer("points").vertices_m
+    low = np.concatenate(vertices).min(axis=0)[:2] if vertices else np.zeros(2)
+    corner = low - [0.0, 6.0 * text_m]
+    large = _FAR * text_m
+    below = np.array([[corner[0], corner[1] + 1.5 * text_m - large, large, large, 0.0]])
+    labels = [text.label for text in texts]
+    boxes, size = place_labels(labels, below)
+    # hundreds at one place have no room: they are where they belong, one over the other
+    own = [[*(one.start + one.end) / 2, *size * one.half, 0.0] for one in labels]
+    boxes = np.where(np.isfinite(boxes), boxes, np.reshape(own, boxes.shape))
+    return PlacedTexts(tuple(texts), boxes, text_m * size, corner)
+
+
 def write_local_dxf(
-    features: Features, path: Path, words: Words = METRIC, room: list[Choice] | None = None
+    features: Features, path: Path, words: Words = METRIC, texts: PlacedTexts | None = None
 ) -> None:
     """Write the drawing in local metres: every distance in it is the distance on the ground.
 
@@ -58,17 +116,17 @@ def write_local_dxf(
         The file.
     words
         By which texts and dimensions are written.
-    room
-        Where texts went in another drawing of the same features, if there was one; then here.
+    texts
+        Where these are, if that is known already.
     """
     note = "local metres: x east, y north, z up; distances are true ground distances"
     if features.origin is None:
         note = "local metres; position and direction of north are arbitrary, distances are true"
-    _write(features, path, lambda enu: enu, note, words, room)
+    _write(features, path, lambda enu: enu, note, words, texts or place_texts(features, words))
 
 
 def write_map_dxf(
-    features: Features, path: Path, words: Words = METRIC, room: list[Choice] | None = None
+    features: Features, path: Path, words: Words = METRIC, texts: PlacedTexts | None = None
 ) -> None:
     """Write the drawing in the projected coordinate system of the survey, which it must have.
 
@@ -83,8 +141,8 @@ def write_map_dxf(
         The file.
     words
         By which texts and dimensions are written.
-    room
-        Where texts went in another drawing of the same features, if there was one; then here.
+    texts
+        Where these are, if that is known already.
     """
     if features.origin is None or features.crs is None:
         raise ValueError("a drawing on the map needs a survey that lies on the earth")
@@ -93,36 +151,34 @@ def write_map_dxf(
         f"{crs}; map distance = ground distance x {map_scale(origin, crs):.6f}; "
         "texts of dimensions are ground values"
     )
-    _write(features, path, lambda enu: projected_from_enu(enu, origin, crs), note, words, room)
+    _write(
+        features,
+        path,
+        lambda enu: projected_from_enu(enu, origin, crs),
+        note,
+        words,
+        texts or place_texts(features, words),
+    )
 
 
 def _write(
-    features: Features,
-    path: Path,
-    place: Place,
-    note: str,
-    words: Words,
-    room: list[Choice] | None,
+    features: Features, path: Path, place: Place, note: str, words: Words, texts: PlacedTexts
 ) -> None:
     document = new("R2010", units=units.M)
     for name, colour in (*LAYERS.values(), (LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
         document.layers.add(name, color=colour)
     for hidden in HIDDEN:
         document.layers.get(LAYERS[hidden][0]).freeze()  # some programs do not know "off"
-    text_m = _text_height(features)
-    places = TextPlaces(room or ())
-    sheet = Sheet(document, document.modelspace(), place, text_m, words, places)
-    add_point_block(document, text_m)
-    _dimension_style(document, text_m)
-    _keep_free_below(sheet, _below(sheet, features))
-    # Labels first: they stand at their points, while dimensions can go farther out.
-    for layer in sorted(features.layers, key=lambda one: one.name != "points"):
+    sheet = Sheet(document, document.modelspace(), place, texts.text_m, words)
+    add_point_block(document, texts.text_m)
+    _dimension_style(document, texts.text_m)
+    for layer in features.layers:
         _draw(sheet, layer)
-    draw_profiles(document, features.profiles, _below(sheet, features), text_m, words)
-    _note(sheet, features, note)
+    _write_texts(sheet, texts)
+    east, north, _ = place(np.array([[*texts.corner, 0.0]]))[0].tolist()
+    draw_profiles(document, features.profiles, (east, north), texts.text_m, words)
+    _note(sheet, features, note, (east, north))
     _look_at_points(sheet, features)
-    if room is not None:
-        room[:] = places.choices
     document.saveas(path)
 
 
@@ -161,29 +217,27 @@ def _dimension_style(document: Drawing, text_m: float) -> None:
 
 
 def _draw(sheet: Sheet, layer: Layer) -> None:
-    name = LAYERS[layer.name][0]
+    name, strips = LAYERS[layer.name][0], placed(layer.vertices_m, sheet.place)
     if layer.name.startswith("ellipses"):
         _ellipses(sheet, layer, name)
     elif layer.name == "points":
         draw_points(sheet, layer)
     elif layer.name == "footprints":
-        _footprints(sheet, layer, name)
+        _footprints(sheet, strips, name)
     elif layer.kind == "point":
-        for vertices in placed(layer.vertices_m, sheet.place):
+        for vertices in strips:
             sheet.space.add_point(vertices[0], dxfattribs={"layer": name})
     else:
-        strips = placed(layer.vertices_m, sheet.place)
         for vertices in strips:
             if len(vertices):
                 sheet.space.add_polyline3d(
                     vertices, close=layer.kind == "polygon", dxfattribs={"layer": name}
                 )
-        _values(sheet, layer, strips)
 
 
-def _footprints(sheet: Sheet, layer: Layer, name: str) -> None:
+def _footprints(sheet: Sheet, rings: tuple[Floats, ...], name: str) -> None:
     """Level outlines at their middle height: background, which may be large."""
-    for ring in placed(layer.vertices_m, sheet.place):
+    for ring in rings:
         sheet.space.add_lwpolyline(
             ring[:, :2].tolist(),
             close=True,
@@ -212,122 +266,81 @@ def _ellipses(sheet: Sheet, layer: Layer, name: str) -> None:
         )
 
 
-def _values(sheet: Sheet, layer: Layer, drawn: tuple[Floats, ...]) -> None:
-    """Dimensions on two-point distances, as they are drawn, a text on all else with a value."""
-    is_known = layer.name == "known_lengths"
+def _values(layer: Layer, text_m: float, words: Words) -> list[Text]:
+    """Texts of dimensions on two-point distances, and of all else that has a value."""
+    is_known, texts = layer.name == "known_lengths", []
     if not is_known and not layer.name.startswith("measured"):
-        return
+        return []
     value, sigma = ("length_m", "sigma_m") if is_known else ("value", "sigma")
     for row, strip in enumerate(layer.vertices_m):
         one = {key: values[row] for key, values in layer.attributes.items()}
         unit = str(one.get("unit", "m"))
-        text = sheet.words.value(float(str(one[value])), float(str(one[sigma])), unit)
+        text = words.value(float(str(one[value])), float(str(one[sigma])), unit)
         if not is_known and layer.above_ground_m and layer.above_ground_m[row].any():
             text += "" if one["kind"] in _NOT_IN_SPACE or unit != "m" else _IN_SPACE
         text = f"{one['name']}: {text}{_DOUBT if one.get('alternatives') else ''}"
-        if len(strip) == 2 and unit == "m" and one.get("kind") not in _UPRIGHT:
+        is_length = len(strip) == 2 and unit == "m" and one.get("kind") not in _UPRIGHT
+        if is_length and np.linalg.norm(strip[1, :2] - strip[0, :2]) > _SHORT_M:
+            # from left to right, as texts are read
+            ends = strip[np.lexsort(strip[:, 1::-1].T)]
+            half = half_size(text, text_m)
+            label = Label(ends[0, :2], ends[1, :2], half, _ASIDE * text_m, is_turned=True)
             on = LAYERS[layer.name][0] if is_known else _DIMENSIONS
-            _dimension(sheet, drawn[row], on, text)
-        elif len(strip):
-            middle = sheet.place(strip.mean(axis=0, keepdims=True))[0]
-            _text(sheet, middle, text, _DIMENSIONS)
+            texts.append(Text(text, label, on, ends))
+        elif len(strip) and not is_length:
+            texts.append(text_beside(text, strip.mean(axis=0), _DIMENSIONS, text_m))
+    return texts
 
 
-def _dimension(sheet: Sheet, ends: Floats, layer: str, text: str) -> None:
+def _write_texts(sheet: Sheet, texts: PlacedTexts) -> None:
+    """Dimensions, and texts with a line to what they name where they are not beside it."""
+    up = np.array([text.ends[:, 2].mean() for text in texts.texts])
+    middle = np.column_stack([texts.boxes[:, :2], up])
+    turn = texts.boxes[:, 4:]
+    along = np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
+    drawn = sheet.place(np.concatenate([middle, middle + along]))
+    middle, way = drawn[: len(up)], np.diff(drawn.reshape(2, -1, 3), axis=0)[0]
+    for text, box, at, (east, north, _) in zip(texts.texts, texts.boxes, middle, way, strict=True):
+        if len(text.ends) > 1:
+            _dimension(sheet, text, at, float(box[3]))
+            continue
+        degrees = (math.degrees(math.atan2(north, east)) + 90.0) % 180.0 - 90.0  # never upside down
+        written = sheet.space.add_text(
+            as_text(text.words),
+            height=text.share * sheet.text_m,
+            rotation=degrees,
+            dxfattribs={"layer": text.layer},
+        )
+        written.set_placement(tuple(at), align=TextEntityAlignment.MIDDLE_CENTER)
+        if (line := leader(text.label, box)) is not None:
+            ends = sheet.place(np.column_stack([line, np.full(2, text.ends[0, 2])]))
+            start, end = ends.tolist()
+            sheet.space.add_line(start, end, dxfattribs={"layer": text.layer})
+
+
+def _dimension(sheet: Sheet, text: Text, middle: Floats, half_height: float) -> None:
     """Seen from above, at the height of the middle; where others are in the way, farther out."""
-    start, end = sorted(ends[:, :2], key=tuple)  # from left to right, as texts are read
-    if np.linalg.norm(end - start) < 1e-6:
-        return
-    half = half_size(text, sheet.text_m)
-    aside = _moved_aside(half, float(np.linalg.norm(end - start)), sheet.text_m)
-    room = half + np.array([aside / 2, 0.0])
-    shift = aside / 2 * (end - start) / np.linalg.norm(end - start)
-    place = sheet.places.take_near(_along(start + shift, end + shift, room, sheet.text_m))
-    place[:2] -= shift
-    distance = _across(start, end) @ (place[:2] - start) - half[1]
+    ends = sheet.place(text.ends)
+    start, end = ends[:, :2]
+    along = (end - start) / np.linalg.norm(end - start)
+    across = np.array([-along[1], along[0]])
     drawn = sheet.space.add_aligned_dim(
         p1=tuple(start),
         p2=tuple(end),
-        distance=float(distance),
-        text=text,
+        distance=float(across @ (middle[:2] - start)) - half_height,
+        text=as_mtext(text.words),
         dimstyle="UAVGRAM",
-        dxfattribs={"layer": layer},
+        dxfattribs={"layer": text.layer},
     )
-    drawn.set_location(tuple(place[:2]))
+    drawn.set_location(tuple(middle[:2]))
     dimension = drawn.render().dimension
     dimension.translate(0.0, 0.0, float(ends[:, 2].mean()))
     for part in dimension.get_geometry_block() or ():
         if part.dxf.layer == "0":  # not every program colours that as the dimension
-            part.dxf.layer = layer
+            part.dxf.layer = text.layer
 
 
-def _moved_aside(half: Floats, length: float, text_m: float) -> float:
-    """How far LibreCAD moves a text along its line where it is longer than that, wherever it was.
-
-    `RS_Dimension::updateCreateDimensionLine` of LibreCAD 2.2: by half of both and the gap.
-    """
-    return float(half[0] + length / 2 + _GAP * text_m) if 2 * half[0] > length else 0.0
-
-
-def _across(start: Floats, end: Floats) -> Floats:
-    """Unit vector to the left of the way from start to end."""
-    along = (end - start) / np.linalg.norm(end - start)
-    return np.array([-along[1], along[0]])
-
-
-def _along(start: Floats, end: Floats, half: Floats, text_m: float) -> Callable[[Ints], Floats]:
-    """(c, 5) places for the text above dimension lines, or crowded out beyond their ends.
-
-    Of each round one line, farther out every second time, on either side of what is measured.
-    """
-    across, way = _across(start, end), end - start
-    beyond = 1.5 * half[0] / np.linalg.norm(way)
-    share = np.array([*_SHARES, 1.0 + beyond, -beyond])
-    middle = start + share[:, None] * way
-    size = [*half, np.arctan2(way[1], way[0])]
-
-    def places(rounds: Ints) -> Floats:
-        outwards = np.where(rounds % 2 == 0, 1.0, -1.0) * (2.5 + 1.5 * (rounds // 2)) * text_m
-        moved = middle + (outwards + half[1])[:, None, None] * across
-        there = (rounds >= _CROWDED)[:, None] | (np.arange(len(share)) < len(_SHARES))
-        found = np.empty((np.count_nonzero(there), 5))
-        found[:, :2] = moved[there]
-        found[:, 2:] = size
-        return found
-
-    return places
-
-
-def _text(sheet: Sheet, at: Floats, text: str, layer: str) -> None:
-    half = half_size(text, sheet.text_m)
-    own = np.array([[at[0], at[1], *half, 0.0]])
-
-    def places(rounds: Ints) -> Floats:
-        outside = around(at[:2], half, 0.0, rounds[rounds > 0] - 1)
-        return np.concatenate([own, outside]) if rounds[0] == 0 else outside
-
-    place = sheet.places.take_near(places)
-    sheet.space.add_text(text, height=sheet.text_m, dxfattribs={"layer": layer}).set_placement(
-        (*place[:2].tolist(), float(at[2])), align=TextEntityAlignment.MIDDLE_CENTER
-    )
-
-
-def _keep_free_below(sheet: Sheet, corner: tuple[float, float]) -> None:
-    """Where the notes and the profiles stand, nothing else is written."""
-    large = _FAR * sheet.text_m
-    top = corner[1] + 1.5 * sheet.text_m
-    sheet.places.reserve(np.array([corner[0], top - large, large, large, 0.0]))
-
-
-def _below(sheet: Sheet, features: Features) -> tuple[float, float]:
-    """Where the notes begin: below all points, to the left."""
-    vertices = features.layer("points").vertices_m
-    low = np.concatenate(vertices).min(axis=0, keepdims=True) if vertices else np.zeros((1, 3))
-    east, north, _ = sheet.place(low)[0].tolist()
-    return east, north - 6.0 * sheet.text_m
-
-
-def _note(sheet: Sheet, features: Features, note: str) -> None:
+def _note(sheet: Sheet, features: Features, note: str, corner: tuple[float, float]) -> None:
     if not len(features.layer("points")):
         return
     if any(layer.name == "verticals" for layer in features.layers):
@@ -336,5 +349,5 @@ def _note(sheet: Sheet, features: Features, note: str) -> None:
     if any(any(layer.attributes["alternatives"]) for layer in layers):
         note += f";{_DOUBT} = other solutions fit as well and give other values, see the report"
     sheet.space.add_text(
-        f"{features.name}: {note}", height=sheet.text_m, dxfattribs={"layer": _NOTES}
-    ).set_placement(_below(sheet, features))
+        as_text(f"{features.name}: {note}"), height=sheet.text_m, dxfattribs={"layer": _NOTES}
+    ).set_placement(corner)

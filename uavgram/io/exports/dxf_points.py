@@ -5,10 +5,16 @@ from __future__ import annotations
 import numpy as np
 from ezdxf import const
 from ezdxf.document import Drawing
-from ezdxf.enums import TextEntityAlignment
 
-from uavgram.io.exports.dxf_sheet import LABELS, LAYERS, Sheet, Words
-from uavgram.model.arrays import Floats
+from uavgram.io.exports.dxf_sheet import (
+    LABELS,
+    LAYERS,
+    Sheet,
+    Text,
+    Words,
+    as_text,
+    text_beside,
+)
 from uavgram.model.maps.layers import Layer
 
 POINT_BLOCK = "SURVEY_POINT"
@@ -36,44 +42,53 @@ def add_point_block(document: Drawing, text_m: float) -> None:
 
 
 def draw_points(sheet: Sheet, layer: Layer) -> None:
-    """Points with their labels; those off the ground on their own layer, with their heights."""
+    """Points as crosses that carry their labels; those off the ground on their own layer."""
     if not len(layer):
         return
-    placed = sheet.place(np.concatenate(layer.vertices_m)).tolist()
-    for row, place in enumerate(placed):
-        one = {key: values[row] for key, values in layer.attributes.items()}
-        off = one["height_source"] in {"stated", "free", "found"}
+    places = sheet.place(np.concatenate(layer.vertices_m))
+    for one, place in zip(_rows(layer), places.tolist(), strict=True):
+        off = _is_off(one)
         own = LAYERS["off_ground"][0] if off else LAYERS["points"][0]
         insert = sheet.space.add_blockref(POINT_BLOCK, tuple(place), dxfattribs={"layer": own})
         numbers = {key.upper(): _decimals(one[key]) for key in _NUMBERS}
-        insert.add_auto_attribs({"LABEL": str(one["label"]), **numbers})
+        insert.add_auto_attribs({"LABEL": as_text(str(one["label"])), **numbers})
+        hidden = {key.upper(): _decimals(one[key]) for key in _OFF_GROUND_NUMBERS if off}
         if one["picked_by"] not in ("", "hand"):
-            made = insert.add_attrib("PICKED_BY", str(one["picked_by"]), place, {"layer": LABELS})
-            made.is_invisible = True
-        at = _named(sheet, one, np.array(place))
-        if off:
-            for key in _OFF_GROUND_NUMBERS:
-                insert.add_attrib(
-                    key.upper(), _decimals(one[key]), at, {"layer": LABELS}
-                ).is_invisible = True
-            _height(sheet, one, np.array(place))
+            hidden["PICKED_BY"] = str(one["picked_by"])
+        for tag, value in hidden.items():
+            insert.add_attrib(tag, value, tuple(place), {"layer": LABELS}).is_invisible = True
 
 
-def _named(sheet: Sheet, one: dict[str, str | float], place: Floats) -> tuple[float, float, float]:
-    """Write the label of a point beside it; the text's middle."""
-    label = str(one["label"])
-    at = (*sheet.beside(label, place[:2], sheet.text_m, 0.1 * sheet.text_m), place[2])
-    text = sheet.space.add_text(label, height=sheet.text_m, dxfattribs={"layer": LABELS})
-    text.set_placement(at, align=TextEntityAlignment.MIDDLE_CENTER)
-    return at
+def texts_of_points(layer: Layer, text_m: float, words: Words) -> list[Text]:
+    """The labels of points, then the heights of those off the ground.
+
+    Parameters
+    ----------
+    layer
+        The points.
+    text_m
+        Full height of letters.
+    words
+        By which heights are written.
+    """
+    points = [(one, place[0]) for one, place in zip(_rows(layer), layer.vertices_m, strict=True)]
+    labels = [text_beside(str(one["label"]), place, LABELS, text_m) for one, place in points]
+    return labels + [
+        text_beside(_height_text(one, words), place, LAYERS["verticals"][0], text_m, _HEIGHT_SHARE)
+        for one, place in points
+        if _is_off(one)
+    ]
 
 
-def _height(sheet: Sheet, one: dict[str, str | float], place: Floats) -> None:
-    """Write the height of a point beside it."""
-    words, small = _height_text(one, sheet.words), _HEIGHT_SHARE * sheet.text_m
-    at = (*sheet.beside(words, place[:2], small, 0.1 * sheet.text_m), place[2])
-    text = sheet.space.add_text(words, height=small, dxfattribs={"layer": LAYERS["verticals"][0]})
-    text.set_placement(at, align=TextEntityAlignment.MIDDLE_CENTER)
+def _rows(layer: Layer) -> list[dict[str, str | float]]:
+    """The attributes of each shape."""
+    columns = layer.attributes
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _is_off(one: dict[str, str | float]) -> bool:
+    """Whether a point is off the ground."""
+    return one["height_source"] in {"stated", "free", "found"}
 
 
 def _decimals(value: object) -> str:

@@ -14,7 +14,7 @@ from ezdxf.document import Drawing
 from ezdxf.enums import TextEntityAlignment
 from ezdxf.layouts.blocklayout import BlockLayout
 
-from uavgram.io.exports.dxf_sheet import Words
+from uavgram.io.exports.dxf_sheet import Words, as_text
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.profile_sheet import ProfileSheet
 from uavgram.stages.products.profile_sheets import TWO_SIDED_95
@@ -126,7 +126,7 @@ class _Paper:
         self, text: str, at: tuple[float, float], align: TextEntityAlignment, turned: float = 0.0
     ) -> None:
         self.block.add_text(
-            text, height=self.text, rotation=turned, dxfattribs={"layer": _TEXTS[0]}
+            as_text(text), height=self.text, rotation=turned, dxfattribs={"layer": _TEXTS[0]}
         ).set_placement(at, align=align)
 
 

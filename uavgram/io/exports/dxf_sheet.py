@@ -1,10 +1,12 @@
-"""A drawing under way: its layers, and the room that its texts take."""
+"""A drawing under way: its layers and texts, and the room that these take."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from ezdxf.document import Drawing
@@ -12,7 +14,7 @@ from ezdxf.fonts.fonts import AbstractFont, make_font
 from ezdxf.layouts.layout import Modelspace
 
 from uavgram.model.arrays import Floats
-from uavgram.stages.products.text_places import TextPlaces, around
+from uavgram.stages.products.text_places import Label
 
 Place = Callable[[Floats], Floats]
 
@@ -62,35 +64,74 @@ LAYERS = {
 
 @dataclass(frozen=True)
 class Sheet:
-    """A drawing under way: where local metres go, height of letters [m], words, places taken."""
+    """A drawing under way: where local metres go, height of letters [m], and words."""
 
     document: Drawing
     space: Modelspace
     place: Place
     text_m: float
     words: Words = Words()
-    places: TextPlaces = field(default_factory=TextPlaces)
 
-    def beside(self, text: str, at: Floats, height_m: float, gap_m: float) -> Floats:
-        """Take a free place for a text beside a point.
 
-        Parameters
-        ----------
-        text
-            What is to be written.
-        at
-            (2,) the point.
-        height_m
-            Of the letters.
-        gap_m
-            Between point and text, where there is room.
+class Text(NamedTuple):
+    """A text to be placed and written.
 
-        Returns
-        -------
-        (2,) the text's middle.
-        """
-        half = half_size(text, height_m)
-        return self.places.take_near(lambda ring: around(at, half, gap_m, ring))[:2]
+    Attributes
+    ----------
+    words
+        As they are read.
+    label
+        What it names, and the room that it takes while letters have their full height.
+    layer
+        Its layer.
+    ends
+        (2, 3) places between which a dimension is; (1, 3) place of what any other text names.
+    share
+        Of the height of letters.
+    """
+
+    words: str
+    label: Label
+    layer: str
+    ends: Floats
+    share: float = 1.0
+
+
+def text_beside(words: str, spot: Floats, layer: str, text_m: float, share: float = 1.0) -> Text:
+    """A text beside a place.
+
+    Parameters
+    ----------
+    words
+        As they are read.
+    spot
+        (3,) the place.
+    layer
+        Of the text.
+    text_m
+        Full height of letters.
+    share
+        Of that, for this text.
+    """
+    label = Label(spot[:2], spot[:2], half_size(words, share * text_m), 0.1 * text_m)
+    return Text(words, label, layer, spot[None], share)
+
+
+def as_text(words: str) -> str:
+    """Words as TEXT has them, where some signs begin a code (percent twice, caret, backslash)."""
+    return re.sub(r"\\(?=U\+)", r"\\U+005C", _plain(words))
+
+
+def as_mtext(words: str) -> str:
+    """Words as MTEXT and dimensions have them, where backslash, braces and ``<>`` are codes too."""
+    shown = re.sub(r"[\\{}]", r"\\\g<0>", _plain(words))
+    # an empty group parts what would be read as one code
+    return re.sub(r"\\(?=U\+)", r"\\{}", shown).replace("<>", "<{}>")
+
+
+def _plain(words: str) -> str:
+    """Words of one line, without the codes that TEXT and MTEXT share."""
+    return re.sub(r"[\x00-\x1f]", " ", words).replace("%%", 2 * "%%%").replace("^", "^ ")
 
 
 MARGIN = 1.15

@@ -6,6 +6,7 @@ import sqlite3
 import struct
 from collections.abc import Callable, Mapping
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -76,7 +77,7 @@ def write_geopackage(
     looks: Mapping[str, Look] = MappingProxyType({}),
     words: Quantity | None = None,
 ) -> None:
-    """Write all layers, in the projected coordinate system; in local metres where there is none.
+    """Write all layers that have shapes, in the projected coordinate system, else in local metres.
 
     Heights are those of the local origin's datum; without an origin they are above the plane.
 
@@ -92,6 +93,7 @@ def write_geopackage(
         By which the column ``text`` of measured layers and known lengths says its numbers; left
         out, there is none.
     """
+    features = replace(features, layers=tuple(layer for layer in features.layers if len(layer)))
     with closing(sqlite3.connect(path)) as file, file:
         file.executescript(_CORE)
         file.executemany(

@@ -83,9 +83,14 @@ def write_colour_geotiff(
                 _write_pixels(file, pixels, column, row)
                 part = np.s_[row // 2 : -(-(row + height) // 2)]
                 half[part, column // 2 : -(-(column + width) // 2)] = halved(pixels)
-        for _ in _factors(raster):
-            _append_picture(half, path)
-            half = halved(half)
+        _append_overviews(half, len(_factors(raster.width, raster.height)), path)
+
+
+def _append_overviews(half: Pixels, count: int, path: Path) -> None:
+    """Add as many overviews to a picture's file: `half` (H, W, 4), and each half of the last."""
+    for _ in range(count):
+        _append_picture(half, path)
+        half = halved(half)
     mark_overviews(path)
 
 
@@ -130,13 +135,13 @@ def write_float_geotiff(
         for number, (name, values) in enumerate(bands.items(), start=1):
             file.write(values.astype(np.float32), number)
             file.set_band_description(number, name)
-        file.build_overviews(_factors(raster), Resampling.average)
+        file.build_overviews(_factors(raster.width, raster.height), Resampling.average)
 
 
 def write_turned_picture(
     rgba: NDArray[np.uint8], corners_m: Floats, crs: str | None, tags: dict[str, str], path: Path
 ) -> None:
-    """Write a picture that may lie turned on the map, as local metres do.
+    """Write a picture, with overviews, that may lie turned on the map, as local metres do.
 
     Parameters
     ----------
@@ -157,9 +162,11 @@ def write_turned_picture(
     aside, below = (corners_m[2] - corners_m[0]) / height
     place = rasterio.Affine(right, aside, east, up, below, north)
     profile = _PROFILE | _COLOUR | {"width": width, "height": height, "crs": crs}
-    with _on_all_cores(), rasterio.open(path, "w", **profile, transform=place) as file:
-        file.update_tags(**tags)
-        _write_pixels(file, rgba, 0, 0)
+    with _on_all_cores():
+        with rasterio.open(path, "w", **profile, transform=place) as file:
+            file.update_tags(**tags)
+            _write_pixels(file, rgba, 0, 0)
+        _append_overviews(halved(rgba), len(_factors(width, height)), path)
 
 
 def with_opacity(rgb: Pixels, covered: Bools) -> Pixels:
@@ -194,9 +201,9 @@ def _place(raster: GroundRaster) -> dict[str, object]:
     }
 
 
-def _factors(raster: GroundRaster) -> Sequence[int]:
+def _factors(width: int, height: int) -> Sequence[int]:
     """Halves until the picture fits into a tile; at least one."""
     factors = [2]
-    while max(raster.width, raster.height) / factors[-1] > 2 * _LEAST_OVERVIEW_PX:
+    while max(width, height) / factors[-1] > 2 * _LEAST_OVERVIEW_PX:
         factors.append(2 * factors[-1])
     return factors

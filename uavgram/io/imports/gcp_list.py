@@ -1,13 +1,16 @@
 """OpenDroneMap's gcp_list.txt -> picks, and the coordinates of the points picked.
 
 After docs.opendronemap.org, "Ground Control Points": a coordinate system, then for each pick
-``x y z column row image [label]``; z may be NaN where a height is not known (OpenSfM, ``io.py``:
-``_read_gcp_list_lines``). Columns and rows count from the centre of the top-left pixel
-(OpenSfM, ``features.py``: ``normalized_image_coordinates`` adds half a pixel).
+``x y z column row image [label]``, separated by blanks or tabs; z may be NaN where a height is not
+known (OpenSfM, ``io.py``: ``_read_gcp_list_lines``). Columns and rows count from the centre of the
+top-left pixel (OpenSfM, ``features.py``: ``normalized_image_coordinates`` adds half a pixel).
 """
 
 from __future__ import annotations
 
+import glob
+import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,6 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.geometry.earth.geodesy import Origin
+from uavgram.io.photos.exif_gps import read_exif_place
+from uavgram.io.photos.files import PHOTO_SUFFIXES
 from uavgram.io.tables.csv_tables import parse_number
 from uavgram.io.tables.odm_coordinates import content_lines, crs_of_header, geodetic
 from uavgram.model.arrays import Floats
@@ -25,6 +31,9 @@ from uavgram.model.survey.observations import KnownPoints
 
 _NAMES = ("x", "y", "z", "column", "row")
 _NUMBERS, _Z = 5, 2
+_MOST_LOOKED_AT = 20  # photos, for a place
+_PHOTO = re.compile(rf".*(?:{'|'.join(map(re.escape, PHOTO_SUFFIXES))})(?=\s|$)", re.IGNORECASE)
+"""A photo's name, which may hold blanks: up to the last word that ends as photos' names do."""
 _NO_HEIGHT = "has no height (NaN), which a control point needs: add it, or leave the control out"
 UNKNOWN_HEIGHT_SIGMA_M = 10_000.0
 """Of a height that says nothing: so wide that it has no weight."""
@@ -91,7 +100,8 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
     if sigmas is not None:
         first = list({row.label: row for row in reversed(rows)}.values())[::-1]
         xyz = np.array([row.xyz for row in first], dtype=np.float64)
-        latitude, longitude = geodetic(path, crs, xyz, [row.line for row in first])
+        site = _photos_site(path, {row.image for row in rows})
+        latitude, longitude = geodetic(path, crs, xyz, [row.line for row in first], site)
         known = KnownPoints(
             label=tuple(row.label for row in first),
             kind="geodetic",
@@ -99,6 +109,7 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
             sigma_m=_sigmas(path, first, sigmas),
         )
         messages += _zero_heights(path, first, sigmas)
+    messages += _two_heights(path, rows)
     return ImportedPicks(
         image=tuple(row.image for row in rows),
         label=tuple(row.label for row in rows),
@@ -111,7 +122,7 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
 def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
     rows, faults = [], []
     for line, text in lines:
-        cells = text.split()
+        cells = _cells(text)
         numbers = [parse_number(cell) for cell in cells[:_NUMBERS]]
         no_height = len(cells) > _Z and cells[_Z].lower() == "nan"
         if no_height:
@@ -131,6 +142,29 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
     if faults:
         raise InputError.of_all(path, faults)
     return rows
+
+
+def _cells(text: str) -> list[str]:
+    """Cells of a line; where tabs separate them, blanks are part of a name."""
+    words = text.split(None, _NUMBERS)
+    if len(words) <= _NUMBERS:
+        return words
+    *numbers, rest = words
+    is_tabbed = "\t" in rest or text.count("\t") >= _NUMBERS
+    first, *more = rest.split("\t") if is_tabbed else [rest]
+    photo = _PHOTO.match(first)
+    image = photo[0] if photo else first if is_tabbed else first.split()[0]
+    return [*numbers, image, *first[len(image) :].split(), *map(str.strip, more)]
+
+
+def _photos_site(path: Path, images: set[str]) -> Origin | None:
+    """Where one of the photos, beside the file or in a folder there, was taken by its EXIF."""
+    for image in sorted(images)[:_MOST_LOOKED_AT]:
+        for photo in (path.parent / image, *path.parent.glob(f"*/{glob.escape(image)}")):
+            place = read_exif_place(photo) if photo.is_file() else None
+            if place is not None and math.isfinite(place.latitude_deg + place.longitude_deg):
+                return place.latitude_deg, place.longitude_deg, 0.0
+    return None
 
 
 def _named(rows: list[_Row]) -> list[_Row]:
@@ -188,6 +222,25 @@ def _zero_heights(path: Path, rows: list[_Row], sigmas: GcpSigmas) -> list[Messa
     return [Message("warning", "gcp-zero-heights", text)]
 
 
+def _two_heights(path: Path, rows: list[_Row]) -> list[Message]:
+    """A warning where points with different names, or without any, differ in height alone."""
+    at: dict[tuple[float, float], dict[str, _Row]] = {}
+    for row in rows:
+        x, y, z = row.xyz
+        if z is not None:
+            at.setdefault((x, y), {}).setdefault(row.label, row)
+    places = [
+        " and ".join(f"{row.label} at {row.xyz[_Z]:g} (line {row.line})" for row in here.values())
+        for here in at.values()
+        if len({row.xyz[_Z] for row in here.values()}) > 1
+    ]
+    text = (
+        f"{path.name}: one place is listed at two heights: {'; '.join(places)}. If that is one "
+        "point, correct its height and give it one label; as it is, its picks belong to two points."
+    )
+    return [Message("warning", "gcp-two-heights", text)] if places else []
+
+
 def _check(path: Path, rows: list[_Row]) -> None:
     place: dict[str, _Row] = {}
     seen: dict[tuple[str, str], int] = {}
@@ -201,7 +254,8 @@ def _check(path: Path, rows: list[_Row]) -> None:
             faults.append((row.line, text))
         first = place.setdefault(row.label, row)
         if first.xyz != row.xyz:
-            text = f"label {row.label!r} has another place than in line {first.line}"
+            what = "height" if first.xyz[:_Z] == row.xyz[:_Z] else "place"
+            text = f"label {row.label!r} has another {what} than in line {first.line}"
             faults.append((row.line, text))
         at = seen.setdefault((row.image, row.label), row.line)
         if at != row.line:

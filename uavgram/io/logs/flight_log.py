@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from uavgram.errors import InputError, no_file
+from uavgram.errors import InputError
+from uavgram.io.inputs import opened
 from uavgram.model.flight.log import FlightLog
 
 _DATAFLASH_SUFFIXES = (".bin", ".log")
@@ -98,10 +99,5 @@ def _refuse_bare_stream(path: str | Path, head: bytes) -> None:
 
 
 def _head(path: str | Path) -> bytes:
-    if what := no_file(path):
-        raise InputError(path, f"is {what}: name a flight log")
-    try:
-        with Path(path).open("rb") as file:
-            return file.read(8000)
-    except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror}") from error
+    with opened(path, "name a flight log") as file:
+        return file.read(8000)

@@ -11,6 +11,8 @@ from pathlib import Path
 from uavgram.errors import InputError, no_file
 from uavgram.model.limits import shown, unshowable
 
+PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
+
 MOST_ENTRIES = 200_000
 """Files and folders that are looked through for photos: a few seconds, not a whole disk."""
 

@@ -11,6 +11,7 @@ import cv2
 from uavgram.errors import InputError, no_file
 from uavgram.io.photos.exif import read_exif_tags
 from uavgram.io.photos.jpeg_segments import START, read_segments
+from uavgram.io.unread_formats import refuse_unread
 
 _TIFF = (b"II*\0", b"MM\0*")
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -28,10 +29,11 @@ def image_size(path: str | Path) -> tuple[int, int]:
     Raises
     ------
     InputError
-        The file is missing, cut off, or no photo.
+        The file is missing, cut off, of a format that is not read, or no photo.
     """
     if what := no_file(path):
         raise InputError(path, f"is {what}: take it out of `images`")
+    refuse_unread(path)
     is_whole = True
     try:
         with Path(path).open("rb") as file:

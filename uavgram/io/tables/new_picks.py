@@ -1,4 +1,4 @@
-"""New picks.csv and control.csv; a file that is there is never written over."""
+"""New picks.csv and control.csv; a table that holds anything is never written over."""
 
 from __future__ import annotations
 
@@ -6,38 +6,41 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from uavgram.errors import InputError
-from uavgram.io.outputs import replace_text
-from uavgram.io.tables.csv_rows import csv_text
+from uavgram.io.inputs import read_bytes
+from uavgram.io.tables.csv_rows import read_blocks, read_header
 from uavgram.io.tables.known_points import GEODETIC, THREE_SIGMAS
 from uavgram.io.tables.picked import PICKS_HEADER
-from uavgram.io.tables.spreadsheet_cells import guarded
+from uavgram.io.tables.rewrite import new_table, rewritten_table
 from uavgram.model.survey.imported import ImportedPicks
 from uavgram.model.survey.observations import KnownPoints
 
 CONTROL_HEADER = ("label", *GEODETIC, *THREE_SIGMAS)
 
 
-def write_new_picks(picks: ImportedPicks, path: Path) -> None:
-    """Write picks.csv.
+def new_picks(picks: ImportedPicks, path: Path) -> bytes:
+    """Make a picks.csv, for a file that is not there or has a header only.
 
     Raises
     ------
     InputError
-        The file is there already.
-    OutputError
-        It cannot be written.
+        The file holds something already.
     """
-    _write_new(path, PICKS_HEADER[:4], picks.image, picks.label, *picks.pixel_px.T.tolist())
+    return _filled(path, PICKS_HEADER[:4], picks.image, picks.label, *picks.pixel_px.T.tolist())
 
 
-def write_new_control(known: KnownPoints, path: Path) -> None:
-    """Write control.csv with geodetic coordinates; errors as for `write_new_picks`."""
+def new_control(known: KnownPoints, path: Path) -> bytes:
+    """Make a control.csv with geodetic coordinates; errors as for `new_picks`."""
     numbers = (*known.coordinates.T.tolist(), *known.sigma_m.T.tolist())
-    _write_new(path, CONTROL_HEADER, known.label, *numbers)
+    return _filled(path, CONTROL_HEADER, known.label, *numbers)
 
 
-def _write_new(path: Path, header: Sequence[str], *columns: Sequence[str | float]) -> None:
-    if path.exists():
+def _filled(path: Path, header: Sequence[str], *columns: Sequence[str | float]) -> bytes:
+    texts = [[c if isinstance(c, str) else repr(c) for c in cells] for cells in columns]
+    rows = [dict(zip(header, cells, strict=True)) for cells in zip(*texts, strict=True)]
+    found = read_header(path) if path.exists() else None
+    if found is None:  # no file, or an empty one
+        return new_table(header, rows)
+    is_filled = any(block.line or block.torn for block in read_blocks(path))
+    if is_filled or not set(header) <= set(found[1]):
         raise InputError(path, "is there already: name another file, or move this one away")
-    texts = [[guarded(c) if isinstance(c, str) else repr(c) for c in cells] for cells in columns]
-    replace_text(path, csv_text(header, zip(*texts, strict=True)))
+    return rewritten_table(read_bytes(path), (), rows, header[:1])

@@ -11,11 +11,13 @@ from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
 from uavgram.errors import InputError
+from uavgram.geometry.earth.geodesy import Origin, are_exchanged
 from uavgram.io.inputs import read_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import HeightDatum
 
 _UTM = re.compile(r"WGS84\s+UTM\s+([0-9]{1,2})\s*([NS])", re.IGNORECASE)
+_X_FIRST = "x (longitude, east) comes first"
 _EPSG = re.compile(r"EPSG\s*:?\s*([0-9]+)", re.IGNORECASE)
 # Names that people write in first lines and PROJ does not know: Poland's systems of 1992 and 2000
 # (its zones 5 to 8), Sweden's, Switzerland's old and new, Britain's grid.
@@ -94,7 +96,9 @@ def height_datum(crs: CRS, heights: HeightDatum) -> tuple[HeightDatum, str]:
     return heights, f"{crs.name} has no heights; world.heights was taken"
 
 
-def geodetic(path: Path, crs: CRS, xyz: Floats, line: Sequence[int]) -> tuple[Floats, Floats]:
+def geodetic(
+    path: Path, crs: CRS, xyz: Floats, line: Sequence[int], site: Origin | None = None
+) -> tuple[Floats, Floats]:
     """Latitude and longitude (N,) [deg] of coordinates.
 
     Parameters
@@ -107,23 +111,36 @@ def geodetic(path: Path, crs: CRS, xyz: Floats, line: Sequence[int]) -> tuple[Fl
         (N, 2 or more) in its units, x (longitude, east) first.
     line
         (N,) line of each in the file.
+    site
+        Where the photos were taken; None: nothing says it.
 
     Raises
     ------
     InputError
-        Names the line of a place that is none.
+        Names the line of a place that is none, and of one that is far from the photos but near
+        them with x and y exchanged.
     """
     flat = crs.to_2d() if not crs.is_compound else crs.sub_crs_list[0]
     to_wgs84 = Transformer.from_crs(flat, "EPSG:4326", always_xy=True)
     longitude, latitude = (np.asarray(v) for v in to_wgs84.transform(xyz[:, 0], xyz[:, 1]))
+    if site is not None:
+        east, north = to_wgs84.transform(xyz[:, 1], xyz[:, 0])
+        exchanged = are_exchanged((latitude, longitude), (north, east), site)
+        text = (
+            "is far from where the photos were taken, and near it with latitude and longitude "
+            f"(y and x) exchanged: {_X_FIRST}"
+        )
+        if exchanged.any():
+            raise InputError.of_all(
+                path, [(line[k], text) for k in np.flatnonzero(exchanged).tolist()]
+            )
     # inf where a projection has no inverse there; compares False
     inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
     if not inside.all():
         k = int(np.flatnonzero(~inside)[0])
         raise InputError(
             path,
-            f"({xyz[k, 0]:g}, {xyz[k, 1]:g}) is no place in {crs.name}: x (longitude, east) comes "
-            "first",
+            f"({xyz[k, 0]:g}, {xyz[k, 1]:g}) is no place in {crs.name}: {_X_FIRST}",
             line[k],
         )
     return latitude, longitude

@@ -32,7 +32,7 @@ class Photos(FrozenArrays):
     """
 
     frame_id: Annotated[tuple[str, ...], "n"]
-    path: tuple[str, ...]
+    path: Annotated[tuple[str, ...], "n"]
     width_px: Annotated[Floats, "n"]
     height_px: Annotated[Floats, "n"]
     file_time_s: Annotated[Floats, "n", NAN_IS_NONE]
@@ -70,7 +70,7 @@ class Frames(FrozenArrays):
     time_utc_s: Annotated[Floats, "n", NAN_IS_NONE]
     sigma_time_s: Annotated[Floats, "n", NAN_IS_NONE]
     matched: Annotated[Bools, "n"]
-    reason: tuple[str, ...]
+    reason: Annotated[tuple[str, ...], "n"]
     clock_offset_s: float
     clock_offset_sigma_s: float
     clock_drift_sigma: float = 0.0

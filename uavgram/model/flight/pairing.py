@@ -37,8 +37,8 @@ class Pairing(FrozenArrays):
     frame_id: Annotated[tuple[str, ...], "n"]
     event_index: Annotated[Ints, "n"]
     residual_s: Annotated[Floats, "n", NAN_IS_NONE]
-    status: tuple[PairStatus, ...]
-    reason: tuple[str, ...]
+    status: Annotated[tuple[PairStatus, ...], "n"]
+    reason: Annotated[tuple[str, ...], "n"]
     unused_event: Annotated[Ints, "u"]
     unused_reason: Annotated[tuple[str, ...], "u"]
     drift: float

@@ -14,6 +14,9 @@ FlightPattern = Literal["single", "strip", "grid", "orbit"]
 Laid = Literal["lines", "plates"]
 """What is laid out to be known: lines for a tape, or coded plates."""
 
+MOST_CHOICES = 30
+"""Heights, pitches, numbers of photos or patterns to choose from: each is flown with each other."""
+
 
 def _require(condition: bool, message: str) -> None:  # noqa: FBT001
     if not condition:
@@ -123,6 +126,9 @@ class PlanRequest:
         )
         _require(self.lines is None or 0 <= self.lines <= 30, "lines must lie between 0 and 30")
         _require(1 <= self.most_lines <= 30, "most_lines must lie between 1 and 30")
+        for name in ("patterns", "heights_m", "pitches_deg", "frames"):
+            count = len(getattr(self, name))
+            _require(count <= MOST_CHOICES, f"{name} may name at most {MOST_CHOICES} (got {count})")
         _require(bool(self.patterns), "patterns must name at least one")
         _require(
             all(-90 <= pitch <= -20 for pitch in self.pitches_deg),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
@@ -31,6 +32,8 @@ class Outcome:
         What would be picked; None where nothing was found, or what was found was refused.
     why
         Why nothing was found, in words.
+    is_alike
+        Whether all that surrounds it looks like what surrounds the pick.
     is_over
         Somebody refused it, or will not pick it: it is not sought again.
     is_asked
@@ -41,11 +44,30 @@ class Outcome:
     radius_px: float
     found: c.Place | None = None
     why: str = ""
+    is_alike: bool = False
     is_over: bool = False
     is_asked: bool = True
 
 
 Outcomes = Mapping[Pair, Outcome]
+
+
+ENOUGH = 3
+"""Photos that must show a point and its surroundings alike for its matches to be sure.
+
+On three rendered streets with cars, where nothing is said of heights, 46 of 460 finds are off by
+more than 3 px; of 180 such matches two are, by 4 px, as the click is that they were found from.
+"""
+
+
+def surely_found(outcomes: Outcomes) -> set[Pair]:
+    """What was found so that nobody need look at it: targets, and matches that agree."""
+    alike = Counter(label for (_, label), one in outcomes.items() if one.found and one.is_alike)
+    return {
+        (image, label)
+        for (image, label), one in outcomes.items()
+        if one.found and (one.found.source == "target" or (one.is_alike and alike[label] >= ENOUGH))
+    }
 
 
 def source_of(pick: Pick) -> tuple[str, float, float]:

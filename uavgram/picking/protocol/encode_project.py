@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from uavgram.pipeline.cameras.read import read_camera
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import Posed
 from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.sample_scene import PAINTED, TAPED, is_sample
 from uavgram.stages.camera.assume import UNKNOWN_CAMERA
 from uavgram.views.calibration.camera_text import fact_lines, parameter_cells, provenance_lines
 from uavgram.views.calibration.verdict import GOOD_FOCAL, focal_share, percent
@@ -62,6 +64,20 @@ def control_lines_json(inputs: Inputs) -> list[Json]:
         {"name": name, "points": list(points)}
         for name, points in zip(lines.name, lines.points, strict=True)
     ]
+
+
+def named_labels(inputs: Inputs) -> list[str]:
+    """Labels of tables that the page does not show, and those painted on the sample's ground."""
+    names = {*chain(*inputs.known.points, *inputs.control_lines.points)}
+    return sorted(names.union(PAINTED if is_sample(Path(inputs.project_path)) else ()))
+
+
+def sample_json(inputs: Inputs) -> Json | None:
+    """Where the sample has the readings of its tape, and what they are; None of other projects."""
+    file = inputs.folder / TAPED
+    if not is_sample(Path(inputs.project_path)) or not file.is_file():
+        return None
+    return {"file": str(file), "text": file.read_text(encoding="utf-8", errors="replace")}
 
 
 def _seeds(posed: Posed | None) -> dict[str, Json]:

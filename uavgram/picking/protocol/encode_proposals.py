@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from uavgram.picking.document.proposals import Outcomes
+from uavgram.picking.document.proposals import Outcomes, surely_found
 from uavgram.picking.protocol.encode_survey import Json
 
 
@@ -24,7 +24,7 @@ def proposals_json(
     left
         Number of places that are still to be looked at.
     """
-    found, asked = [], []
+    found, asked, sure = [], [], surely_found(outcomes)
     for (image, label), one in outcomes.items():
         if label not in labels:
             continue
@@ -35,7 +35,7 @@ def proposals_json(
                 key
                 | {"u_px": place.u_px, "v_px": place.v_px, "sigma_px": place.sigma_px}
                 | {"score": place.score, "source": place.source}
-                | {"from_image": index.get(place.from_image)}
+                | {"from_image": index.get(place.from_image), "is_sure": (image, label) in sure}
             )
         elif one.is_asked:
             asked.append(key | {"why": one.why})

@@ -13,6 +13,7 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.imaging.matching.matched import Matched, Refused
+from uavgram.imaging.matching.quarters import least_likeness
 from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
@@ -29,6 +30,9 @@ from uavgram.stages.match.found import CONTRADICTED, pick_sigmas
 from uavgram.stages.match.plan import NARROWED
 
 log = logging.getLogger(__name__)
+
+ALIKE = 0.8
+"""Correlation from which on what surrounds a match is alike, as the matching has it."""
 
 AT_ONCE = 64
 """Places that are looked at before what was found is told."""
@@ -197,8 +201,16 @@ class Seeker:
                     from_v_px=v,
                 )
                 turn = places.affine[row]
-                new[image, label] = replace(outcome, found=self._targets.target_at(place, turn))
+                alike = self._likeness(place, turn) >= ALIKE
+                own = self._targets.target_at(place, turn)
+                new[image, label] = replace(outcome, found=own, is_alike=alike)
         self.proposed.put(new, left, always=True)
+
+    def _likeness(self, place: c.Place, affine: Floats) -> float:
+        """How alike all that surrounds a match and its pick is, -1 to 1."""
+        source, target = map(self._photos.photos.get, (place.from_image, place.image))
+        at = np.array([place.from_u_px, place.from_v_px], dtype=np.float64)
+        return least_likeness(source, target, at, np.array([place.u_px, place.v_px]), affine)
 
 
 def _stated(found: Matched | str, is_raised: Bools) -> Floats:

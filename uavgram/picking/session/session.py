@@ -36,7 +36,9 @@ from uavgram.picking.protocol.encode_project import (
     camera_json,
     clock_json,
     control_lines_json,
+    named_labels,
     photos_json,
+    sample_json,
 )
 from uavgram.picking.protocol.encode_proposals import proposals_json
 from uavgram.picking.protocol.encode_survey import (
@@ -162,6 +164,8 @@ class PickSession:
             "flight": flight_json(self.survey),
             "control": list(inputs.control.label),
             "check": list(inputs.check.label),
+            "named": named_labels(inputs),
+            "sample": sample_json(inputs),
             "planned": planned_json(
                 inputs.planned, inputs.project.units, sought=inputs.project.targets is not None
             ),

@@ -7,6 +7,12 @@ foreign name that resolves to 127.0.0.1 (DNS rebinding) would do; and the socket
 ours, because browsers let any page open a socket anywhere. SameSite does not tell ports apart, so
 what another local server's page embeds is recognised by Sec-Fetch-Site.
 
+Nor do cookies tell ports apart: the browser gives ours to every other server of this machine that
+it visits. So the token also brings the key of a tab, behind the # of the address, which no browser
+sends. The page keeps it in its sessionStorage, which no other tab and no other port has, and adds
+it to whatever it asks for. With the cookie alone one gets the page's own files, and nothing of the
+project.
+
 Who is in can still do harm by talking too much: requests and messages have a greatest length, and
 `Pace` slows a socket down.
 
@@ -18,6 +24,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 import secrets
 import time
 from collections.abc import Callable
@@ -44,6 +51,9 @@ HEADERS = {
     "cross-origin-opener-policy": "same-origin",
     "x-frame-options": "DENY",
 }
+KEY = "tab"
+"""In an address: the key of the tab that asks."""
+_OF_THE_PROGRAM = re.compile(r"/(page/.*)?")  # the same for everybody: nothing of a project
 POLICY_VIOLATION = 1008
 LONGEST_PATH = 1000
 NO_KEY = "it does not come from the page"
@@ -113,7 +123,7 @@ class Guard:
         self.secret = secrets.token_urlsafe(32)
         self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
         self._cookie = f"uavgram-pick-{port}"  # cookies do not tell ports apart
-        self._key = secrets.token_urlsafe(32)
+        self._key, self._tab_key = secrets.token_urlsafe(32), secrets.token_urlsafe(32)
         self._tokens = Tokens()
         self._port = port
 
@@ -139,7 +149,9 @@ class Guard:
         if scope["type"] == "http" and given is not None:
             await self._exchanged(connection, given)(scope, receive, _strict(send))
             return
-        if not self._known(connection):
+        has_key = same(connection.query_params.get(KEY, ""), self._tab_key)
+        is_open = _OF_THE_PROGRAM.fullmatch(scope["path"]) is not None
+        if not self._known(connection) or not (is_open or has_key):
             log.warning("refused %r: %s", scope["path"][:80], NO_KEY)
             await self._refuse(scope, receive, send, NO_KEY)
             return
@@ -178,16 +190,17 @@ class Guard:
         return PlainTextResponse(self._tokens.new(LASTS_S))
 
     def _exchanged(self, connection: HTTPConnection, given: str) -> Response:
-        """The token's answer: a cookie, once, and the address without it."""
-        if not self._known(connection):
-            if not self._tokens.use(given):
-                return HTMLResponse(no_entry("This address was used already, or is too old."), 403)
+        """The token's answer: cookie and key, once, and the address without it."""
+        way = URL(scope=connection.scope).path
+        if self._tokens.use(given):
             self._entered()
-        bare = URL(scope=connection.scope).remove_query_params("token")
-        answer: Response = RedirectResponse(bare.path, 303)
+            way = f"{way}#{self._tab_key}"
+        elif not self._known(connection):
+            return HTMLResponse(no_entry("This address was used already, or is too old."), 403)
+        answer: Response = RedirectResponse(way, 303)
         if connection.headers.get("sec-fetch-site", "none") != "none":
             # Led here by a file: a strict cookie goes along only where a page of ours leads on.
-            answer = HTMLResponse(leading_to(bare.path))
+            answer = HTMLResponse(leading_to(way))
         answer.set_cookie(self._cookie, self._key, httponly=True, samesite="strict", path="/")
         return answer
 
@@ -198,7 +211,7 @@ class Guard:
             return
         answer: Response = PlainTextResponse(f"Refused: {why}", 403)
         if why == NO_KEY:
-            answer = HTMLResponse(no_entry("This browser has no key to the page."), 403)
+            answer = HTMLResponse(no_entry("This tab of the browser has no key to the page."), 403)
         await answer(scope, receive, _strict(send))
 
 

@@ -14,7 +14,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import BaseContext
 from multiprocessing.process import BaseProcess
@@ -94,7 +94,8 @@ class _Worker:
         self.process: BaseProcess = context.Process(  # type: ignore[attr-defined]
             target=_serve, args=(theirs, work, memory_bytes), daemon=True
         )
-        self.process.start()
+        with _kept_from_ctrl_c():
+            self.process.start()
         theirs.close()
 
     def give(self, number: int, item: object) -> None:
@@ -279,11 +280,28 @@ def _one_thread_each() -> Iterator[None]:
                 os.environ[name] = value
 
 
+@contextlib.contextmanager
+def _kept_from_ctrl_c() -> Iterator[None]:
+    """Processes that are started now never get Ctrl+C, which is for who started them.
+
+    Not even while they load what they need, when they could not ignore it yet.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    resource_tracker.ensure_running()  # when it starts, it lets through what is kept back here
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _serve(
     pipe: Connection, work: Callable[[Any], Any], memory_bytes: int | None
 ) -> None:  # pragma: no cover (in another process)
     """Take items until nobody gives any; Ctrl+C is for who started this process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # where it is not kept back already
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # half-written folders are removed
     use_one_core()
     load_little()

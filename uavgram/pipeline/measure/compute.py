@@ -336,7 +336,9 @@ def _frames(
     inputs: Inputs, posed: Posed, assembled: Assembled, refined: Refined, duplicates: Duplicates
 ) -> FrameResults:
     """All frames; those with picks with a reason why some were left out, the frame's own first."""
-    reasons = {image: duplicates.reason(image) for image in dict.fromkeys(inputs.picks.image)}
+    reasons = {
+        image: duplicates.reason(image) for image in (*inputs.picks.image, *duplicates.photos)
+    }
     left_out = [
         (refined.pick_reason[index], image)
         for image, index in zip(inputs.picks.image, assembled.pick_index.tolist(), strict=True)

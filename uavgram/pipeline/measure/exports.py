@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from uavgram.geometry.earth.map_projection import projected_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.io.exports.colmap import write_colmap_model
-from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
+from uavgram.io.exports.dxf import place_texts, write_local_dxf, write_map_dxf
 from uavgram.io.exports.dxf_sheet import Words
 from uavgram.io.exports.geojson import write_geojson
 from uavgram.io.exports.geopackage import write_geopackage
@@ -29,7 +29,6 @@ from uavgram.model.result.result import Result
 from uavgram.model.units import Units
 from uavgram.stages.products.geotags import geotag
 from uavgram.stages.products.map_layers import features_of, shown_poses
-from uavgram.stages.products.text_places import Choice
 from uavgram.views.style import REFINED, hex_colour
 from uavgram.views.survey.top_view import INK
 from uavgram.views.units import column, quantity, units_of
@@ -85,19 +84,19 @@ def exports(result: Result, texture: GroundTexture | None = None) -> Writers:
     """
     words = drawing_words(units_of(result))
     features = features_of(result, result.world.crs, words.length_m)
-    room: list[Choice] = []  # both drawings have the same texts
+    texts = cache(lambda: place_texts(features, words))  # both drawings have the same
     writers: Writers = {
         "points.geojson": lambda path: write_geojson(result, path),
         "measurements.csv": lambda path: write_measurements_csv(result, path),
         "survey.gpkg": lambda path: write_geopackage(features, path, LOOKS, words.value),
         "survey.kml": lambda path: write_kml(features, path),
-        "survey_local.dxf": lambda path: write_local_dxf(features, path, words, room),
+        "survey_local.dxf": lambda path: write_local_dxf(features, path, words, texts()),
         "colmap": lambda path: write_colmap_model(result, path),
     }
     if result.profiles.profile:
         writers["profiles.csv"] = lambda path: write_profiles_csv(result, path)
     if features.crs is not None:
-        writers["survey_map.dxf"] = lambda path: write_map_dxf(features, path, words, room)
+        writers["survey_map.dxf"] = lambda path: write_map_dxf(features, path, words, texts())
         writers["opendronemap/gcp_list.txt"] = lambda path: write_gcp_list(result, features, path)
         writers["opendronemap/geo.txt"] = lambda path: write_geo_txt(geotags_of(result), path)
     if texture is not None:

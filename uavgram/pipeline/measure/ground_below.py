@@ -12,9 +12,10 @@ from uavgram.io.photos.exif_gps import read_exif_place
 from uavgram.io.photos.poses.read import read_photo_poses
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import HeightDatum
+from uavgram.stages.seed.photo_exposures import ABOVE_GROUND_M
 
-ABOVE_GROUND_M, ABOVE_GROUND_SIGMA_M = 60.0, 40.0
-"""Of a survey by drone: the law ends it at 120 m in most countries, and few fly below 20 m."""
+ABOVE_GROUND_SIGMA_M = 40.0
+"""Of `ABOVE_GROUND_M`."""
 
 
 def ground_below(source: str, photos: Photos) -> AssumedOrigin | None:
@@ -32,10 +33,11 @@ def ground_below(source: str, photos: Photos) -> AssumedOrigin | None:
         poses, _ = read_photo_poses(source, photos, heights)
     except InputError:
         return None
+    stated = poses.height_m[np.isfinite(poses.height_m)]
     return AssumedOrigin(
         latitude_deg=float(poses.latitude_deg[0]),
         longitude_deg=float(poses.longitude_deg[0]),
-        height_m=float(np.median(poses.height_m)) - ABOVE_GROUND_M,
+        height_m=float(np.median(stated)) - ABOVE_GROUND_M if stated.size else 0.0,
         height_sigma_m=ABOVE_GROUND_SIGMA_M,
         datum=poses.datum,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,10 +13,12 @@ import numpy as np
 from uavgram.config.project import load_project, project_file
 from uavgram.errors import InputError
 from uavgram.geometry.camera.back_projection import share_without_rays
+from uavgram.imaging.photos.alike import shows_the_same
 from uavgram.io.digest import digest_inputs
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.io.photos.catalogue import read_photos
+from uavgram.io.photos.exif import exif_text, read_exif_tags
 from uavgram.io.photos.poses.read import FROM_PHOTOS
 from uavgram.io.photos.poses.sources import read_pose_sources
 from uavgram.io.photos.poses.tags import first_maker
@@ -45,6 +48,8 @@ from uavgram.stages.duplicates import Duplicates, find_duplicates
 
 if TYPE_CHECKING:
     from uavgram.model.planned.plan import FlightPlanned
+
+_CAMERA_TAGS = ("Image Make", "Image Model", "EXIF BodySerialNumber")
 
 NO_PICKS = Picks(
     image=(),
@@ -249,7 +254,23 @@ def duplicates_of(inputs: Inputs) -> Duplicates:
     digests = dict(zip(inputs.files, (one.sha256 for one in inputs.digests), strict=True))
     pairs = zip(inputs.photos.frame_id, map(Path, inputs.photos.path), strict=True)
     sha256 = {name: digests[path] for name, path in pairs if path in digests}
-    return find_duplicates(inputs.photos, sha256, inputs.picks, inputs.lines, inputs.known)
+    path = dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True))
+    tables = inputs.picks, inputs.lines, inputs.known
+    return find_duplicates(
+        inputs.photos, sha256, *tables, lambda one, other: _is_same(path[one], path[other])
+    )
+
+
+@lru_cache(maxsize=10_000)
+def _is_same(one: str, other: str) -> bool:
+    """Tell whether two photos are of one camera, as far as they say, and show the same."""
+    cameras = [_camera_named(path) for path in (one, other)]
+    return (not all(cameras) or cameras[0] == cameras[1]) and shows_the_same(one, other)
+
+
+def _camera_named(path: str) -> str:
+    tags = read_exif_tags(path)
+    return " ".join(exif_text(tags, tag) for tag in _CAMERA_TAGS).strip()
 
 
 def _column_messages(*files: str | None) -> Iterator[Message]:
@@ -283,8 +304,8 @@ def _lens_messages(calibration: Calibration) -> tuple[Message, ...]:
     if share == 0:
         return ()
     text = (
-        f"The lens model of camera {calibration.name!r} cannot be inverted over {share:.1%} of the "
-        "image, at its rim: picks there are left out."
+        f"The calibration of camera {calibration.name!r} does not hold in {share:.1%} of each "
+        "photo, at its rim: picks there are left out. Pick nearer to the middle."
     )
     return (Message("info", "lens-rim", text),)
 

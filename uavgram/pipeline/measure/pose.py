@@ -9,8 +9,14 @@ from functools import partial
 import numpy as np
 
 from uavgram.errors import GeometryError, InputError, UavgramError
-from uavgram.geometry.earth.geodesy import curvature_drop, enu_from_geodetic
-from uavgram.model.arrays import Floats
+from uavgram.geometry.earth.geodesy import (
+    SAME_SITE_M,
+    are_exchanged,
+    curvature_drop,
+    enu_from_geodetic,
+)
+from uavgram.geometry.earth.map_projection import misfit
+from uavgram.model.arrays import Floats, rows_of
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import FlightLog, HeightDatum
 from uavgram.model.flight.pairing import Pairing
@@ -21,7 +27,7 @@ from uavgram.model.message import Message
 from uavgram.model.options import GeodeticOrigin, MountOptions
 from uavgram.model.survey.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.survey.world import Geodetic, World
-from uavgram.pipeline.measure.inputs import Inputs
+from uavgram.pipeline.measure.inputs import Inputs, duplicates_of
 from uavgram.stages.assemble import NO_CONTROL
 from uavgram.stages.seed import seed
 from uavgram.stages.seed.fault_messages import fault_messages
@@ -34,9 +40,6 @@ from uavgram.stages.synchronise import Synchronised, synchronise
 from uavgram.stages.synchronise.by_ties import poses_of
 
 Place = tuple[float, float, float]
-
-FARTHEST_ORIGIN_M = 20_000.0
-"""Of a stated origin: over this distance the ground falls 31 m below its horizontal plane."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,12 +58,56 @@ class Posed:
 
 
 def pose_frames(inputs: Inputs) -> Posed:
-    """Seed the poses from the log or from the photos; without either, only name the world."""
+    """Seed the poses from the log or from the photos; without either, only name the world.
+
+    Of photos of one exposure only one is matched and placed; the others are frames of its time.
+
+    Raises
+    ------
+    InputError
+        The project's coordinate system does not fit that world.
+    """
+    names, duplicates = inputs.photos.frame_id, duplicates_of(inputs)
+    if not duplicates.photos:
+        return _posed(inputs)
+    copies = duplicates.photos
+    posed = _posed(_of_photos(inputs, [k for k, name in enumerate(names) if name not in copies]))
+    at = {name: k for k, name in enumerate(posed.frames.frame_id)}
+    rows = np.array([at[copies.get(name, name)] for name in names])
+    frames = replace(posed.frames, **rows_of(posed.frames, rows) | {"frame_id": names})
+    whys = zip(map(duplicates.reason, names), frames.reason, strict=True)
+    is_copy = np.isin(names, list(copies))
+    pairing = posed.pairing
+    if pairing is not None:
+        pairing = replace(pairing, **rows_of(pairing, rows) | {"frame_id": names})
+    return replace(
+        posed,
+        frames=replace(
+            frames, matched=frames.matched & ~is_copy, reason=tuple(a or b for a, b in whys)
+        ),
+        pairing=pairing,
+    )
+
+
+def _of_photos(inputs: Inputs, rows: Sequence[int]) -> Inputs:
+    """The project with some of its photos alone."""
+    photos = replace(inputs.photos, **rows_of(inputs.photos, np.array(rows)))
+    poses = inputs.poses
+    placed = poses and poses.rows(np.flatnonzero(np.isin(poses.frame_id, photos.frame_id)))
+    return replace(inputs, photos=photos, poses=placed)
+
+
+def _posed(inputs: Inputs) -> Posed:
     if inputs.log is not None:
-        return _by_log(inputs, inputs.log)
-    if inputs.poses is not None:
-        return _by_photos(inputs, inputs.poses)
-    return unposed(inputs)
+        posed = _by_log(inputs, inputs.log)
+    elif inputs.poses is not None:
+        posed = _by_photos(inputs, inputs.poses)
+    else:
+        posed = unposed(inputs)
+    place, crs = posed.world.origin, inputs.project.crs
+    if place is not None and crs != "auto" and (why := misfit(crs, *place[:2])):
+        raise InputError(inputs.project_path, why)
+    return posed
 
 
 def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
@@ -158,7 +205,7 @@ def _far_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]:
         return ()
     apart_m = float(np.linalg.norm(np.median(center_world_m, axis=0)[:2]))
     below_m = curvature_drop(apart_m)
-    if apart_m > FARTHEST_ORIGIN_M:
+    if apart_m > SAME_SITE_M:
         raise InputError(
             inputs.project_path,
             f"world.origin lies {apart_m / 1000:.0f} km from the flight: give a place near it "
@@ -299,6 +346,11 @@ def known_in_world(
         With local or geodetic coordinates.
     world
         Where the local world lies.
+
+    Raises
+    ------
+    InputError
+        A point is far from the world's origin, and near it with latitude and longitude exchanged.
     """
     coordinates: Floats = points.coordinates
     if points.kind == "geodetic" and len(points.label):
@@ -310,5 +362,12 @@ def known_in_world(
             return NO_CONTROL, (Message("warning", "points-unplaced", text, labels=points.label),)
         shift = height_shift(inputs, world.height_datum)
         latitude, longitude, height = points.coordinates.T
+        exchanged = are_exchanged((latitude, longitude), (longitude, latitude), world.origin)
+        if exchanged.any():
+            raise InputError(
+                inputs.project_path,
+                f"the known point {points.label[int(exchanged.argmax())]!r} is far from where the "
+                "survey is, and near it with latitude and longitude exchanged: correct its row",
+            )
         coordinates = enu_from_geodetic(latitude, longitude, height + shift, world.origin)
     return KnownWorldPoints(label=points.label, world_m=coordinates, sigma_m=points.sigma_m), ()

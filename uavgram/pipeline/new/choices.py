@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import glob
 import os
+import shlex
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +13,10 @@ from pathlib import Path
 from uavgram.errors import InputError
 from uavgram.io.discovery.project import Holdings, PhotoGroup, TableRole, grouped
 from uavgram.io.photos.files import matching_files
+from uavgram.io.photos.size import image_size
+from uavgram.io.tables.new_picks import CONTROL_HEADER
 from uavgram.io.tables.picked import LINES_HEADER, MEASURE_HEADER, PICKS_HEADER
+from uavgram.io.unread_formats import unread_format
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN
@@ -20,6 +25,9 @@ from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
 PROJECT = "project.yaml"
 PICKED = {"picks": PICKS_HEADER, "lines": LINES_HEADER, "measure": MEASURE_HEADER}
 """Tables that the picking page makes, and their columns."""
+
+HEADERS = PICKED | {"control": CONTROL_HEADER}
+"""Columns of tables that a new project may have to be written for."""
 
 _TABLES: tuple[TableRole, ...] = (
     *("picks", "lines", "known", "measure", "control", "control_lines", "check", "plan"),
@@ -69,17 +77,27 @@ def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[P
         }
         groups = grouped(sorted(named))
         if not groups:
+            image_size(min(named))  # says why
             wanted = ", ".join(choices.images)
             raise InputError(folder, f"no photo is named {wanted}: correct --images")
     if not groups:
         raise InputError(
             folder,
             "holds no photo (.jpg, .png, .tif), nor do the folders in it: name the folder of the "
-            "flight, or copy the photos there",
+            f"flight, or copy the photos there. {passed_over(holdings)}".rstrip(),
         )
     if len({group.size_px for group in groups}) > 1:
         raise InputError(folder, _sizes(folder, groups))
     return groups
+
+
+def passed_over(holdings: Holdings) -> str:
+    """Files that a new project has no use for, by kind and number; empty where there is none."""
+    kinds = [(path, unread_format(path)) for path in holdings.others]
+    names = Counter(known.name if known else f"*{path.suffix}" for path, known in kinds)
+    ways = {f"A {known.name}: {known.way_out}": None for _, known in kinds if known}
+    counted = ", ".join(f"{count} x {name}" for name, count in names.items())
+    return ". ".join([f"Passed over: {counted}", *ways]) + "." if counted else ""
 
 
 def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
@@ -264,4 +282,15 @@ def choose_tables(folder: Path, holdings: Holdings, notes: Notes) -> dict[str, s
         if candidates:
             names[role] = _relative(folder, candidates[0])
             notes.found.append(f"{role}: {names[role]}")
+    if holdings.gcp_lists and "control" not in names:
+        names["control"] = "control.csv"
+        file = holdings.gcp_lists[0]
+        tables = f"--output={folder / names['picks']}", f"--control={folder / 'control.csv'}"
+        command = shlex.join(["uavgram", "picks", "import", str(file), *tables])
+        text = (
+            f"{_relative(folder, file)} holds picks of points with known coordinates. To use them: "
+            f"{command} --control-sigma-m=0.02; write how well the coordinates are known, in "
+            "metres, instead of 0.02."
+        )
+        notes.messages.append(Message("info", "gcp-list-found", text, files=(file.name,)))
     return names

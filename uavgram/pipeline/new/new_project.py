@@ -19,16 +19,11 @@ from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.pipeline.check import missing
-from uavgram.pipeline.measure.ground_below import (
-    ABOVE_GROUND_M,
-    ABOVE_GROUND_SIGMA_M,
-    ground_below,
-    has_place,
-)
+from uavgram.pipeline.measure.ground_below import ABOVE_GROUND_SIGMA_M, ground_below, has_place
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.new.choices import (
-    PICKED,
+    HEADERS,
     PROJECT,
     Choices,
     Notes,
@@ -37,9 +32,11 @@ from uavgram.pipeline.new.choices import (
     choose_photos,
     choose_tables,
     only_one,
+    passed_over,
     pattern_of,
 )
 from uavgram.stages.messages import in_order
+from uavgram.stages.seed.photo_exposures import ABOVE_GROUND_M
 
 Attempt = tuple[ProjectText, Message | None]
 
@@ -118,6 +115,8 @@ def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectTex
     for what, name in (("flight log", log), ("poses", poses)):
         if name is not None:
             notes.found.append(f"{what}: {name}")
+    if others := passed_over(holdings):
+        notes.messages.append(Message("info", "files-passed-over", others))
     text = ProjectText(
         name=folder.name or "survey",
         images=images,
@@ -133,8 +132,8 @@ def _make_files(folder: Path, text: ProjectText) -> list[Path]:
     """Write the tables that are not there, and the project last; none over another."""
     contents = {
         folder / text.tables[role]: new_table(header, ()).decode()
-        for role, header in PICKED.items()
-        if not (folder / text.tables[role]).exists()
+        for role, header in HEADERS.items()
+        if role in text.tables and not (folder / text.tables[role]).exists()
     }
     contents[folder / PROJECT] = project_text(text)
     made: list[Path] = []

@@ -13,7 +13,7 @@ from uavgram.io.exports.layers_geojson import write_layers_geojson
 from uavgram.io.exports.mission_litchi import litchi_text
 from uavgram.io.exports.mission_qgc import qgc_plan_text
 from uavgram.io.exports.mission_waypoints import waypoints_text
-from uavgram.io.outputs import replace_bytes, replace_text, staged_output
+from uavgram.io.outputs import as_output_errors, replace_bytes, replace_text, staged_output
 from uavgram.io.results.plan_json import write_plan
 from uavgram.model.maps.mission import Autopilot, HeightFrame
 from uavgram.model.maps.plan import Paper
@@ -25,6 +25,7 @@ from uavgram.pipeline.plan.make import plan_of
 from uavgram.pipeline.plan.scene import scene_of
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.plan.remarks import nowhere
 from uavgram.stages.products.mission import flight_mission
 from uavgram.stages.products.planned_layers import plan_layers
 from uavgram.views.field_sheet.page import NAME as SHEET
@@ -33,6 +34,7 @@ from uavgram.views.pages_pdf import weasyprint_for
 from uavgram.views.planned_recording.write import write_plan_recording
 
 PLAN_FILE, SHEET_FILE = "plan.json", f"{SHEET}.html"
+MISSIONS = {"mission.waypoints", "mission.plan", "mission_litchi.csv"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +97,9 @@ def write_outputs(
 ) -> tuple[str, ...]:
     """Write all files of a plan at once; their names.
 
+    Missions are only written where the plan knows its place on earth; those of an earlier plan in
+    the folder are removed.
+
     Parameters
     ----------
     planned, as_flown
@@ -123,12 +128,17 @@ def write_outputs(
             replace_bytes(hidden / f"{SHEET}.pdf", field_sheet_pdf(sheet, made.pdf))
         write_layers_geojson(layers, hidden / "plan.geojson")
         write_kml(layers, hidden / "plan.kml")
-        if made.autopilot == "ardupilot":
-            replace_text(hidden / "mission.waypoints", waypoints_text(mission))
-        replace_text(hidden / "mission.plan", qgc_plan_text(mission))
-        replace_text(hidden / "mission_litchi.csv", litchi_text(mission))
+        if nowhere().code not in {message.code for message in planned.messages}:
+            if made.autopilot == "ardupilot":
+                replace_text(hidden / "mission.waypoints", waypoints_text(mission))
+            replace_text(hidden / "mission.plan", qgc_plan_text(mission))
+            replace_text(hidden / "mission_litchi.csv", litchi_text(mission))
         write_plan_recording(planned, hidden / "plan.rrd", made.units)
         write_plan(planned, hidden / PLAN_FILE)
         remark = "The planned survey: `uavgram simulate` repeats it against known truth."
         replace_text(hidden / "scenario.yaml", scenario_text(as_flown, remark))
-        return tuple(sorted(one.name for one in hidden.iterdir()))
+        written = {one.name for one in hidden.iterdir()}
+    with as_output_errors(folder):
+        for name in MISSIONS - written:  # an earlier plan's: nobody is to fly it by mistake
+            (folder / name).unlink(missing_ok=True)
+    return tuple(sorted(written))

@@ -38,6 +38,7 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     "gimbal-off": ("The camera looks another way than the log says.",) * 2,
     "clock-off": ("The camera's clock is off by more than was said to be possible.",) * 2,
     "clock-jumps": ("The clock of the flight log jumps.",) * 2,
+    "log-of-another-day": ("The flight log is of another day than the photos.",) * 2,
     "other-zoom": ("The photos were taken at another zoom than the camera file says.",) * 2,
     "camera-contradicted": ("The camera file does not belong to these photos.",) * 2,
     "other-camera": (
@@ -133,6 +134,11 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     "ambiguous-pose": ("The cameras may stand elsewhere: two solutions fit as well.",) * 2,
     "three-lengths": ("Nothing checks the three lengths.",) * 2,
     "three-known": ("Nothing checks the three things that are known.",) * 2,
+    "line-unseen": (
+        "{lengths} is not used: a point of it is not picked.",
+        "{lengths} are not used: points of them are not picked.",
+    ),
+    "known-unseen": ("Something known is not used: {labels} is not picked.",) * 2,
     "measurement-null": (
         "{measurements} cannot be measured.",
         "{measurements} cannot be measured.",

@@ -38,7 +38,7 @@ NOT_FITTING = frozenset(
         *("frame-left-out", "line-removed", "known-removed", "pick-removed"),
         *("line-duplicate", "known-duplicate", "group-misfit", "checks-misfit", "misfit"),
         *("camera-contradicted", "point-off-ground", "other-zoom", "readout-left-out"),
-        *("clock-off", "gimbal-off", "clock-jumps"),
+        *("clock-off", "gimbal-off", "clock-jumps", "log-of-another-day"),
         *("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
         *("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
     }
@@ -52,9 +52,12 @@ clearly (`UNCLEAR`), that is learnt as a precaution, and no misfit."""
 UNCLEAR = 0.01
 
 UNCHECKED = frozenset(
-    {"nothing-checks", "ambiguous-pose", "three-lengths", "three-known", "measurement-null"}
+    {
+        *("nothing-checks", "ambiguous-pose", "three-lengths", "three-known", "measurement-null"),
+        *("line-unseen", "known-unseen"),
+    }
 )
-"""Codes of what nothing decides or checks."""
+"""Codes of what nothing decides or checks, and of what is not used as a label is missing."""
 
 
 def pass_verdict(

@@ -29,8 +29,8 @@ def nowhere() -> Message:
     return Message(
         "warning",
         "plan-nowhere",
-        "Nobody said where on earth this is, so do not fly by the mission files yet: they, the "
-        "maps and the north of the drawing are of the place of the program's demo "
+        "Nobody said where on earth this is, so no mission file was written: the maps and the "
+        "north of the drawing are of the place of the program's demo "
         f"({site.latitude_deg:.4f}, {site.longitude_deg:.4f}). Write site: {{latitude_deg: ..., "
         "longitude_deg: ..., scene_east_m: 0, scene_north_m: 0, road_azimuth_deg: ...}, where "
         "your [0, 0] lies and where the first axis of your metres points, clockwise from north; "

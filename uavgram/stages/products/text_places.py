@@ -1,54 +1,194 @@
-"""Where the texts of a drawing go so that none covers another."""
+"""Where the texts of a picture go: none covers another, and none is far from what it names."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from itertools import product
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, Ints
 
-ROUNDS = 200
-"""How often a text is moved farther out before it stays where it would cover another."""
+REACH = 4.0
+"""A text is at most that far from what it names at first, in heights of a line of text, where
+nothing else is asked for."""
 
-_AT_ONCE = 6
-"""Rounds that are tried together at first."""
+_FARTHER = 1.1
+"""Each time that the letters get smaller, texts may be so much farther away, in their heights."""
+
+_SMALLER = (0.5, 0.8)
+"""Letters get smaller by such a factor, the nearer to the first the more texts had no room."""
+
+_SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)
+"""Of a line, where the middle of its text may be."""
+
+_FIRST = (16, 80)
+"""So many places are tried first: most texts have room at once."""
 
 _ROOM = 64
 """Places that are kept room for at first."""
 
-_SQUARE = 8.0
-"""Side of a square in which places are looked up, in half the width of the first text."""
-
-_MANY = 100
-"""Places from which on they are looked at square by square."""
-
-_WIDE = 5.0
-"""Side of what is looked at together, in sides of a square."""
-
-_MOST_SQUARES = 1000
-"""What reaches into more of them is compared with everything."""
-
-_FEW = 400
-"""So many places are sooner compared with all than looked up."""
-
-_ROUNDED_UP = 1.001
-"""What is no farther than that may meet, whatever the rounding."""
+_MOVED_GAP = 0.375
+"""Of half the height of a text: between the end of a line and a text that was moved beyond it."""
 
 
-class Choice(NamedTuple):
-    """Where a text went: rounds from `first` to before `end` were tried, and the place `which`.
+class Label(NamedTuple):
+    """A text to be placed, with letters of full size, in the units of the picture.
 
-    `is_crowded` where none of all rounds was free, and it covers another.
+    Attributes
+    ----------
+    start, end
+        (2,) ends of the line that it names; of a point both are the same.
+    half
+        (2,) half its width and height.
+    gap
+        Between the text and what it names.
+    is_turned
+        Whether it runs along the line, beside it; otherwise it is level, and may be on the line.
+    is_needed
+        Otherwise it is left out where there is no room right beside what it names.
     """
 
-    first: int
-    end: int
-    which: int
-    is_crowded: bool
+    start: Floats
+    end: Floats
+    half: Floats
+    gap: float
+    is_turned: bool = False
+    is_needed: bool = True
+
+
+class Placed(NamedTuple):
+    """Where texts went.
+
+    Attributes
+    ----------
+    boxes
+        (n, 5) places as of `TextPlaces`; NaN where there was no room even for the smallest letters.
+    size
+        Of the letters, as a share of the full one.
+    """
+
+    boxes: Floats
+    size: float
+
+
+def place_labels(
+    labels: Sequence[Label],
+    taken: Floats,
+    bounds: tuple[Floats, Floats] | None = None,
+    least: float = 0.01,
+    reach: float = REACH,
+) -> Placed:
+    """Place all texts; the letters of all are made smaller until there is room for each.
+
+    Parameters
+    ----------
+    labels
+        What is to be placed; those with the least choice are placed first.
+    taken
+        (t, 5) places that are kept free.
+    bounds
+        Lower and upper corner (2,) of the picture; by default it is endless.
+    least
+        Size of letters that are not made smaller.
+    reach
+        How far texts may be from what they name at first, in heights of a line of text.
+    """
+    length = np.array([float(np.linalg.norm(one.end - one.start)) for one in labels])
+    is_extra = np.array([not one.is_needed for one in labels], np.bool_)
+    order = np.lexsort((length, is_extra))
+    size = 1.0
+    while True:
+        places, boxes = TextPlaces(taken), np.full((len(labels), 5), np.nan)
+        for row in order:
+            box = _place(places, labels[row], size, reach, bounds)
+            if box is not None:
+                boxes[row] = box
+            elif labels[row].is_needed and size > least:
+                break
+        else:
+            return Placed(boxes, size)
+        fitted = float(np.isfinite(boxes[~is_extra, 0]).mean())
+        size = max(least, size * min(max(fitted, _SMALLER[0]), _SMALLER[1]))
+        reach *= _FARTHER
+
+
+def leader(label: Label, box: Floats) -> Floats | None:
+    """(2, 2) a line from what a text names to the text; None where these are close.
+
+    Parameters
+    ----------
+    label
+        The text.
+    box
+        (5,) its place.
+    """
+    way = label.end - label.start
+    share = float((box[:2] - label.start) @ way) / max(float(way @ way), 1e-12)
+    foot = label.start + min(max(share, 0.0), 1.0) * way
+    cos, sin = math.cos(box[4]), math.sin(box[4])
+    axes = np.array([[cos, sin], [-sin, cos]])
+    edge = box[:2] + np.clip(axes @ (foot - box[:2]), -box[2:4], box[2:4]) @ axes
+    beside = (1.0 + label.gap / label.half[1]) * box[3]
+    return np.stack([foot, edge]) if np.linalg.norm(edge - foot) > beside else None
+
+
+def _place(
+    places: TextPlaces,
+    label: Label,
+    size: float,
+    reach: float,
+    bounds: tuple[Floats, Floats] | None,
+) -> Floats | None:
+    """Take the best place that is free, (5,); None where none is."""
+    half, gap = size * label.half, size * label.gap
+    rounds = np.arange(max(int(reach - gap / (2 * half[1])), 0) + 1 if label.is_needed else 1)
+    way = label.end - label.start
+    length = math.hypot(*way)
+    shift = np.zeros(2)
+    if label.is_turned and length > 0:
+        shift = _moved_aside(half, length) / 2 * way / length
+        candidates = _along(label.start + shift, way / length, length, half, gap, rounds)
+        candidates[:, 2] += math.hypot(*shift)
+    else:
+        candidates = around((label.start + label.end) / 2, half, gap, rounds)
+        if length > 0:
+            on_line = label.start + np.array(_SHARES)[:, None] * way
+            on_line = np.column_stack([on_line, np.broadcast_to([*half, 0.0], (len(on_line), 3))])
+            candidates = np.concatenate([on_line, candidates])
+    if bounds is not None:
+        low, high = bounds[0] + candidates[:, 2:4], bounds[1] - candidates[:, 2:4]
+        candidates[:, :2] = np.clip(candidates[:, :2], low, np.maximum(low, high))
+    for some in np.split(candidates, _FIRST):
+        if (which := places.take(some)) is not None:
+            return np.array([*(some[which, :2] - shift), *half, some[which, 4]])
+    return None
+
+
+def _moved_aside(half: Floats, length: float) -> float:
+    """How far some programs move a text along its line where it is longer than that.
+
+    `RS_Dimension::updateCreateDimensionLine` of LibreCAD 2.2: by half of both and a gap, wherever
+    the text was. Both places are kept free.
+    """
+    return float(half[0] + length / 2 + _MOVED_GAP * half[1]) if 2 * half[0] > length else 0.0
+
+
+def _along(
+    start: Floats, way: Floats, length: float, half: Floats, gap: float, rounds: Ints
+) -> Floats:
+    """(c, 5) places on both sides of a line, farther and farther out, and beyond its ends."""
+    beyond = float(half[0] + half[1]) / length
+    share = np.array([*_SHARES, 1.0 + beyond, -beyond])
+    out = gap + half[1] + 2 * half[1] * np.repeat(rounds, 2)
+    out[1::2] *= -1.0
+    across = np.array([-way[1], way[0]])
+    middle = start + length * share[:, None] * way + out[:, None, None] * across
+    size = [*half, math.atan2(way[1], way[0])]
+    return np.column_stack(
+        [middle.reshape(-1, 2), np.broadcast_to(size, (len(out) * len(share), 3))]
+    )
 
 
 class TextPlaces:
@@ -59,20 +199,15 @@ class TextPlaces:
 
     Parameters
     ----------
-    like
-        Which places the same texts took, one after the other, in another drawing of the same
-        things: where such a place is free here too, nothing else is tried, nor where there was
-        none.
+    taken
+        (t, 5) places that are taken from the beginning.
     """
 
-    def __init__(self, like: Sequence[Choice] = ()) -> None:
-        self._like = iter(like)
-        self.choices: list[Choice] = []
-        self._taken = np.zeros((_ROOM, 5))
+    def __init__(self, taken: Floats | None = None) -> None:
+        self._taken, self._reach = np.zeros((_ROOM, 5)), np.zeros(_ROOM)
         self._count = 0
-        self._side = 0.0  # of a square; the first text says how large
-        self._in_square: dict[tuple[int, int], list[int]] = {}
-        self._large: list[int] = []
+        for place in () if taken is None else taken:
+            self.reserve(place)
 
     def take(self, candidates: Floats) -> int | None:
         """Take the first place that is free.
@@ -86,97 +221,35 @@ class TextPlaces:
         -------
         Which one; None where all of them are taken.
         """
-        is_free = np.ones(len(candidates), np.bool_)
-        for rows in self._apart(candidates):
-            some = candidates[rows]
-            is_free[rows] = ~overlaps(some, self._near(some)).any(axis=1)
-        free = np.flatnonzero(is_free)
+        free = np.flatnonzero(~overlaps(candidates, self._near(candidates)).any(axis=1))
         if not len(free):
             return None
         self.reserve(candidates[free[0]])
         return int(free[0])
 
-    def take_near(self, candidates: Callable[[Ints], Floats]) -> Floats:
-        """Take the first free place of places that go farther and farther out.
-
-        Parameters
-        ----------
-        candidates
-            Of rounds (n,), each from 0 on: their (c, 5) places, the best first.
-
-        Returns
-        -------
-        (5,) the place; after `ROUNDS` without a free one, the first of all.
-        """
-        if (like := next(self._like, None)) is not None:
-            places = candidates(np.arange(like.first, like.end))[[like.which]]
-            if like.is_crowded or self.take(places) is not None:
-                self.choices.append(like)
-                return np.asarray(places[0])
-        first, count = 0, _AT_ONCE
-        while first < ROUNDS:  # more and more at a time: most texts have room at once
-            end = min(first + count, ROUNDS)
-            places = candidates(np.arange(first, end))
-            if (which := self.take(places)) is not None:
-                self.choices.append(Choice(first, end, which, is_crowded=False))
-                return np.asarray(places[which])
-            first, count = end, 3 * count
-        self.choices.append(Choice(0, 1, 0, is_crowded=True))
-        return np.asarray(candidates(np.zeros(1, np.int64))[0])
-
     def reserve(self, place: Floats) -> None:
         """Keep a place (5,) free of all that is placed from now on."""
         if self._count == len(self._taken):
             self._taken = np.concatenate([self._taken, np.zeros_like(self._taken)])
+            self._reach = np.concatenate([self._reach, np.zeros_like(self._reach)])
         self._taken[self._count] = place
-        x, y, width, height, _ = place.tolist()
-        reach = math.hypot(width, height)
-        squares = self._squares((x - reach, y - reach), (x + reach, y + reach))
-        if squares is None:
-            self._large.append(self._count)
-        for square in squares or ():
-            self._in_square.setdefault(square, []).append(self._count)
+        self._reach[self._count] = math.hypot(place[2], place[3])
         self._count += 1
 
-    def _apart(self, candidates: Floats) -> Sequence[Ints | slice]:
-        """Rows of places that lie together: what is near to all of many would be far from most."""
-        if self._count <= _FEW or len(candidates) < _MANY:
-            return [np.s_[:]]
-        square = np.floor(candidates[:, :2] / (_WIDE * self._side))
-        order = np.lexsort(square.T)
-        new = np.flatnonzero((np.diff(square[order], axis=0) != 0).any(axis=1)) + 1
-        return np.split(order, new)
-
     def _near(self, candidates: Floats) -> Floats:
-        """(n, 5) what is taken and may meet some places, in the order in which it was taken."""
-        if not self._side:
-            self._side = _SQUARE * float(candidates[:, 2:4].max(initial=0.0))
-        if self._count <= _FEW or not len(candidates):
-            return self._taken[: self._count]
-        reach = np.hypot(candidates[:, 2], candidates[:, 3])[:, None]
-        low, high = candidates[:, :2] - reach, candidates[:, :2] + reach
-        squares = self._squares(low.min(axis=0).tolist(), high.max(axis=0).tolist())
-        if squares is None:
-            return self._taken[: self._count]
-        found = {row for square in squares for row in self._in_square.get(square, ())}
-        return self._taken[sorted(found.union(self._large))]
-
-    def _squares(
-        self, low: Sequence[float], high: Sequence[float]
-    ) -> Iterable[tuple[int, int]] | None:
-        """The squares between two corners; None where there are too many of them."""
-        if not self._side:
-            return None
-        (x, to_x), (y, to_y) = (
-            (a // self._side, b // self._side) for a, b in zip(low, high, strict=True)
-        )
-        if not (to_x - x + 1.0) * (to_y - y + 1.0) <= _MOST_SQUARES:
-            return None
-        return product(range(int(x), int(to_x) + 1), range(int(y), int(to_y) + 1))
+        """(n, 5) what is taken and may meet some places (c, 5)."""
+        taken, reach = self._taken[: self._count], self._reach[: self._count]
+        if not len(candidates) or not len(taken):
+            return taken
+        x, y, width, height, _ = candidates.T
+        reach = reach + math.hypot(width.max(), height.max())
+        is_near = (taken[:, 0] > x.min() - reach) & (taken[:, 0] < x.max() + reach)
+        is_near &= (taken[:, 1] > y.min() - reach) & (taken[:, 1] < y.max() + reach)
+        return np.asarray(taken[is_near])
 
 
 def around(anchor: Floats, half: Floats, gap: float, ring: int | Ints) -> Floats:
-    """(8, 5) level places of a text around a point: right above first, then the other corners.
+    """(16, 5) level places of a text around a point: right above first, then the other corners.
 
     Parameters
     ----------
@@ -187,16 +260,25 @@ def around(anchor: Floats, half: Floats, gap: float, ring: int | Ints) -> Floats
     gap
         Between point and text in the innermost ring.
     ring
-        From 0 on; each is one height of the text farther out. Of (n,) rings, (8n, 5) places.
+        From 0 on; each is one height of the text farther out. Of (n,) rings, (16n, 5) places.
     """
-    away = half + gap + 2.0 * np.reshape(ring, (-1, 1, 1)) * half[1]
-    middle = (anchor + _CORNERS * away).reshape(-1, 2)
+    away = half + gap * _GAP_SHARES + 2.0 * np.reshape(ring, (-1, 1, 1)) * half[1]
+    middle = (anchor + _DIRECTIONS * away).reshape(-1, 2)
     return np.column_stack([middle, np.broadcast_to([*half, 0.0], (len(middle), 3))])
 
 
-_CORNERS = np.array(
-    [(1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)], np.float64
+_DIRECTIONS = np.array(
+    [
+        *((1, 1), (-1, 1), (1, -1), (-1, -1), (1, 0), (-1, 0), (0, 1), (0, -1)),
+        *((1, 0.5), (-1, 0.5), (1, -0.5), (-1, -0.5)),
+        *((0.5, 1), (-0.5, 1), (0.5, -1), (-0.5, -1)),
+    ],
+    np.float64,
 )
+
+
+# Both ways it is as far aside as straight out.
+_GAP_SHARES = np.where(_DIRECTIONS.all(axis=1, keepdims=True), math.sqrt(0.5), 1.0)
 
 
 def overlaps(one: Floats, other: Floats) -> Bools:
@@ -205,42 +287,21 @@ def overlaps(one: Floats, other: Floats) -> Bools:
     Two convex shapes have none if and only if a line parts them; of rectangles, one that is
     parallel to a side (Ericson 2005, Real-Time Collision Detection, 4.4.1).
     """
-    # All places of one text have the same angle.
-    if len(one) and (one[:, 4] == one[0, 4]).all():
-        return _meet(one, other, float(one[0, 4]))
-    met = np.empty((len(one), len(other)), np.bool_)
-    for angle in np.unique(one[:, 4]):
-        rows = one[:, 4] == angle
-        met[rows] = _meet(one[rows], other, float(angle))
-    return met
-
-
-def _meet(one: Floats, other: Floats, angle: float) -> Bools:
-    """The same of rectangles (a, 5) that all have one angle, in whose axes all is counted."""
-    to_own = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    turn = other[:, 4] - angle
-    cos, sin = np.cos(turn), np.sin(turn)
-    c, s = np.abs(cos), np.abs(sin)
-    half, (w, h) = one[:, 2:4], other[:, 2:4].T
-    own, (x, y) = one[:, :2] @ to_own, (other[:, :2] @ to_own).T
-    wide, tall = w * c + h * s, w * s + h * c
-    # Most pairs are far apart, which comparing their ends shows soonest.
-    begin, end = (own - half)[..., None], (own + half)[..., None]
-    met: Bools = begin[:, 0] < x + _ROUNDED_UP * wide
-    met &= end[:, 0] > x - _ROUNDED_UP * wide
-    met &= begin[:, 1] < y + _ROUNDED_UP * tall
-    met &= end[:, 1] > y - _ROUNDED_UP * tall
-    pairs = np.flatnonzero(met)
-    a, b = np.divmod(pairs, len(other))
-    x, y, w, h, wide, tall, cos, sin, c, s = np.stack([x, y, w, h, wide, tall, cos, sin, c, s])[
-        :, b
-    ]
-    own_x, own_y, width, height = np.column_stack([own, half])[a].T
-    x, y = own_x - x, own_y - y
-    met.ravel()[pairs] = (
-        (np.abs(x) < width + wide)
-        & (np.abs(y) < height + tall)
-        & (np.abs(x * cos + y * sin) < w + width * c + height * s)  # along the others' sides
-        & (np.abs(y * cos - x * sin) < h + width * s + height * c)
+    x, y, w, h, angle = one.T[:, :, None]
+    other_x, other_y, other_w, other_h, other_angle = other.T
+    x, y = x - other_x, y - other_y
+    if not one[:, 4].any() and not other[:, 4].any():  # as in most pictures
+        return np.asarray((np.abs(x) < w + other_w) & (np.abs(y) < h + other_h))
+    turn = other_angle - angle
+    c, s = np.abs(np.cos(turn)), np.abs(np.sin(turn))
+    return np.asarray(
+        _within(x, y, angle, w + other_w * c + other_h * s, h + other_w * s + other_h * c)
+        & _within(x, y, other_angle, other_w + w * c + h * s, other_h + w * s + h * c)
     )
-    return met
+
+
+def _within(x: Floats, y: Floats, angle: Floats, width: Floats, height: Floats) -> Bools:
+    """Whether places are within rectangles about zero that are turned by an angle [rad]."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    aside, up = np.abs(x * cos + y * sin), np.abs(y * cos - x * sin)
+    return np.asarray((aside < width) & (up < height))

@@ -18,6 +18,7 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.photo_poses import PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
+from uavgram.stages.seed.stated_mount import with_stated_mount
 
 HORIZONTAL_SIGMA_M, VERTICAL_SIGMA_M = 3.0, 3.0
 TILT_SIGMA_DEG, YAW_SIGMA_DEG = 3.0, 3.0
@@ -25,6 +26,9 @@ TILT_SIGMA_DEG, YAW_SIGMA_DEG = 3.0, 3.0
 # before and the one after differ, and nobody says which of them the photo has.
 COURSE_TILT_SIGMA_DEG, COURSE_YAW_SIGMA_DEG, TURN_YAW_SIGMA_DEG = 6.0, 15.0, 30.0
 UNKNOWN_YAW_SIGMA_DEG = 180.0
+UNKNOWN_HEIGHT_SIGMA_M = 1000.0
+ABOVE_GROUND_M = 60.0
+"""Of a survey by drone: the law ends it at 120 m in most countries, and few fly below 20 m."""
 CLOSE_S = 5.0
 """Time from photo to photo up to which a drone is taken to fly on along its nose."""
 _TURN_DEG = 30.0
@@ -40,7 +44,10 @@ def find_photo_home(poses: PhotoPoses) -> tuple[Origin, tuple[Message, ...]]:
     UavgramError
         No photo has a height above take-off.
     """
-    known = np.flatnonzero(np.isfinite(poses.height_home_m))
+    take_off_m = poses.height_m - poses.height_home_m
+    if not np.isfinite(take_off_m).any():  # no altitude is believed: heights count from there
+        take_off_m = 0.0 * poses.height_home_m
+    known = np.flatnonzero(np.isfinite(take_off_m))
     if not known.size:
         raise UavgramError(
             f"{poses.source} says nothing of the height above take-off, so there is no home: set "
@@ -48,7 +55,7 @@ def find_photo_home(poses: PhotoPoses) -> tuple[Origin, tuple[Message, ...]]:
             f"world.heights (these poses are {poses.datum})"
         )
     k = int(known[0])
-    height = float(poses.height_m[k] - poses.height_home_m[k])
+    height = float(take_off_m[k])
     text = (
         f"The world's origin lies below the first photo ({poses.frame_id[k]}) at the height of "
         f"take-off ({height:.2f} m {poses.datum}): altitude minus height above take-off. The "
@@ -84,16 +91,21 @@ def place_photos(
         (N,) when the photos' files say they were taken, on one clock; NaN where they do not. Used
         where `poses` has no times of its own.
     """
-    position = enu_from_geodetic(poses.latitude_deg, poses.longitude_deg, poses.height_m, origin)
+    height, is_known = _heights(poses, origin)
+    position = enu_from_geodetic(poses.latitude_deg, poses.longitude_deg, height, origin)
     sigma_position = _position_sigmas(poses, telemetry)
+    sigma_position[~is_known, 1] = UNKNOWN_HEIGHT_SIGMA_M
     has_attitude = np.asarray(np.isfinite(poses.ypr_rad).all(axis=1))
     time_s = _times(poses, file_time_s)
     course, turning = _courses_in_time(time_s, position, sigma_position)
-    messages = _messages(poses, has_attitude, course)
-    ned_from_body = _vehicle(poses, course, has_attitude)
-    ned_from_gimbal = matrix_from_ypr(*np.nan_to_num(poses.ypr_rad).T)
-    mount_ypr = np.radians([mount.yaw_deg, mount.pitch_deg, mount.roll_deg])
-    guessed = ned_from_body @ matrix_from_ypr(*mount_ypr)
+    nose = poses.vehicle_ypr_rad[:, 0]
+    course, turning = np.where(np.isfinite(nose), nose, course), turning & np.isnan(nose)
+    heading = np.where(has_attitude & np.isnan(nose), poses.ypr_rad[:, 0], course)
+    ypr, stated = with_stated_mount(mount, poses.ypr_rad, heading, poses.source)
+    messages = (*_messages(poses, has_attitude, course), *stated)
+    ned_from_body = _vehicle(poses, heading)
+    ned_from_gimbal = matrix_from_ypr(*np.nan_to_num(ypr).T)
+    guessed = _level(heading) @ matrix_from_ypr(*np.radians(mount.angles_deg()))
     ned_from_gimbal = np.where(has_attitude[:, None, None], ned_from_gimbal, guessed)
     exposures = PhotoExposures(
         frame_id=poses.frame_id,
@@ -124,13 +136,31 @@ def _bias_hint(sigma_position: Floats, telemetry: TelemetryOptions) -> Iterator[
     yield Message("info", "position-bias-wide", text)
 
 
-def _vehicle(poses: PhotoPoses, heading: Floats, has_attitude: Bools) -> Floats:
-    """(N, 3, 3) the vehicle's attitude; where unknown level, with the camera's or course's yaw."""
+def _vehicle(poses: PhotoPoses, heading: Floats) -> Floats:
+    """(N, 3, 3) the vehicle's attitude; level where unknown."""
     stated = poses.vehicle_ypr_rad
-    known = np.asarray(np.isfinite(stated).all(axis=1))
-    yaw = np.nan_to_num(np.where(has_attitude, poses.ypr_rad[:, 0], heading))
-    level = np.stack([yaw, np.zeros_like(yaw), np.zeros_like(yaw)], axis=1)
-    return matrix_from_ypr(*np.where(known[:, None], stated, level).T)
+    known = np.asarray(np.isfinite(stated).all(axis=1))[:, None, None]
+    return np.where(known, matrix_from_ypr(*np.nan_to_num(stated).T), _level(heading))
+
+
+def _level(heading: Floats) -> Floats:
+    """(N, 3, 3) level attitudes; to the north where the heading is unknown."""
+    yaw = np.nan_to_num(heading)
+    return matrix_from_ypr(yaw, np.zeros_like(yaw), np.zeros_like(yaw))
+
+
+def _heights(poses: PhotoPoses, origin: Origin) -> tuple[Floats, Bools]:
+    """(N,) heights in the poses' datum [m], and which of them are known: if only above take-off.
+
+    The others are those of the other photos, or usual ones.
+    """
+    take_off = poses.height_m - poses.height_home_m
+    take_off = take_off[np.isfinite(take_off)]
+    home = np.median(take_off) if take_off.size else origin[2]
+    height = np.where(np.isfinite(poses.height_m), poses.height_m, home + poses.height_home_m)
+    known = np.isfinite(height)
+    usual = np.median(height[known]) if known.any() else origin[2] + ABOVE_GROUND_M
+    return np.where(known, height, usual), known
 
 
 def _times(poses: PhotoPoses, file_time_s: Floats | None) -> Floats:
@@ -164,9 +194,10 @@ def _messages(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> Iterato
     if guessed.any():
         text = (
             f"{poses.source} has no attitude for {int(guessed.sum())} photos: they are taken to "
-            "look as `mount` says from a level vehicle that heads along the course from photo to "
-            f"photo (sigma {COURSE_TILT_SIGMA_DEG:g} degrees of tilt, {COURSE_YAW_SIGMA_DEG:g} of "
-            f"yaw, {TURN_YAW_SIGMA_DEG:g} where the course turns). If you know better, {way_out}."
+            "look as `mount` says from a level vehicle with the heading of its tags, or else along "
+            f"the course from photo to photo (sigma {COURSE_TILT_SIGMA_DEG:g} degrees of tilt, "
+            f"{COURSE_YAW_SIGMA_DEG:g} of yaw, {TURN_YAW_SIGMA_DEG:g} where the course turns). "
+            f"If you know better, {way_out}."
         )
         frames = tuple(poses.frame_id[k] for k in np.flatnonzero(guessed))
         yield Message("warning", "attitude-from-course", text, frames=frames)

@@ -103,7 +103,7 @@ def nominal_mount(mount: MountOptions, *, gimbal: bool) -> Floats:
     """(3, 3) camera axes in the frame of what carries it: the gimbal, or the body."""
     if gimbal:
         return np.array(GIMBAL_FROM_CAMERA)
-    yaw, pitch, roll = np.deg2rad([mount.yaw_deg, mount.pitch_deg, mount.roll_deg])
+    yaw, pitch, roll = np.deg2rad(mount.angles_deg())
     return np.asarray(matrix_from_ypr(yaw, pitch, roll) @ GIMBAL_FROM_CAMERA)
 
 

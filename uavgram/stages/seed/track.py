@@ -28,6 +28,7 @@ from uavgram.model.flight.log import (
 )
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
+from uavgram.stages.seed.stated_mount import with_stated_mount
 
 # What a log says of itself is not believed below these. Against the truth of simulated flights the
 # estimator claimed 0.17 to 0.20 m (square roots of XKV1's variances) and was off by 0.2 m rms in
@@ -148,7 +149,7 @@ def build_track(
     )
     ned_from_body = matrix_from_xyzw(attitudes.ned_from_body_xyzw)
     used = boot.gimbal if mount.gimbal == "auto" else None
-    gimbal_boot_s, world_from_gimbal, messages = _gimbal_track(used, attitudes)
+    gimbal_boot_s, world_from_gimbal, messages = _gimbal_track(used, attitudes, mount)
     sigma_boot_s, sigma_position, sigma_attitude = _sigmas(boot.sigmas, telemetry)
     source = "+".join(
         part.source for part in (positions, attitudes, used, boot.sigmas) if part is not None
@@ -187,7 +188,7 @@ def _sources(boot: Boot, gimbal: GimbalSamples | None, options: TelemetryOptions
 
 
 def _gimbal_track(
-    gimbal: GimbalSamples | None, attitudes: AttitudeSamples
+    gimbal: GimbalSamples | None, attitudes: AttitudeSamples, mount: MountOptions
 ) -> tuple[Floats, Floats, tuple[Message, ...]]:
     """Gimbal attitudes (L, 4) in the world at their boot times (L,), over the attitudes' span."""
     if gimbal is None:
@@ -201,13 +202,15 @@ def _gimbal_track(
         )
         return np.zeros(0), np.zeros((0, 4)), (Message("warning", "gimbal-unused", text),)
     time = gimbal.time_boot_s[inside]
-    yaw = gimbal.yaw_rad[inside]
-    if gimbal.yaw_frame == "vehicle":
-        ned_from_body, _ = interpolate_rotation(vehicle_time, attitudes.ned_from_body_xyzw, time)
-        yaw = yaw + ypr_from_matrix(ned_from_body)[0]
-    ned_from_gimbal = matrix_from_ypr(yaw, gimbal.pitch_rad[inside], gimbal.roll_rad[inside])
-    xyzw = xyzw_from_matrix(ENU_FROM_NED @ ned_from_gimbal)
-    return _held_to(time, xyzw, (float(vehicle_time[0]), float(vehicle_time[-1])), gimbal.source)
+    ned_from_body, _ = interpolate_rotation(vehicle_time, attitudes.ned_from_body_xyzw, time)
+    heading = ypr_from_matrix(ned_from_body)[0]
+    ypr = np.stack([gimbal.yaw_rad, gimbal.pitch_rad, gimbal.roll_rad], axis=1)[inside]
+    ypr[:, 0] += heading if gimbal.yaw_frame == "vehicle" else 0.0
+    ypr, stated = with_stated_mount(mount, ypr, heading, gimbal.source)
+    xyzw = xyzw_from_matrix(ENU_FROM_NED @ matrix_from_ypr(*ypr.T))
+    span = (float(vehicle_time[0]), float(vehicle_time[-1]))
+    time, xyzw, held = _held_to(time, xyzw, span, gimbal.source)
+    return time, xyzw, (*stated, *held)
 
 
 def _held_to(

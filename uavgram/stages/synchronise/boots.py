@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.boot_clock import as_text, fit_boot_clock, to_utc
+from uavgram.estimation.clocks.boot_clock import fit_boot_clock, to_utc
+from uavgram.geometry.earth.gps_time import DAY_S, utc_text
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import Boot, BootClock, FlightLog
 from uavgram.model.message import Message
@@ -91,10 +92,33 @@ def is_inside(time_utc_s: Floats, clocked: ClockedBoot) -> Bools:
 
 def photos_span(time_s: Floats) -> str:
     """First and last of the photos' instants, in words; NaN is left out."""
-    return f"{as_text(float(np.nanmin(time_s)))} to {as_text(float(np.nanmax(time_s)))}"
+    return f"{utc_text(float(np.nanmin(time_s)))} to {utc_text(float(np.nanmax(time_s)))}"
 
 
 def log_spans(usable: list[ClockedBoot]) -> str:
     """From when to when each boot knows position and attitude, in words."""
     spans = (clocked.span_utc_s() for clocked in usable)
-    return " and ".join(f"{as_text(first)} to {as_text(last)}" for first, last in spans)
+    return " and ".join(f"{utc_text(first)} to {utc_text(last)}" for first, last in spans)
+
+
+def apart(time_utc_s: Floats, usable: list[ClockedBoot]) -> tuple[float, str]:
+    """How far photos and log are apart in time [s], and both spans in words.
+
+    Parameters
+    ----------
+    time_utc_s
+        (F,) the photos' instants as far as they are known; NaN where a file has none.
+    usable
+        Boots of the log.
+    """
+    if not np.isfinite(time_utc_s).any():
+        return 0.0, ""
+    middle_s, spans = float(np.nanmedian(time_utc_s)), [each.span_utc_s() for each in usable]
+    apart_s = min((middle_s - begin for begin, _ in spans), key=abs)
+    about = f"{apart_s:+.0f} s ({apart_s / 3600:+.2f} h)"
+    about = about if abs(apart_s) < DAY_S else f"{apart_s / DAY_S:+.0f} days"
+    return apart_s, (
+        f"no photo lies in the flight: the photos were taken {photos_span(time_utc_s)} (file times "
+        f"less time.offset_s), the log runs from {log_spans(usable)}. Is it the log of another "
+        f"flight, or is the camera's clock wrong by about {about}? Then set time.offset_s"
+    )

@@ -21,7 +21,7 @@ from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.model.survey.ties import TiePicks
 from uavgram.stages.synchronise.boots import ClockedBoot
-from uavgram.stages.synchronise.event_times import Timing, file_sigma_s
+from uavgram.stages.synchronise.event_times import HOW, Timing, file_sigma_s
 from uavgram.stages.tied import ties_of
 
 FEWEST = 6
@@ -30,11 +30,6 @@ hardly any to spare."""
 
 MOST_MISFIT = 4.0
 """Sigmas of a log by which photos may miss it at the best offset: beyond, it is another's."""
-
-HOW = (
-    "Set time.offset_s (camera clock minus UTC, in seconds; compare a photo's time with the "
-    "flight), and time.offset_sigma_s to how well it is known"
-)
 
 
 def by_ties(

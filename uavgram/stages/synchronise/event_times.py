@@ -22,6 +22,7 @@ import numpy as np
 
 from uavgram.estimation.clocks.alignment import Alignment
 from uavgram.estimation.clocks.camera_clock import COARSE_S
+from uavgram.geometry.earth.gps_time import span_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.pairing import Pairing, PairStatus
@@ -29,6 +30,10 @@ from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.boots import ClockedBoot
 
+HOW = (
+    "Set time.offset_s (camera clock minus UTC, in seconds; compare a photo's time with the "
+    "flight), and time.offset_sigma_s to how well it is known"
+)
 EVENT_JITTER_S = 0.01  # of a shutter after its event: one step of ArduPilot's 50 Hz loop is 0.02
 _LEAST_JITTER_S = 0.002  # no shutter was seen to be steadier
 _MOST_JITTER_S = 0.1
@@ -158,9 +163,9 @@ def _photo_reason(status: PairStatus, instant: float, event_utc_s: Floats) -> st
     if status == "hidden":
         return "its own event may be missing from the log beside the one it fell on"
     if instant < event_utc_s[0]:
-        return f"{event_utc_s[0] - instant:.1f} s before the first camera event"
+        return f"{span_text(event_utc_s[0] - instant)} before the first camera event"
     if instant > event_utc_s[-1]:
-        return f"{instant - event_utc_s[-1]:.1f} s after the last camera event"
+        return f"{span_text(instant - event_utc_s[-1])} after the last camera event"
     return f"the nearest camera event is {np.abs(event_utc_s - instant).min():.2f} s away"
 
 

@@ -10,13 +10,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from uavgram.errors import UavgramError
 from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
+from uavgram.geometry.earth.gps_time import DAY_S
 from uavgram.model.flight.frames import Frames, Photos
 from uavgram.model.flight.log import Boot, BootClock, FlightLog
 from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
-from uavgram.stages.synchronise.boots import has_events, usable_boots
+from uavgram.stages.synchronise.boots import apart, has_events, usable_boots
 from uavgram.stages.synchronise.by_ties import by_ties
 from uavgram.stages.synchronise.placement import placed_frames, unmatched_messages
 from uavgram.stages.synchronise.timing import by_alignment, by_offset, by_order
@@ -71,19 +73,28 @@ def synchronise(
         unique, or there is nothing that could tell the offset. The message says how to settle it.
     """
     usable = usable_boots(log)
-    if options.source == "events" or photos.time_source == "none":
-        chosen, timing = by_order(photos, usable, options)
-    elif options.offset_s == "auto" and ties is not None and not has_events(log):
-        chosen, timing = by_ties(photos, usable, options, ties())
-    elif options.offset_s == "auto":
-        chosen, timing = by_alignment(photos, usable, options)
-    else:
-        chosen, timing = by_offset(photos, usable, options, float(options.offset_s))
+    known_s = 0.0 if options.offset_s == "auto" else float(options.offset_s)
+    apart_s, both = apart(photos.file_time_s - known_s, usable)
+    try:
+        if options.source == "events" or photos.time_source == "none":
+            chosen, timing = by_order(photos, usable, options)
+        elif options.offset_s == "auto" and ties is not None and not has_events(log):
+            chosen, timing = by_ties(photos, usable, options, ties())
+        elif options.offset_s == "auto":
+            chosen, timing = by_alignment(photos, usable, options)
+        else:
+            chosen, timing = by_offset(photos, usable, options, known_s)
+    except UavgramError as fault:
+        raise UavgramError(both if abs(apart_s) > DAY_S else str(fault)) from fault
+    messages = (*chosen.messages, *timing.messages)
+    if abs(apart_s) > DAY_S:
+        told = Message("warning", "log-of-another-day", f"By the camera's clock {both}.")
+        messages = (told, *messages)
     frames = placed_frames(photos, chosen, timing)
     return Synchronised(
         frames=frames,
         boot=chosen.boot,
         clock=chosen.clock,
-        messages=(*chosen.messages, *timing.messages, *unmatched_messages(frames)),
+        messages=(*messages, *unmatched_messages(frames)),
         pairing=timing.pairing,
     )

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.clocks.boot_clock import as_text, to_utc
+from uavgram.estimation.clocks.boot_clock import to_utc
+from uavgram.geometry.earth.gps_time import span_text, utc_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames, Photos
 from uavgram.model.message import Message, Several
@@ -59,9 +60,8 @@ def placed_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames
 
 
 def _outside(time: float, first: float, last: float) -> str:
-    if time < first:
-        return f"taken {first - time:.1f} s before the log begins ({as_text(time)})"
-    return f"taken {time - last:.1f} s after the log ends ({as_text(time)})"
+    end, how = (first, "before the log begins") if time < first else (last, "after the log ends")
+    return f"taken {span_text(abs(time - end))} {how} ({utc_text(time)}, the log {utc_text(end)})"
 
 
 def _to_nearest(time: Floats, samples: Floats) -> Floats:

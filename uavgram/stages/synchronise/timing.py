@@ -9,14 +9,14 @@ import numpy as np
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.alignment import Alignment, align
 from uavgram.estimation.clocks.camera_clock import COARSE_S
-from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import Boot
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
-from uavgram.stages.synchronise.boots import ClockedBoot, is_inside, log_spans, photos_span
+from uavgram.stages.synchronise.boots import ClockedBoot, apart, is_inside, log_spans, photos_span
 from uavgram.stages.synchronise.event_times import (
     EVENT_JITTER_S,
+    HOW,
     Timing,
     event_timing,
     file_sigma_s,
@@ -84,7 +84,7 @@ def by_offset(
     most = int(np.argmax([int(mask.sum()) for mask in inside]))
     chosen = usable[most]
     if not inside[most].any():
-        raise UavgramError(_another_day(time, usable))
+        raise UavgramError(apart(time, usable)[1])
     resolution = float(np.nanmax(photos.file_time_resolution_s))
     # Common to all frames: the stated offset's sigma, the boot clock's line to UTC (a stated
     # offset is against UTC, the flight is on the boot clock), and whether the camera cuts its
@@ -125,26 +125,6 @@ def _snapped(
     )
     message = Message("info", "time-aligned", text)
     return event_timing(photos, chosen, alignment, options, (message,))
-
-
-def _another_day(time_utc_s: Floats, usable: list[ClockedBoot]) -> str:
-    """Both spans and what lies between them."""
-    middle = float(np.nanmedian(time_utc_s))
-    spans = [c.span_utc_s() for c in usable]
-    nearest = min(spans, key=lambda s: abs(middle - (s[0] + s[1]) / 2))
-    apart = float(np.nanmin(time_utc_s)) - nearest[0]
-    return (
-        f"no photo lies in the flight: the photos were taken {photos_span(time_utc_s)} (file "
-        f"times less time.offset_s), the log runs from {log_spans(usable)}; is this the log of "
-        f"another flight, or is time.offset_s wrong by about {apart:+.0f} s "
-        f"({apart / 3600:+.2f} h)?"
-    )
-
-
-_HOW = (
-    "Set time.offset_s (camera clock minus UTC, in seconds; compare a photo's time with the "
-    "flight), and time.offset_sigma_s to how well it is known"
-)
 
 
 def by_alignment(
@@ -218,11 +198,11 @@ def _ambiguity(alignment: Alignment, photos: int, events: int) -> str:
         return (
             f"time.offset_s is auto, but under no offset of the camera's clock do most of the "
             f"{photos} photos fall on one of the log's {events} camera events (best: {listed}): "
-            f"is this the log of another flight? {_HOW}"
+            f"is this the log of another flight? {HOW}"
         )
     return (
         f"time.offset_s is auto, but {photos} photos fit the log's {events} camera events under "
-        f"no single offset of the camera's clock that is clearly best: {listed}. {_HOW}"
+        f"no single offset of the camera's clock that is clearly best: {listed}. {HOW}"
     )
 
 
@@ -230,5 +210,5 @@ def _two_boots(unique: list[Alignment]) -> str:
     listed = " and ".join(f"{a.offset_s:+.3f} s ({a.candidates[0].matched} photos)" for a in unique)
     return (
         f"time.offset_s is auto, but the photos fit the camera events of {len(unique)} flights of "
-        f"the log: {listed}. {_HOW}"
+        f"the log: {listed}. {HOW}"
     )

@@ -8,10 +8,10 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Floats
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
-from uavgram.stages.products.text_places import TextPlaces, around
+from uavgram.stages.products.text_places import Label, place_labels
 from uavgram.views.field_sheet.paper import WIDTH, Paper
 from uavgram.views.planned.numbers import metres
 from uavgram.views.unit_words import in_units
@@ -33,6 +33,9 @@ BOLD: frozenset[NameKind] = frozenset({"line", "plate", "corner"})
 
 BAR_ROOM = WIDTH / 5 + 40.0
 """What the scale bar takes at the lower left; the arrow to the north is at the upper right."""
+
+_REACH = 40.0
+"""Names may be so far from what they name, in heights of a line of text."""
 
 _HALF_LETTER, _HALF_LINE, _BESIDE = 0.31, 0.62, 8.0
 _HALF_TICK, _HALF_PHOTO, _HALF_POINT = 8.0, 9.0, 3.0
@@ -63,41 +66,49 @@ def placed_names(planned: FlightPlanned, paper: Paper, units: Units) -> tuple[Na
     units
         Of the lengths that are told.
     """
-    places, found = _taken(planned, paper), []
-    for kind, text, at in _names(planned, units):
-        size = SIZES[kind]
-        half = np.array([_HALF_LETTER * size * len(text) + 2.0, _HALF_LINE * size])
-        anchor = paper(at)
+    names = list(_names(planned, units))
+    labels = [
+        Label(
+            anchor := paper(at),
+            anchor,
+            np.array([_HALF_LETTER * SIZES[kind] * len(text) + 2.0, _HALF_LINE * SIZES[kind]]),
+            _BESIDE,
+        )
+        for kind, text, at in names
+    ]
+    sheet = np.zeros(2), np.array([WIDTH, paper.height])
+    boxes, size = place_labels(labels, _taken(planned, paper), sheet, reach=_REACH)
+    return tuple(
+        Name(x, y, text, size * SIZES[kind], kind in BOLD, half_width, half_height)
+        for (kind, text, _), (x, y, half_width, half_height, _) in zip(
+            names, boxes.tolist(), strict=True
+        )
+    )
 
-        def candidates(rounds: Ints, anchor: Floats = anchor, half: Floats = half) -> Floats:
-            return _inside(around(anchor, half, _BESIDE, rounds), paper.height)
 
-        x, y = places.take_near(candidates)[:2].tolist()
-        found.append(Name(x, y, text, size, kind in BOLD, *half.tolist()))
-    return tuple(found)
-
-
-def _taken(planned: FlightPlanned, paper: Paper) -> TextPlaces:
-    """What is drawn and must be seen: reference lines with their ends, photos, bar and arrow."""
-    places, lines = TextPlaces(), planned.lines
-    for x, y, half_width, half_height in (
-        (0.5 * BAR_ROOM, paper.height - 21.0, 0.5 * BAR_ROOM, 21.0),
-        (WIDTH - 26.0, 35.0, 26.0, 35.0),
-    ):
-        places.reserve(np.array([x, y, half_width, half_height, 0.0]))
+def _taken(planned: FlightPlanned, paper: Paper) -> Floats:
+    """(n, 5) what is drawn and must be seen: reference lines, photos, points, bar and arrow."""
+    lines = planned.lines
     starts, ends = paper(lines.start_world_m), paper(lines.end_world_m)
     along = ends - starts
-    half = np.linalg.norm(along, axis=1) / 2
-    angle = np.arctan2(along[:, 1], along[:, 0])
-    for middle, reach, turn in zip((starts + ends) / 2, half, angle, strict=True):
-        places.reserve(np.array([*middle, reach + 2.0, _HALF_TICK, turn]))
-    for x, y in paper(planned.frames.center_world_m):
-        places.reserve(np.array([x, y, _HALF_PHOTO, _HALF_PHOTO, 0.0]))
-    for x, y in paper(planned.plates.center_world_m):
-        places.reserve(np.array([x, y, _HALF_PHOTO, _HALF_PHOTO, 0.0]))
-    for x, y in paper(planned.points.world_m):
-        places.reserve(np.array([x, y, _HALF_POINT, _HALF_POINT, 0.0]))
-    return places
+    reach = np.linalg.norm(along, axis=1) / 2 + 2.0
+    half, angle = np.full(len(reach), _HALF_TICK), np.arctan2(along[:, 1], along[:, 0])
+    marks = (
+        (planned.frames.center_world_m, _HALF_PHOTO),
+        (planned.plates.center_world_m, _HALF_PHOTO),
+        (planned.points.world_m, _HALF_POINT),
+    )
+    return np.concatenate(
+        [
+            [[0.5 * BAR_ROOM, paper.height - 21.0, 0.5 * BAR_ROOM, 21.0, 0.0]],
+            [[WIDTH - 26.0, 35.0, 26.0, 35.0, 0.0]],
+            np.column_stack([(starts + ends) / 2, reach, half, angle]),
+            *(
+                np.column_stack([paper(at), np.tile([half_mark, half_mark, 0.0], (len(at), 1))])
+                for at, half_mark in marks
+            ),
+        ]
+    )
 
 
 def _names(planned: FlightPlanned, units: Units) -> Iterator[tuple[NameKind, str, Floats]]:
@@ -126,11 +137,3 @@ def _names(planned: FlightPlanned, units: Units) -> Iterator[tuple[NameKind, str
     for label, at in zip(points.label, points.world_m, strict=True):
         if label not in numbered:  # the name of the value says it already
             yield "point", label, at
-
-
-def _inside(places: Floats, height: float) -> Floats:
-    """Places (c, 5) moved in where they would be cut off at a side."""
-    for axis, most in ((0, WIDTH), (1, height)):
-        half = places[:, 2 + axis]
-        places[:, axis] = np.clip(places[:, axis], half, most - half)
-    return places

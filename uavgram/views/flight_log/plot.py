@@ -1,4 +1,4 @@
-"""A flight log drawn: track, heights, clock and camera events, for ``uavgram log --plot``.
+"""A flight log drawn, for ``uavgram log --plot``: track, attitude, GPS, clock, camera events.
 
 Matplotlib's figures are used without pyplot: no window, no state that others could see.
 """
@@ -6,7 +6,8 @@ Matplotlib's figures are used without pyplot: no window, no state that others co
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import PurePath
 
 import numpy as np
@@ -14,7 +15,16 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
 
-from uavgram.model.flight.log import CameraEvents
+from uavgram.geometry.motion.rotation import matrix_from_xyzw, ypr_from_matrix
+from uavgram.model.arrays import Floats
+from uavgram.model.flight.log import (
+    AttitudeSamples,
+    Boot,
+    BootClock,
+    CameraEvents,
+    EstimatorSigmas,
+    PositionSamples,
+)
 from uavgram.model.flight.log_summary import BootSummary, LogSummary
 from uavgram.views.flight_log.text import KINDS
 
@@ -22,17 +32,20 @@ _BLUE, _ORANGE, _RED, _GREY, _GREEN = "#2f6fb5", "#d9730d", "#c92a2a", "#8a8f98"
 _MOST_BOOTS = 4
 _DATUMS = {"msl": "above sea level", "ellipsoid": "above the ellipsoid"}
 _MARK_SIZE = 18.0
+_LEAST_JUMP_M, _FASTEST = 5.0, 60.0
+"""What moves farther than that from one row to the next, and faster [m/s], is no flight."""
 
 
 def log_plot_png(summary: LogSummary) -> bytes:
     """Draw a log; of many boots the four longest, in their order."""
     shown = _longest(summary.boots)
-    figure = Figure(figsize=(13, 0.8 + 7.2 * len(shown)), dpi=110, layout="constrained")
+    rows = [max(_rows(summary.boots[k]), 0.2) for k in shown]
+    figure = Figure(figsize=(13, 0.8 + 3.6 * sum(rows)), dpi=110, layout="constrained")
     log = summary.log
     vehicle = "" if log.vehicle in log.firmware else log.vehicle
     title = f"{PurePath(log.path).name}   {KINDS[log.kind]}   {vehicle} {log.firmware}".rstrip()
     figure.suptitle(title, fontsize=13)
-    parts = figure.subfigures(len(shown), 1, squeeze=False)
+    parts = figure.subfigures(len(shown), 1, squeeze=False, height_ratios=rows)
     for part, number in zip(parts.ravel(), shown, strict=True):
         _draw_boot(part, summary.boots[number], number + 1, len(summary.boots))
     drawn = io.BytesIO()
@@ -48,37 +61,67 @@ def _longest(boots: tuple[BootSummary, ...]) -> list[int]:
 
 def _draw_boot(part: SubFigure, summary: BootSummary, number: int, count: int) -> None:
     span = " to ".join(summary.span_utc) if summary.span_utc[0] else "no UTC"
-    part.suptitle(f"boot {number} of {count}: {span}" if count > 1 else span, fontsize=11)
-    axes = part.subplots(2, 2)
-    panels: tuple[tuple[Callable[[Axes, BootSummary], None], str], ...] = (
-        (_draw_track, "Track and camera events"),
-        (_draw_heights, "Height"),
-        (_draw_clock, "Clock readings about their line"),
-        (_draw_intervals, "Time from one camera event to the next"),
-    )
-    for axis, (draw, title) in zip(axes.ravel(), panels, strict=True):
+    panels = list(_panels(summary))
+    title = f"boot {number} of {count}: {span}" if count > 1 else span
+    part.suptitle(title + ("" if panels else ": nothing to draw"), fontsize=11)
+    for place, (title, draw) in enumerate(panels, start=1):
+        axis = part.add_subplot(_rows(summary), 2, place)
         axis.set_title(title, fontsize=10, loc="left")
         axis.grid(visible=True, color="#e3e5e8", linewidth=0.8)
         axis.set_axisbelow(True)
-        draw(axis, summary)
+        draw(axis)
 
 
-def _say_none(axis: Axes, text: str) -> None:
-    axis.text(0.5, 0.5, text, transform=axis.transAxes, ha="center", va="center", color=_GREY)
-    axis.set_xticks([])
-    axis.set_yticks([])
+def _rows(summary: BootSummary) -> int:
+    """Rows of panels."""
+    return (len(list(_panels(summary))) + 1) // 2
+
+
+def _panels(summary: BootSummary) -> Iterator[tuple[str, Callable[[Axes], None]]]:
+    """Titles of what this boot has something of, and what draws it."""
+    boot, sigmas = summary.boot, summary.boot.sigmas
+    if boot.positions is not None:
+        yield "Track and camera events", partial(_draw_track, summary, boot.positions)
+        yield "Height", partial(_draw_heights, boot, boot.positions)
+    if boot.attitudes is not None:
+        yield "Attitude of the vehicle", partial(_draw_attitudes, boot.attitudes)
+    if sigmas is not None and np.isfinite(sigmas.horizontal_m).any():
+        yield "GPS quality", partial(_draw_quality, sigmas)
+    if summary.clock is not None and len(summary.clock_time_s):
+        yield "Clock readings about their line", partial(_draw_clock, summary, summary.clock)
+    if boot.events is not None and len(boot.events.time_boot_s) > 1:
+        yield "Time from one camera event to the next", partial(_draw_intervals, boot.events)
+
+
+def _flown(time_s: Floats, values: Floats) -> slice:
+    """Rows of a curve (n, k) [m] from where on the log has places.
+
+    Before a receiver or an estimator has one, logs have zeros, or small numbers.
+    """
+    step = np.linalg.norm(np.diff(values, axis=0), axis=1)
+    jumps = np.flatnonzero(step > np.maximum(_LEAST_JUMP_M, _FASTEST * np.diff(time_s)))
+    if len(jumps) and np.abs(values[: jumps[0] + 1]).max() < 0.1 * step[jumps[0]]:
+        return slice(int(jumps[0]) + 1, None)
+    return slice(None)
+
+
+def _explain(axis: Axes, height: str, source: str) -> None:
+    """Name what is drawn over time, and where it is from."""
+    axis.set_xlabel("time since boot [s]")
+    axis.set_ylabel(height)
+    axis.set_title(source, fontsize=9, loc="right", color=_GREY)
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(fontsize=8, loc="best")
 
 
 def _confirmed(events: CameraEvents) -> np.ndarray:
     return np.asarray(events.confirmed > 0)
 
 
-def _draw_track(axis: Axes, summary: BootSummary) -> None:
-    if not len(summary.track_m):
-        _say_none(axis, "no positions")
-        return
-    axis.plot(*summary.track_m.T, color=_BLUE, linewidth=1.2, label="track")
-    axis.plot(*summary.track_m[0], "s", color=_GREEN, markersize=6, label="first position")
+def _draw_track(summary: BootSummary, positions: PositionSamples, axis: Axes) -> None:
+    track = summary.track_m[_flown(positions.time_boot_s, summary.track_m)]
+    axis.plot(*track.T, color=_BLUE, linewidth=1.2, label="track")
+    axis.plot(*track[0], "s", color=_GREEN, markersize=6, label="first position")
     events = summary.boot.events
     if events is not None:
         sure = _confirmed(events)
@@ -103,53 +146,59 @@ def _draw_track(axis: Axes, summary: BootSummary) -> None:
     axis.legend(fontsize=8, loc="best")
 
 
-def _draw_heights(axis: Axes, summary: BootSummary) -> None:
-    positions, events = summary.boot.positions, summary.boot.events
-    if positions is None:
-        _say_none(axis, "no positions")
-        return
-    axis.plot(
-        positions.time_boot_s, positions.height_m, color=_BLUE, linewidth=1.2, label="vehicle"
-    )
-    home = summary.boot.home
+def _draw_heights(boot: Boot, positions: PositionSamples, axis: Axes) -> None:
+    time, height, home, events = positions.time_boot_s, positions.height_m, boot.home, boot.events
+    axis.plot(time, height, color=_BLUE, linewidth=1.2, label="vehicle")
+    within = height[_flown(time, height[:, None])]
     if home is not None:
         axis.step(
-            [*home.time_boot_s, positions.time_boot_s[-1]],
+            [*home.time_boot_s, time[-1]],
             [*home.height_m, home.height_m[-1]],
             where="post", color=_GREEN, linewidth=1.2, label="home",
         )  # fmt: skip
+        within = np.append(within, home.height_m[-1])
     if events is not None:
-        heights = np.interp(events.time_boot_s, positions.time_boot_s, positions.height_m)
+        heights = np.interp(events.time_boot_s, time, height)
         axis.scatter(
             events.time_boot_s, heights, s=_MARK_SIZE, color=_ORANGE, zorder=3, label="camera event"
         )
-    axis.set_xlabel("time since boot [s]")
-    axis.set_ylabel(f"{_DATUMS[positions.datum]} [m]")
-    axis.legend(fontsize=8, loc="best")
+    room = max(0.08 * float(np.ptp(within)), 0.01)
+    axis.set_ylim(within.min() - room, within.max() + room)
+    _explain(axis, f"{_DATUMS[positions.datum]} [m]", positions.source)
 
 
-def _draw_clock(axis: Axes, summary: BootSummary) -> None:
-    clock = summary.clock
-    if clock is None or not len(summary.clock_time_s):
-        _say_none(axis, "nothing ties the boot clock to UTC")
-        return
+def _draw_attitudes(attitudes: AttitudeSamples, axis: Axes) -> None:
+    yaw, pitch, roll = np.degrees(ypr_from_matrix(matrix_from_xyzw(attitudes.ned_from_body_xyzw)))
+    time, heading = attitudes.time_boot_s, axis.twinx()
+    heading.plot(time, yaw % 360.0, ".", color=_GREY, markersize=1.5)
+    heading.set_ylabel("heading, grey [deg]")
+    heading.set_ylim(0.0, 360.0)
+    axis.plot(time, roll, color=_BLUE, linewidth=1.0, label="roll")
+    axis.plot(time, pitch, color=_ORANGE, linewidth=1.0, label="pitch")
+    _explain(axis, "roll, pitch [deg]", attitudes.source)
+
+
+def _draw_quality(sigmas: EstimatorSigmas, axis: Axes) -> None:
+    both = np.stack([sigmas.horizontal_m, sigmas.vertical_m])
+    for sigma, colour, name in zip(both, (_BLUE, _ORANGE), ("horizontal", "vertical"), strict=True):
+        axis.plot(sigmas.time_boot_s, sigma, color=colour, linewidth=1.2, label=name)
+    # receivers state hundreds of metres before they have a place
+    axis.set_ylim(0.0, 1.3 * float(np.nanpercentile(both, 95)) + 0.01)
+    _explain(axis, "1 sigma of positions [m]", sigmas.source)
+
+
+def _draw_clock(summary: BootSummary, clock: BootClock, axis: Axes) -> None:
     residual_ms = summary.clock_residual_s * 1e3
     axis.plot(summary.clock_time_s, residual_ms, ".", color=_BLUE, markersize=3)
     axis.axhline(0.0, color=_GREY, linewidth=1.0)
     low, high = np.percentile(residual_ms, [1, 99])
     margin = max(0.3 * (high - low), 1.0)
     axis.set_ylim(low - margin, high + margin)
-    axis.set_xlabel("time since boot [s]")
-    axis.set_ylabel("reading ahead of the line [ms]")
     drift = f"{clock.source}, drift {(clock.rate - 1) * 1e6:+.1f} ppm, sigma {clock.sigma_s:.3f} s"
-    axis.set_title(drift, fontsize=9, loc="right", color=_GREY)
+    _explain(axis, "reading ahead of the line [ms]", drift)
 
 
-def _draw_intervals(axis: Axes, summary: BootSummary) -> None:
-    events = summary.boot.events
-    if events is None or len(events.time_boot_s) < 2:
-        _say_none(axis, "no camera events" if events is None else "one camera event")
-        return
+def _draw_intervals(events: CameraEvents, axis: Axes) -> None:
     apart = np.diff(events.time_boot_s)
     axis.vlines(events.time_boot_s[1:], 0.0, apart, color=_ORANGE, linewidth=1.2)
     axis.plot(events.time_boot_s[1:], apart, ".", color=_ORANGE, markersize=5)
@@ -159,9 +208,6 @@ def _draw_intervals(axis: Axes, summary: BootSummary) -> None:
             events.time_boot_s[1:][missed], apart[missed], "x", color=_RED, markersize=8,
             label="without feedback",
         )  # fmt: skip
-        axis.legend(fontsize=8, loc="best")
     axis.set_ylim(bottom=0.0)
-    axis.set_xlabel("time since boot [s]")
-    axis.set_ylabel("interval [s]")
     numbers = f"{events.source}, {len(events.time_boot_s)}, at {events.instant}"
-    axis.set_title(numbers, fontsize=9, loc="right", color=_GREY)
+    _explain(axis, "interval [s]", numbers)

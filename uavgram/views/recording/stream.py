@@ -24,9 +24,8 @@ APPLICATION_ID = "uavgram"
 FRAME_TIMELINE = "frame"
 TIME_TIMELINE = "capture_time"
 
-# The viewer opens at the first instant, and no layout can say otherwise: so what it is to show is
-# there once more, before the first frame. Not at -1: there the viewer shows no pictures.
-OPENING, FIRST = 0, 1
+FIRST = 1
+"""Number of the first frame: the viewer opens at the first instant, so nothing is before it."""
 
 # Rerun ends a complete file with a footer that ends with this mark and 4 bytes of its version.
 FOOTER_MARK = b"RRF2FOOT"
@@ -57,13 +56,10 @@ class Recorder:
         Rerun's recording stream.
     time_utc_s
         (F,) NaN where unknown: such a row is on the timeline ``frame`` only.
-    opens_with
-        The frame that is shown when the recording opens.
     """
 
     stream: rr.RecordingStream
     time_utc_s: Floats
-    opens_with: int = 0
 
     def static(self, path: str, *archetypes: rr.AsComponents) -> None:
         """Log what does not change with time."""
@@ -73,7 +69,7 @@ class Recorder:
         """Log one row for every frame; see `rows`."""
         self.rows(path, np.arange(len(self.time_utc_s)), *columns)
 
-    def rows(self, path: str, frames: Ints, *columns: Columns, opening: bool = True) -> None:
+    def rows(self, path: str, frames: Ints, *columns: Columns) -> None:
         """Log one row for each of these frames.
 
         Parameters
@@ -84,15 +80,7 @@ class Recorder:
             (n,) rows of the frames.
         columns
             Each makes the columns of one archetype, for some of these frames.
-        opening
-            Whether the frame that is shown first is there once more, before all others; not for
-            curves, which have one value for each frame.
         """
-        if opening and self.opens_with and self.opens_with in frames:
-            first = rr.TimeColumn(FRAME_TIMELINE, sequence=[OPENING])
-            for make in columns:
-                made = make(np.array([self.opens_with]))
-                self.stream.send_columns(path, indexes=[first], columns=made)
         timed = np.isfinite(self.time_utc_s[frames])
         for some in (frames[timed], frames[~timed]):
             if not len(some):
@@ -121,9 +109,7 @@ class Recorder:
         known = np.flatnonzero(np.isfinite(values))
         if len(known):
             self.static(path, rr.SeriesLines(colors=colour, names=name, widths=2.0))
-            self.rows(
-                path, known, lambda some: rr.Scalars.columns(scalars=values[some]), opening=False
-            )
+            self.rows(path, known, lambda some: rr.Scalars.columns(scalars=values[some]))
 
     def states(
         self, path: str, states: Sequence[str], colours: Mapping[str, Rgb], words: Mapping[str, str]
@@ -148,7 +134,7 @@ class Recorder:
         )
         each = np.array(states, dtype=str)
         every = np.arange(len(each))
-        self.rows(path, every, lambda some: rr.StateChange.columns(state=each[some]), opening=False)
+        self.rows(path, every, lambda some: rr.StateChange.columns(state=each[some]))
 
     def sheets(self, path: str, texts: Sequence[str]) -> None:
         """Log one page of Markdown for each frame, (F,) texts."""
@@ -168,7 +154,7 @@ class Recorder:
 
 @contextmanager
 def open_recording(
-    path: Path, identity: object, name: str, time_utc_s: Floats, opens_with: int = 0
+    path: Path, identity: object, name: str, time_utc_s: Floats
 ) -> Iterator[Recorder]:
     """Write a recording to a file; complete when the block ends.
 
@@ -184,8 +170,6 @@ def open_recording(
         Shown by the viewer.
     time_utc_s
         (F,) of the frames, NaN where unknown.
-    opens_with
-        The frame that is shown first.
 
     Raises
     ------
@@ -205,7 +189,7 @@ def open_recording(
             stream.save(sink.path)
             sink.start()
             stream.send_recording_name(name)
-            yield Recorder(stream, time_utc_s, opens_with)
+            yield Recorder(stream, time_utc_s)
             stream.flush()
         finally:
             stream.disconnect()

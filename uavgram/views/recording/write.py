@@ -5,7 +5,6 @@ from __future__ import annotations
 import errno
 import logging
 import os
-from collections import Counter
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
@@ -74,8 +73,7 @@ def write_recording(
         made = result.provenance
         identity = (result.name, made.program, made.version, made.inputs, made.options)
         times = result.frames.time_utc_s
-        first = _most_picked(result)
-        with open_recording(unfinished, identity, result.name, times, first) as recorder:
+        with open_recording(unfinished, identity, result.name, times) as recorder:
             _log_everything(recorder, result, photos, texture, ties)
         unfinished.replace(target)
     except OSError as error:
@@ -85,12 +83,6 @@ def write_recording(
     finally:
         unfinished.unlink(missing_ok=True)
     log.info("recording of %d frames: %s", len(result.frames.frame_id), target)
-
-
-def _most_picked(result: Result) -> int:
-    """The frame that shows most; the first where none has picks."""
-    counts = Counter(result.picks.image)
-    return max(range(len(result.frames.frame_id)), key=lambda k: counts[result.frames.frame_id[k]])
 
 
 def _log_everything(

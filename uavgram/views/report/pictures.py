@@ -23,10 +23,10 @@ from uavgram.views.survey.drawing import (
     project_from,
     sampled,
     thinned,
-    uncovered,
     visible_runs,
 )
 from uavgram.views.survey.sources import measured_alone
+from uavgram.views.survey.texts import Text, Wanted, box, placed_texts
 from uavgram.views.survey.verdict import status_text
 from uavgram.views.units import units_of
 from uavgram.views.wording import measurement_text, number, size_text
@@ -37,22 +37,13 @@ MOST_HALVES, THIRD_WIDTH = 4, 270.0
 """Measurements of which two stand side by side, and the width where there are more: three do."""
 DRAWN_OFF = 0.3
 """A bent line is drawn so exactly, in the same unit."""
-LETTER = 6.0
-"""Width of a letter of a name, in the same unit."""
+HALF_MIDDLE = 3.0
+"""Around the middle of a mark, where no name is, in the same unit."""
 PICKED_BY: dict[Source, str] = {
     "hand": "picked by a person",
     "match": "found by the program (matched)",
     "target": "found by the program (target)",
 }
-
-
-class Tag(NamedTuple):
-    """A name beside a mark: middle, half its width, and the text."""
-
-    x: float
-    y: float
-    half: float
-    text: str
 
 
 class Shown(NamedTuple):
@@ -81,7 +72,7 @@ class Shown(NamedTuple):
     unit: float
     lines: tuple[tuple[str, str], ...]
     marks: tuple[Mark, ...]
-    tags: tuple[Tag, ...]
+    tags: tuple[Text, ...]
     bar: Bar | None
     name: str
     told: str
@@ -192,7 +183,8 @@ def _stretch_text(picture: Picture) -> str:
 def _shown(result: Result, drawn: _Drawn, picture: Picture, unit: float, row: int) -> Shown:
     region = picture.region
     picks = _picks_in(result, drawn, region)
-    marks, tags = _marks(result, region, picks, unit)
+    marks = _marks(result, region, picks, unit)
+    bar = placed(drawn.bars.get(region), region, marks, unit)
     name, told = _words(result, drawn, region, picks)
     return Shown(
         region=region,
@@ -200,8 +192,8 @@ def _shown(result: Result, drawn: _Drawn, picture: Picture, unit: float, row: in
         unit=unit,
         lines=tuple(_lines(drawn.lines[region], unit)),
         marks=marks,
-        tags=tags,
-        bar=placed(drawn.bars.get(region), region, marks, unit),
+        tags=_tags(result, region, picks, unit, bar),
+        bar=bar,
         name=name,
         told=told,
         origin=_origin(result, picture, drawn.sha256[region.frame]),
@@ -252,31 +244,45 @@ def _picks_in(result: Result, drawn: _Drawn, region: Region) -> list[int]:
     return [int(row) for row in rows[inside.all(axis=1)]]
 
 
-def _marks(
-    result: Result, region: Region, rows: Sequence[int], unit: float
-) -> tuple[tuple[Mark, ...], tuple[Tag, ...]]:
-    """Marks of all picks, and their names: of a measurement only its own, and wrong ones."""
-    picks, own = result.picks, _own(result, region)
-    is_point = region.subject == "point"
-    half_widths = round((15 if is_point else 7) * unit, 2), round(1.6 * unit, 2)
-    marks, tags = [], []
+def _marks(result: Result, region: Region, rows: Sequence[int], unit: float) -> tuple[Mark, ...]:
+    """Marks of all picks."""
+    picks, marks = result.picks, []
+    half_widths = round(_outline(region) * unit, 2), round(1.6 * unit, 2)
     for i in rows:
         x, y = (round(float(part), 2) for part in picks.pixel_px[i])
-        wrong = picks.status[i] in ("suspect", "removed")
         kind = "removed" if picks.status[i] == "removed" else picks.source[i]
-        marks.append(mark((x, y), kind, hex_colour(BAD if wrong else OBSERVED), half_widths))
-        if region.subject == "measurement" and not wrong and picks.label[i] not in own:
-            continue
-        half = (LETTER * len(picks.label[i]) / 2 + 3) * unit
-        left, right = region.left_px + half, region.left_px + region.width_px - half
-        below = y + (31 if is_point else 22) * unit
-        if below > region.top_px + region.height_px - 6 * unit:
-            below = y - (22 if is_point else 14) * unit
-        tags.append(Tag(min(max(x, left), max(right, left)), below, half, picks.label[i]))
-    tags.sort(key=lambda tag: tag.text not in own)
-    anchors = np.reshape([(tag.x, tag.y) for tag in tags], (-1, 2))
-    free = uncovered(anchors, np.array([tag.half for tag in tags]), 15 * unit, len(tags) or 1)
-    return tuple(marks), tuple(tags[i] for i in free)
+        colour = hex_colour(BAD if _is_wrong(result, i) else OBSERVED)
+        marks.append(mark((x, y), kind, colour, half_widths))
+    return tuple(marks)
+
+
+def _outline(region: Region) -> float:
+    """Half the width of a mark."""
+    return 15.0 if region.subject == "point" else 7.0
+
+
+def _is_wrong(result: Result, pick: int) -> bool:
+    return result.picks.status[pick] in ("suspect", "removed")
+
+
+def _tags(
+    result: Result, region: Region, rows: Sequence[int], unit: float, bar: Bar | None
+) -> tuple[Text, ...]:
+    """Names of picks: in a picture of a measurement only of its own, and of wrong ones."""
+    picks, own = result.picks, _own(result, region)
+    low = np.array([region.left_px, region.top_px]) - 0.5
+    high = low + np.array([region.width_px, region.height_px])
+    half = HALF_MIDDLE * unit
+    taken = [box(picks.pixel_px[i], half, half) for i in rows]
+    if bar is not None:
+        middle = bar.left + bar.width / 2, high[1] - 16.0 * unit
+        taken.append(box(middle, bar.width / 2, 16.0 * unit))
+    wanted = [
+        Wanted(picks.label[i], "name", picks.pixel_px[i : i + 1], gap=_outline(region))
+        for i in rows
+        if region.subject != "measurement" or _is_wrong(result, i) or picks.label[i] in own
+    ]
+    return placed_texts(wanted, (low, high), taken, unit)[0]
 
 
 def _own(result: Result, region: Region) -> tuple[str, ...]:

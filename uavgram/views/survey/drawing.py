@@ -122,12 +122,17 @@ def largest_sigmas(poses: PoseTable) -> tuple[Floats, Floats]:
     return sigma[:, :3].max(axis=1), np.degrees(sigma[:, 3:].max(axis=1))
 
 
-def longest_middle(strips: list[Floats]) -> Floats:
-    """(D,) middle of the longest segment of (n, D) polylines: where a label goes."""
+def longest_part(strips: list[Floats]) -> Floats:
+    """(2, D) ends of the longest segment of (n, D) polylines: where a label goes."""
     starts = np.concatenate([strip[:-1] for strip in strips])
     ends = np.concatenate([strip[1:] for strip in strips])
     longest = int(np.argmax(np.linalg.norm(ends - starts, axis=1)))
-    return np.asarray((starts[longest] + ends[longest]) / 2, dtype=np.float64)
+    return np.stack([starts[longest], ends[longest]])
+
+
+def longest_middle(strips: list[Floats]) -> Floats:
+    """(D,) middle of the longest segment of (n, D) polylines."""
+    return np.asarray(longest_part(strips).mean(axis=0), dtype=np.float64)
 
 
 def in_photo(result: Result, pixel: Floats) -> Bools:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import takewhile
 
 import numpy as np
@@ -11,15 +11,20 @@ import numpy as np
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import footprints, shown_poses
-from uavgram.views.survey.drawing import uncovered
 from uavgram.views.survey.sheet import WIDTH, GridLine, Sheet, grid_lines, lay_sheet
-from uavgram.views.survey.top_view import Text
+from uavgram.views.survey.texts import (
+    Text,
+    Wanted,
+    around_drawing,
+    box,
+    placed_texts,
+    svg_points,
+)
 from uavgram.views.units import round_bar, units_of
 
 MOST_HEIGHT = 340.0
 MOST_FOOTPRINTS = 40
 """Of more photos only the cameras are drawn."""
-MOST_NAMES = 80
 ROOM = 0.08
 """Around what is drawn, as a share of its extent."""
 REACH = 0.15
@@ -31,8 +36,8 @@ ARROW = 30.0
 LEAST_ARROW = 5.0
 """A camera that looks down more steeply than that shows has none."""
 HEAD = 4.5
-NAME_HALF, LABEL_HALF, LINE_HEIGHT = 3.1, 2.8, 12.0
-NAME_ABOVE, LABEL_BELOW = 9.0, 12.0
+HALF_CAMERA, HALF_DOT = 4.5, 2.0
+"""Around marks, where no text is."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +67,11 @@ class KeyPlan:
     cameras, dots
         Photos, and points on the ground.
     texts
-        Names of photos and of points that do not cover each other.
+        Names of photos and of points, none of which covers another.
     prefix
         What names of all photos begin with, which is left out of the texts.
     unnamed
-        How many photos have no name for want of room.
+        How many photos and points have no name for want of room.
     grid, bar, bar_text, north_known
         As of the top view.
     """
@@ -97,18 +102,21 @@ def key_plan(result: Result) -> KeyPlan | None:
     cameras = tuple(_cameras(sheet, centers, poses.world_from_camera[:, :, 2], adjusted))
     names = tuple(result.frames.frame_id[row].rpartition(".")[0] for row in rows)
     prefix = _common_prefix(names)
-    texts = _texts(result, sheet, tuple(name[len(prefix) :] for name in names), cameras)
     units = units_of(result)
     bar_m, bar_text = round_bar(WIDTH / sheet.scale / 6, units)
+    grid = tuple(grid_lines(sheet, units))
+    taken = around_drawing(sheet, grid, bar_m * sheet.scale)
+    short = tuple(name[len(prefix) :] for name in names)
+    texts, unnamed = _texts(result, sheet, short, cameras, taken)
     return KeyPlan(
         height=sheet.height,
-        footprints=tuple(_svg(sheet(ring)) for ring in rings.values()),
+        footprints=tuple(svg_points(sheet(ring)) for ring in rings.values()),
         cameras=cameras,
         dots=tuple((float(x), float(y)) for x, y in sheet(points)),
         texts=texts,
         prefix=prefix,
-        unnamed=len(rows) - sum(text.kind == "photo" for text in texts),
-        grid=tuple(grid_lines(sheet, units)),
+        unnamed=unnamed,
+        grid=grid,
         bar=bar_m * sheet.scale,
         bar_text=bar_text,
         north_known=result.world.gauge == "world",
@@ -136,36 +144,33 @@ def _cameras(sheet: Sheet, centers: Floats, forward: Floats, adjusted: Bools) ->
             tip = np.array([x, y]) + along
             unit = along / length
             across = np.array([-unit[1], unit[0]])
-            arrow = _svg(np.stack([np.array([x, y]), tip]))
-            head = _svg(
+            arrow = svg_points(np.stack([np.array([x, y]), tip]))
+            head = svg_points(
                 np.stack([tip + HEAD * unit, tip + HEAD * across / 2, tip - HEAD * across / 2])
             )
         yield Camera(float(x), float(y), arrow, head, bool(is_adjusted))
 
 
 def _texts(
-    result: Result, sheet: Sheet, names: tuple[str, ...], cameras: tuple[Camera, ...]
-) -> tuple[Text, ...]:
-    """Names of photos, then of points, where there is room."""
-    texts = [
-        Text(one.x, one.y - NAME_ABOVE, name, "photo")
+    result: Result,
+    sheet: Sheet,
+    names: tuple[str, ...],
+    cameras: tuple[Camera, ...],
+    taken: list[Floats],
+) -> tuple[tuple[Text, ...], int]:
+    """Names of photos and of points, and how many had no room."""
+    dots = sheet(result.points.position_world_m)
+    wanted = [
+        Wanted(name, "photo", np.array([[one.x, one.y]]))
         for name, one in zip(names, cameras, strict=True)
     ]
-    texts += [
-        Text(float(x), float(y) + LABEL_BELOW, label, "label")
-        for label, (x, y) in zip(
-            result.points.label, sheet(result.points.position_world_m), strict=True
-        )
+    wanted += [
+        Wanted(label, "label", dot[None])
+        for label, dot in zip(result.points.label, dots, strict=True)
     ]
-    half = np.array(
-        [(NAME_HALF if t.kind == "photo" else LABEL_HALF) * len(t.text) + 2 for t in texts]
-    )
-    anchors = np.reshape([(text.x, text.y) for text in texts], (-1, 2))
-    anchors[:, 0] = np.clip(anchors[:, 0], half, np.maximum(WIDTH - half, half))
-    return tuple(
-        replace(texts[i], x=float(anchors[i, 0]))
-        for i in uncovered(anchors, half, LINE_HEIGHT, MOST_NAMES)
-    )
+    marks = [box((one.x, one.y), HALF_CAMERA, HALF_CAMERA) for one in cameras]
+    marks += [box(dot, HALF_DOT, HALF_DOT) for dot in dots]
+    return placed_texts(wanted, sheet.corners, [*taken, *marks])
 
 
 def _common_prefix(names: tuple[str, ...]) -> str:
@@ -174,7 +179,3 @@ def _common_prefix(names: tuple[str, ...]) -> str:
     prefix = "".join(letters[0] for letters in alike)
     short = len(prefix) < LEAST_PREFIX or len(names) == 1
     return "" if short or prefix in names else prefix
-
-
-def _svg(drawn: Floats) -> str:
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn.tolist())

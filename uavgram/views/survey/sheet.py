@@ -51,6 +51,11 @@ class Sheet:
         return np.stack([x, self.margin + (self.north_m - north) * self.scale], axis=-1)
 
     @property
+    def corners(self) -> tuple[Floats, Floats]:
+        """First and last corner (2,) of the drawing, in its own units."""
+        return np.zeros(2), np.array([WIDTH, self.height])
+
+    @property
     def extent_m(self) -> tuple[Floats, Floats]:
         """South-west and north-east corner (2,) of the ground that the whole drawing covers."""
         west, north = (

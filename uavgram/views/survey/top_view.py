@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from uavgram.stages.products.map_layers import (
 )
 from uavgram.views.style import ABOVE, BELOW, hex_colour
 from uavgram.views.survey.departures import Departures, departures
-from uavgram.views.survey.drawing import longest_middle, nice_factor, uncovered
+from uavgram.views.survey.drawing import longest_part, nice_factor
 from uavgram.views.survey.sheet import (
     MOST_HEIGHT,
     WIDTH,
@@ -27,18 +27,15 @@ from uavgram.views.survey.sheet import (
     grid_lines,
     lay_sheet,
 )
+from uavgram.views.survey.texts import Text, Wanted, around_drawing, box, placed_texts
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import INCH_M, round_bar, units_of, value_text
 from uavgram.views.wording import number, worst_first
 
-LINE_HEIGHT = 14.0
-# Half the width of a letter, by CSS class, in the widest of the usual fonts; and around a text.
-HALF_LETTER = {"measured": 3.9, "known": 3.5, "name": 3.5, "off_plane": 3.2, "off_ground": 3.2}
-ASIDE = 2.0
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
 MOST_ROOM = 0.3
-MOST_NAMES = 60
-NAME_ABOVE, NUMBER_BELOW = 8.0, 13.0
+# Around a point, where no text is.
+HALF_DOT = 2.5
 # Half the diagonal of the mark of a point off the ground.
 DIAMOND = 5.0
 # Departures from the plane are shown to millimetres where they are known better than this.
@@ -73,16 +70,6 @@ class Stroke:
 
 
 @dataclass(frozen=True)
-class Text:
-    """A text with its middle at (x, y); `kind` is a CSS class."""
-
-    x: float
-    y: float
-    text: str
-    kind: str
-
-
-@dataclass(frozen=True)
 class TopView:
     """Everything the template draws.
 
@@ -105,7 +92,9 @@ class TopView:
     full_m
         Departure from the plane from which on colours are full; 0 where there is none.
     texts
-        Names and lengths that do not cover each other.
+        Names, lengths and heights, none of which covers another.
+    unnamed
+        How many names there was no room for.
     ellipse_factor, fill_ellipses
         Exaggeration of the ellipses within the survey; whether they are small enough to be filled.
     bar_text, bar
@@ -127,6 +116,7 @@ class TopView:
     off_ground: tuple[str, ...]
     full_m: float
     texts: tuple[Text, ...]
+    unnamed: int
     ellipse_factor: int
     fill_ellipses: bool
     bar_text: str
@@ -187,19 +177,24 @@ def top_view(result: Result, most_height: float = MOST_HEIGHT) -> TopView | None
     position = result.points.position_world_m
     units = units_of(result)
     bar_m, bar_text = round_bar(extent_m / 5, units)
-    uneven = departures(result)
+    uneven, grid = departures(result), tuple(grid_lines(sheet, units))
+    dots = sheet(position)
+    taken = [box(dot, HALF_DOT, HALF_DOT) for dot in dots]
+    taken += around_drawing(sheet, grid, bar_m * sheet.scale)
+    texts, unnamed = placed_texts(list(_texts(result, sheet, uneven)), sheet.corners, taken)
     return TopView(
         width=WIDTH,
         height=sheet.height,
         sheet=sheet,
-        grid=tuple(grid_lines(sheet, units)),
+        grid=grid,
         lines=tuple(_lines(result, sheet)),
         ellipses=tuple(_ellipses(result, sheet, factor)),
-        dots=tuple((float(x), float(y)) for x, y in sheet(position)),
+        dots=tuple((float(x), float(y)) for x, y in dots),
         off_plane=tuple(_off_plane(result, sheet, uneven)) if uneven else (),
         off_ground=tuple(_diamonds(result, sheet)),
         full_m=uneven.full_m if uneven else 0.0,
-        texts=tuple(_texts(result, sheet, uneven)),
+        texts=texts,
+        unnamed=unnamed,
         ellipse_factor=factor,
         fill_ellipses=factor * usual <= FILL_SHARE * extent_m,
         bar_text=bar_text,
@@ -269,66 +264,42 @@ def _diamonds(result: Result, sheet: Sheet) -> Iterator[str]:
         yield _points(spot + corners)
 
 
-def _over_ground(result: Result, sheet: Sheet) -> Iterator[Text]:
+def _over_ground(result: Result, spots: Floats) -> Iterator[Wanted]:
     """Heights of points over the ground [m], the highest first."""
-    points = result.points
-    off, spots = np.flatnonzero(points.is_off_ground), sheet(points.position_world_m)
-    height, sigma = points.height_above_ground_m, points.height_sigma_m
+    points, units = result.points, units_of(result)
+    off, height = np.flatnonzero(points.is_off_ground), points.height_above_ground_m
     for k in off[np.argsort(-np.abs(height[off]), kind="stable")]:
         sign = "+" if height[k] > 0 else ""
-        text = value_text(float(height[k]), float(sigma[k]), "m", units_of(result))
-        at = float(spots[k, 0]), float(spots[k, 1]) + NUMBER_BELOW
-        yield Text(*at, sign + text, "off_ground")
+        text = sign + value_text(float(height[k]), float(points.height_sigma_m[k]), "m", units)
+        yield Wanted(text, "off_ground", spots[k : k + 1], is_needed=False)
 
 
-def _off_their_plane(result: Result, sheet: Sheet, uneven: Departures) -> Iterator[Text]:
+def _off_their_plane(result: Result, spots: Floats, uneven: Departures) -> Iterator[Wanted]:
     """How far points lie off their plane [cm or in], the farthest first."""
     small_m = 0.01 if units_of(result).length == "m" else INCH_M
-    spots = sheet(result.points.position_world_m[uneven.rows])
     for k in np.argsort(-np.abs(uneven.value_m), kind="stable"):
         places = int(uneven.sigma_m[k] < WELL_KNOWN_M)
         text = number(float(uneven.value_m[k]) / small_m, places, signed=True)
-        yield Text(float(spots[k, 0]), float(spots[k, 1]) + NUMBER_BELOW, text, "off_plane")
+        yield Wanted(text, "off_plane", spots[uneven.rows[k]][None], is_needed=False)
 
 
-def _texts(result: Result, sheet: Sheet, uneven: Departures | None) -> list[Text]:
-    """What there is room for: measured values first (the least certain), then known lengths.
-
-    Then names of points, how high they stand over the ground, and how far the ground lies off its
-    plane there.
-    """
-    rows, words, units = result.measurements, [], units_of(result)
-    for i, strips in measured_strips(result).items():
-        if strips:
-            value = value_text(float(rows.value[i]), float(rows.sigma[i]), rows.unit[i], units)
-            text = f"{rows.name[i]} {value}{' ?' if rows.is_ambiguous[i] else ''}"
-            words.append((int(i), Text(*_at(sheet(longest_middle(strips))), text, "measured")))
-    rank = {int(i): r for r, i in enumerate(worst_first(rows))}
-    texts = [text for _, text in sorted(words, key=lambda word: rank[word[0]])]
-    if len(texts) > MANY_LINES:
-        texts = texts[:MOST_MEASURED]
+def _texts(result: Result, sheet: Sheet, uneven: Departures | None) -> Iterator[Wanted]:
+    """Names and values of all that is drawn; of many measured values the least certain."""
+    rows, units, measured = result.measurements, units_of(result), measured_strips(result)
+    shown = [int(i) for i in worst_first(rows) if measured.get(int(i))]
+    for i in shown[: MOST_MEASURED if len(shown) > MANY_LINES else None]:
+        value = value_text(float(rows.value[i]), float(rows.sigma[i]), rows.unit[i], units)
+        text = f"{rows.name[i]} {value}{' ?' if rows.is_ambiguous[i] else ''}"
+        yield Wanted(text, "measured", sheet(longest_part(measured[i])))
     for name, strip in zip(result.control_lines.name, position_strips(result), strict=True):
-        texts.append(Text(*_at(sheet(longest_middle([strip]))), name, "known"))
+        yield Wanted(name, "known", sheet(strip))
     for i, strip in reference_strips(result).items():
         length_m = float(result.lines.length_m[i])
         text = f"{result.lines.name[i]} {in_units(f'{length_m:.2f} m', units, exact=[length_m])}"
-        texts.append(Text(*_at(sheet(longest_middle([strip]))), text, "known"))
-    for label, spot in zip(result.points.label, sheet(result.points.position_world_m), strict=True):
-        texts.append(Text(float(spot[0]), float(spot[1]) - NAME_ABOVE, label, "name"))
-    heights = list(_over_ground(result, sheet))
+        yield Wanted(text, "known", sheet(strip))
+    spots = sheet(result.points.position_world_m)
+    for label, spot in zip(result.points.label, spots, strict=True):
+        yield Wanted(label, "name", spot[None])
+    yield from _over_ground(result, spots)
     if uneven:
-        heights += _off_their_plane(result, sheet, uneven)
-    texts += heights
-    most = 2 * MOST_NAMES if heights else MOST_NAMES
-    half = np.array([HALF_LETTER[text.kind] * len(text.text) + ASIDE for text in texts])
-    anchors = np.reshape([(text.x, text.y) for text in texts], (-1, 2))
-    # no text is cut off at the sheet's sides
-    anchors[:, 0] = np.clip(anchors[:, 0], half, np.maximum(WIDTH - half, half))
-    return [
-        replace(texts[i], x=float(anchors[i, 0]))
-        for i in uncovered(anchors, half, LINE_HEIGHT, most)
-    ]
-
-
-def _at(drawn: Floats) -> tuple[float, float]:
-    return float(drawn[0]), float(drawn[1]) - 4.0
+        yield from _off_their_plane(result, spots, uneven)

@@ -23,7 +23,10 @@ LEVEL_WORDS: dict[VerdictLevel, str] = {
     "red": "red, do not use these numbers",
 }
 UNDECIDED = frozenset(
-    {"ambiguous-pose", "three-lengths", "three-known", "measurement-null", "not-judged"}
+    {
+        *("ambiguous-pose", "three-lengths", "three-known", "measurement-null", "not-judged"),
+        *("line-unseen", "known-unseen"),
+    }
 )
 """Causes of which none is a misfit."""
 

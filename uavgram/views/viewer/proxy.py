@@ -10,6 +10,7 @@ page of the browser, and to any user of the machine, that guesses the port.
 from __future__ import annotations
 
 import hmac
+import io
 import os
 import re
 import secrets
@@ -22,13 +23,16 @@ from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 LOOPBACK = "127.0.0.1"
 RECORDING = "recording.rrd"
 FETCH_S = 30.0
 HEADERS_S = 10.0
 """A browser of this machine says within milliseconds what it wants."""
+WRITE_S = 15.0
+"""For a reader to take the next `PIECE_BYTES`; one that takes less is let go."""
+PIECE_BYTES = 1 << 18
 MOST_AT_ONCE = 64
 POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval'; "
@@ -37,6 +41,13 @@ POLICY = (
 )
 """What the viewer's page may do: run what it is, and fetch from its own server."""
 
+HEADERS = {
+    "content-security-policy": POLICY,
+    "x-content-type-options": "nosniff",
+    "cross-origin-resource-policy": "same-origin",
+    "x-dns-prefetch-control": "off",
+    "referrer-policy": "no-referrer",
+}
 _LINKS_AWAY = re.compile(rb"<link\b[^>]*https?://[^>]*>")
 _HANDED_ON = ("content-type", "content-encoding", "rerun-final-length")
 _OWN_SITE = {"same-origin", "none"}  # https://www.w3.org/TR/fetch-metadata/; none: typed in
@@ -61,6 +72,8 @@ class ViewerGate(ThreadingHTTPServer):
         self.page_port, self.recording = page_port, recording
         # Other users of this machine can call the port, so the way to the recording is a secret.
         self.way = f"/{secrets.token_urlsafe(32)}/{RECORDING}"
+        self._page: dict[str, tuple[dict[str, str], bytes]] = {}
+        self._asking = threading.Lock()
         self._free = threading.Semaphore(MOST_AT_ONCE)
         self._thread = threading.Thread(target=self.serve_forever, daemon=True)
         self._thread.start()
@@ -79,6 +92,25 @@ class ViewerGate(ThreadingHTTPServer):
         finally:
             self._free.release()
 
+    def page_file(self, name: str) -> tuple[dict[str, str], bytes]:
+        """Headers and content of a file of the viewer's page, which is held once for all readers.
+
+        Raises
+        ------
+        OSError
+            The viewer's server has none of that name, or does not answer.
+        """
+        with self._asking:
+            if name not in self._page:
+                source = f"http://{LOOPBACK}:{self.page_port}/{name}"
+                with urllib.request.urlopen(source, timeout=FETCH_S) as answer:
+                    given, body = answer.headers, answer.read()
+                if given.get_content_type() == "text/html":
+                    body = _LINKS_AWAY.sub(b"", body)
+                headers = {key: given[key] for key in _HANDED_ON if key in given}
+                self._page[name] = headers, body
+            return self._page[name]
+
     def close(self) -> None:
         """End it."""
         self.shutdown()
@@ -90,6 +122,11 @@ class _Handler(BaseHTTPRequestHandler):
     """Hands on what the viewer's server says, and the recording."""
 
     server: ViewerGate
+
+    def setup(self) -> None:
+        """Let no read or write take longer."""
+        super().setup()
+        self.connection.settimeout(WRITE_S)
 
     def handle_one_request(self) -> None:
         """Answer, where the request is whole in time."""
@@ -132,36 +169,33 @@ class _Handler(BaseHTTPRequestHandler):
             return
         with stream:
             size = os.fstat(stream.fileno()).st_size
-            self._begin({"content-type": "application/octet-stream", "content-length": size})
-            shutil.copyfileobj(stream, self.wfile)
+            self._answer(stream, {"content-type": "application/octet-stream"}, size)
 
     def _hand_on(self, path: str) -> None:
-        source = f"http://{LOOPBACK}:{self.server.page_port}/{path.lstrip('/')}"
         try:
-            with urllib.request.urlopen(source, timeout=FETCH_S) as answer:
-                given, body = answer.headers, answer.read()
+            headers, body = self.server.page_file(path.lstrip("/"))
         except urllib.error.HTTPError as fault:
             fault.close()
             self.send_error(fault.code)
-            return
         except OSError:
             self.send_error(HTTPStatus.BAD_GATEWAY)
-            return
-        if given.get_content_type() == "text/html":
-            body = _LINKS_AWAY.sub(b"", body)
-        headers = {name: given[name] for name in _HANDED_ON if name in given}
-        self._begin({**headers, "content-length": len(body)})
-        self.wfile.write(body)
+        else:
+            self._answer(io.BytesIO(body), headers, len(body))
 
-    def _begin(self, headers: dict[str, str | int]) -> None:
+    def _answer(self, content: BinaryIO, headers: dict[str, str], size: int) -> None:
+        """Hand out a piece at a time: each must be taken within `WRITE_S`."""
         self.send_response(HTTPStatus.OK)
-        for name, value in headers.items():
-            self.send_header(name, str(value))
-        self.send_header("content-security-policy", POLICY)
-        self.send_header("cross-origin-resource-policy", "same-origin")
-        self.send_header("x-dns-prefetch-control", "off")
-        self.send_header("referrer-policy", "no-referrer")
-        self.end_headers()
+        for name, value in {**headers, "content-length": str(size)}.items():
+            self.send_header(name, value)
+        with suppress(ConnectionError):  # the reader has left
+            self.end_headers()
+            shutil.copyfileobj(content, self.wfile, PIECE_BYTES)
+
+    def end_headers(self) -> None:
+        """End the headers of any answer, refusals too, with the strict ones."""
+        for name, value in HEADERS.items():
+            self.send_header(name, value)
+        super().end_headers()
 
     def log_message(self, *_: object) -> None:
         """Say nothing."""

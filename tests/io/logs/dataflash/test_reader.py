@@ -328,6 +328,32 @@ def test_a_format_that_changes_midway_is_followed(path_of: PathOf) -> None:
     assert len(events.time_boot_s) == 7
 
 
+def test_a_log_of_2014_is_complete() -> None:
+    """ArduCopter 3.1.3 names four of its FMT's five fields, and none of STRT, which has none."""
+    fmt = defined(0x80, "BB4s16s64s", "FMT", "BBnNZ", "Type,Length,Name,Format")
+    start = defined(10, "", "STRT", "", "")
+    data = fmt + start + message(10, "") + positions()[len(FMT) :]
+    tables = index_binary("x", data)
+
+    assert tables.notes == ()
+    assert (tables.count("POS"), tables.count("STRT"), tables.count("FMT")) == (40, 1, 3)
+    assert tables.columns("STRT") == {}
+    assert tables.columns("FMT")["Name"].tolist() == [b"FMT", b"STRT", b"POS"]
+
+
+def test_a_text_log_of_2014_is_complete() -> None:
+    tables = index_text(
+        "x.log",
+        b"FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format\n"
+        b"FMT, 10, 3, STRT, , \n"
+        b"FMT, 13, 4, EV, B, Id\n"
+        b"STRT\nEV, 10\n",
+    )
+
+    assert tables.notes == ()
+    assert (tables.count("STRT"), tables.columns("EV")["Id"].tolist()) == (1, [10])
+
+
 def test_the_index_goes_on_behind_an_unknown_type() -> None:
     data = positions(3000)
     behind = positions(20, 310.0)[len(positions(0)) :]  # too little for the file to be suspicious

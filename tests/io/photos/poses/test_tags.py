@@ -60,7 +60,7 @@ def test_a_real_mavic_photo(data_dir: Path) -> None:
 def test_a_photo_without_a_fix_has_no_place(data_dir: Path) -> None:
     path = data_dir / "phantom3_lenscalib" / "DJI_0002.jpg"
 
-    with pytest.raises(InputError, match="has no place and height"):
+    with pytest.raises(InputError, match="has no place in EXIF or XMP"):
         read_photo_tags(tagged_jpeg.photos([path]))
 
 
@@ -109,6 +109,70 @@ def test_photos_without_place_are_left_out_and_others_stay(read: Read) -> None:
     poses, _ = read(PLACE, None, {"GimbalYawDegree": "1"}, PLACE)
 
     assert poses.frame_id == ("DJI_0000.JPG", "DJI_0003.JPG")
+
+
+ZEROS = {f"Gimbal{angle}Degree": "+0.00" for angle in ("Yaw", "Pitch", "Roll")}
+
+
+def test_gimbal_angles_of_zero_in_all_photos_are_not_filled_in(read: Read) -> None:
+    """As in photos of a Mini 2 (dji-sdk/Mobile-SDK-Android, issue 1233)."""
+    flight = {"FlightYawDegree": "+179.90", "FlightPitchDegree": "-1.60", "FlightRollDegree": "0.6"}
+    poses, messages = read(PLACE | ZEROS | flight, PLACE | ZEROS | flight)
+
+    assert np.isnan(poses.ypr_rad).all()
+    np.testing.assert_allclose(np.degrees(poses.vehicle_ypr_rad[:, 0]), 179.9)
+    assert [m.code for m in messages] == ["gimbal-not-filled"]
+
+
+def test_gimbal_angles_of_zero_in_one_photo_are_believed(read: Read) -> None:
+    poses, messages = read(PLACE | ZEROS, PLACE | ZEROS | {"GimbalPitchDegree": "-90.00"})
+
+    np.testing.assert_allclose(np.degrees(poses.ypr_rad[:, 1]), [0.0, -90.0])
+    assert messages == ()
+
+
+@pytest.mark.parametrize(
+    ("altitudes", "odd"),
+    [
+        ((198.5, 0.0, 198.6), (1,)),
+        ((0.0, 0.0), (0, 1)),
+        ((198.5, -198.4, 205.0), (1,)),
+        ((-198.5, -198.4), (0, 1)),
+        ((-12.0, -14.0), ()),  # a barometer at the sea
+        ((45.0, -35.0, 60.0), ()),  # lower, and by so much
+    ],
+)
+def test_altitudes_of_zero_or_of_the_wrong_sign_are_named_and_not_used(
+    read: Read, altitudes: tuple[float, ...], odd: tuple[int, ...]
+) -> None:
+    poses, messages = read(*(PLACE | {"AbsoluteAltitude": f"{h:+}"} for h in altitudes))
+    names = tuple(f"DJI_{k:04d}.JPG" for k in odd)
+
+    assert len(poses.frame_id) == len(altitudes)
+    expected = [np.nan if k in odd else h for k, h in enumerate(altitudes)]
+    np.testing.assert_array_equal(poses.height_m, expected)
+    assert [m.code for m in messages] == ["odd-altitude"] * bool(odd)
+    for message in messages:
+        assert message.frames == names
+        assert names[0].removesuffix(".JPG") in message.text
+        assert f"{altitudes[odd[0]]:.1f} m" in message.text
+
+
+def test_a_place_without_altitude_is_named_and_takes_part(read: Read) -> None:
+    low = {key: value for key, value in PLACE.items() if key != "AbsoluteAltitude"}
+    poses, messages = read(PLACE, low)
+
+    np.testing.assert_array_equal(poses.height_m, [200.5, np.nan])
+    assert [m.code for m in messages] == ["odd-altitude"]
+    assert "DJI_0001 cannot" in messages[0].text
+    assert "(none)" in messages[0].text
+
+
+def test_ellipsoidal_heights_may_be_below_zero(read: Read) -> None:
+    """The geoid is 106 m below the ellipsoid south of India."""
+    rtk = {"RtkFlag": "50", "AbsoluteAltitude": "-71.0"}
+
+    assert read(PLACE | rtk)[0].height_m.tolist() == [-71.0]
 
 
 def test_numbers_that_are_none_count_as_absent(read: Read) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.io.logs.dataflash.formats import FMT_TYPE, HEADER, Columns, Format, format_at
+from uavgram.io.logs.dataflash.formats import FMT, FMT_TYPE, HEADER, Columns, Format, format_at
 from uavgram.io.logs.dataflash.index import Starts, indexed_by_loop, indexed_by_pymavlink
 from uavgram.io.logs.dataflash.tables import Piece, Tables, inside
 
@@ -94,7 +94,7 @@ def _read_formats(
     data: bytes, starts: list[int]
 ) -> tuple[dict[int, list[tuple[int, Format]]], list[str]]:
     """What each type number means and from which byte on, and what was odd."""
-    stated: dict[int, list[tuple[int, Format]]] = {}
+    stated: dict[int, list[tuple[int, Format]]] = {FMT_TYPE: [(0, FMT)]}
     notes: list[str] = []
     for start in starts:
         fmt = format_at(data, start)

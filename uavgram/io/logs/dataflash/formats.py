@@ -2,7 +2,7 @@
 
 The layout is ArduPilot's (libraries/AP_Logger/LogStructure.h): every message starts with
 0xA3 0x95 and its type; type 0x80 (FMT) defines the others: length, name, one format character per
-field, field names.
+field, field names. A message may have no field at all (STRT until 2014: the vehicle was started).
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ TEXT_CHARACTERS = "nNZa"  # neither numbers nor scaled
 def _record_type(fields: tuple[str, ...], characters: str) -> np.dtype[Any] | None:
     if len(fields) != len(characters) or len(set(fields)) != len(fields) or not all(fields):
         return None
-    if not fields or any(c not in _NUMPY_TYPES for c in characters):
+    if any(c not in _NUMPY_TYPES for c in characters):
         return None
     return np.dtype([(f, _NUMPY_TYPES[c][0]) for f, c in zip(fields, characters, strict=True)])
 
@@ -100,7 +100,7 @@ class Format:
             (N,) where complete messages of this format begin.
         """
         dtype = self.dtype()
-        if dtype is None:
+        if not dtype:  # no format, or one without fields
             return {}
         # a record could begin at every byte behind a header
         room = len(data) - self.length + 1
@@ -113,6 +113,16 @@ class Format:
 
 def _scaled(raw: NDArray[Any], divisor: float | None) -> NDArray[Any]:
     return np.ascontiguousarray(raw) if divisor is None else raw / divisor
+
+
+FMT = Format(FMT_TYPE, FMT_LENGTH, "FMT", "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"))
+"""The layout of all format messages. The logs of 2012 to 2014 state it with one name too few, so
+what a log says of it is not needed."""
+
+
+def fields_of(names: str) -> tuple[str, ...]:
+    """Field names of a format message, which joins them by commas."""
+    return tuple(names.split(",")) if names else ()
 
 
 def odd_names(fmt: Format) -> tuple[str, ...]:
@@ -144,6 +154,8 @@ def _format_of(body: bytes) -> Format | None:
     name, characters, fields = (
         part.split(b"\0")[0].decode("latin-1") for part in (body[2:6], body[6:22], body[22:86])
     )
-    fmt = Format(body[0], body[1], name, characters, tuple(fields.split(",")))
+    if (body[0], body[1], name) == (FMT.number, FMT.length, FMT.name):
+        return FMT
+    fmt = Format(body[0], body[1], name, characters, fields_of(fields))
     named = re.fullmatch(r"[A-Za-z0-9_]{1,4}", name) is not None
     return fmt if named and fmt.dtype() is not None else None

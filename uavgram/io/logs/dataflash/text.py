@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.io.logs.dataflash.formats import TEXT_CHARACTERS, Columns, Format
+from uavgram.io.logs.dataflash.formats import FMT, TEXT_CHARACTERS, Columns, Format, fields_of
 from uavgram.io.logs.dataflash.tables import Piece, Tables
 
 _LONGEST_TEXT = 64  # bytes of format Z; a damaged line may be longer
@@ -99,7 +99,11 @@ def _add_format(
     if len(fields) < 5:
         return []
     number, length, name, characters, *names = fields
-    distinct = len(set(names)) == len(names) == len(characters) > 0
+    if name == FMT.name:
+        formats[name] = FMT
+        return []
+    names = list(fields_of(",".join(names)))
+    distinct = len(set(names)) == len(names) == len(characters)
     if not (_is_small(number) and _is_small(length) and distinct):
         return [f"a format message at byte {at} makes no sense and was skipped"]
     stated = Format(int(number), int(length), name, characters, tuple(names))

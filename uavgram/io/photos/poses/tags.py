@@ -18,10 +18,12 @@ from uavgram.errors import InputError
 from uavgram.geometry.motion.nadir_angles import gimbal_from_nadir
 from uavgram.io.photos.exif_gps import ExifPlace, read_exif_place
 from uavgram.io.photos.xmp import DJI, PIX4D, XMP, XmpTags, read_xmp
+from uavgram.model.arrays import Bools
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import HeightDatum
 from uavgram.model.flight.photo_poses import PhotoPoses
 from uavgram.model.message import Message
+from uavgram.model.naming import counted, listed_photos
 
 Angles = tuple[float, float, float]
 NONE: Angles = (math.nan, math.nan, math.nan)
@@ -33,6 +35,9 @@ RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M = 0.05, 0.10
 _EDITORS = re.compile(r"windows|viewer|picasa|photoshop|lightroom|gimp|irfan|photos", re.IGNORECASE)
 _UPSIDE_DOWN_DEG = 90.0
 _NEAR_NADIR_DEG = 30.0
+# An altitude by barometer may be some tens of metres off, and below the sea by as much.
+_LEAST_DEPTH_M = 30.0
+_MIRRORED_SHARE = 0.15  # of the difference to the others that is left where the sign is changed
 
 DJI_GUESS = (
     "DJI writes no datum; without RTK its AbsoluteAltitude is roughly above sea level (barometer "
@@ -142,7 +147,9 @@ MAKERS: tuple[Callable[[XmpTags, ExifPlace], TagPose | None], ...] = (
 
 
 def read_photo_tags(photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
-    """Read the poses that the photos carry; photos without place or height are left out.
+    """Read the poses that the photos carry; photos without place are left out.
+
+    Heights are NaN where a photo states none, or one that cannot be right.
 
     Raises
     ------
@@ -150,12 +157,12 @@ def read_photo_tags(photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
         No photo has a place, tags cannot be read, or the photos' heights have several datums.
     """
     readings = _read_poses(photos)
-    rows = [k for k, pose in enumerate(readings) if _is_complete(pose)]
+    rows = [k for k, pose in enumerate(readings) if _has_place(pose)]
     if not rows:
         raise InputError(
             photos.path[0],
-            f"has no place and height in EXIF or XMP, nor has any of the {len(photos.path)} "
-            "photos: name a file in `poses`, or a `log`",
+            f"has no place in EXIF or XMP, nor has any of the {len(photos.path)} photos: name a "
+            "file in `poses`, or a `log`",
         )
     return _of_tags(photos, rows, readings)
 
@@ -165,8 +172,8 @@ def read_stated_tags(photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, 
 
     None, with a message, where no photo states either.
     """
-    readings = [_without_half_a_place(pose) for pose in _read_poses(photos)]
-    rows = [k for k, pose in enumerate(readings) if _is_complete(pose) or _has_attitude(pose)]
+    readings = _read_poses(photos)
+    rows = [k for k, pose in enumerate(readings) if _has_place(pose) or _has_attitude(pose)]
     if not rows:
         text = (
             f"None of the {len(readings)} photos states a place or an attitude in EXIF or XMP: "
@@ -176,29 +183,25 @@ def read_stated_tags(photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, 
     return _of_tags(photos, rows, readings)
 
 
-def _without_half_a_place(pose: TagPose) -> TagPose:
-    if _is_complete(pose):
-        return pose
-    return replace(pose, latitude_deg=math.nan, longitude_deg=math.nan, height_m=math.nan)
-
-
 def _of_tags(
     photos: Photos, rows: list[int], readings: list[TagPose]
 ) -> tuple[PhotoPoses, tuple[Message, ...]]:
     """The tags of some photos as columns."""
-    chosen = [readings[k] for k in rows]
     frame_id = tuple(photos.frame_id[k] for k in rows)
+    chosen, unused = _without_fillers(frame_id, [readings[k] for k in rows])
     guesses = dict.fromkeys(pose.datum_guess for pose in chosen if pose.datum_guess)
     poses = PhotoPoses(
         frame_id=frame_id,
-        datum=_one_datum(photos, [k for k in rows if _is_complete(readings[k])], readings),
+        datum=_one_datum(
+            photos, [k for k in rows if math.isfinite(readings[k].height_m)], readings
+        ),
         datum_guess="; ".join(guesses),
         ypr_rad=np.radians([p.ypr_deg for p in chosen]),
         vehicle_ypr_rad=np.radians([p.vehicle_ypr_deg for p in chosen]),
         source=", ".join(dict.fromkeys(p.source for p in chosen)),
         **{name: np.array([getattr(pose, name) for pose in chosen]) for name in _COLUMNS},
     )
-    return poses, (*_oddities(frame_id, chosen), *_edited(frame_id, chosen))
+    return poses, (*unused, *_oddities(frame_id, chosen), *_edited(frame_id, chosen))
 
 
 def first_maker(photos: Photos) -> str:
@@ -207,7 +210,7 @@ def first_maker(photos: Photos) -> str:
         pose = _read_pose(photos.path[0])
     except InputError:
         return ""
-    return pose.source if _is_complete(pose) and _has_attitude(pose) else ""
+    return pose.source if _has_place(pose) and _has_attitude(pose) else ""
 
 
 def _read_pose(path: str) -> TagPose:
@@ -221,6 +224,48 @@ def _read_pose(path: str) -> TagPose:
 def _read_poses(photos: Photos) -> list[TagPose]:
     with ThreadPoolExecutor() as pool:
         return list(pool.map(_read_pose, photos.path))
+
+
+def _without_fillers(
+    frame_id: tuple[str, ...], poses: list[TagPose]
+) -> tuple[list[TagPose], list[Message]]:
+    """The poses without angles and altitudes that stand for nothing, and messages on these."""
+    messages = []
+    angles = [pose.ypr_deg for pose in poses if _has_attitude(pose)]
+    if angles and not np.any(angles):
+        poses = [replace(pose, ypr_deg=NONE) for pose in poses]
+        text = (
+            f"{counted(len(angles), 'photo')} state gimbal angles of exactly 0, 0 and 0: the drone "
+            "did not fill them in, and they were not used. State `mount` in the project, or the "
+            "angles in a CSV file (`poses`)."
+        )
+        messages.append(Message("warning", "gimbal-not-filled", text))
+    odd = np.flatnonzero(_is_odd(poses))
+    if odd.size:
+        names = tuple(frame_id[k] for k in odd)
+        stated = sorted({f"{poses[k].height_m:.1f} m" for k in odd})
+        text = (
+            f"{listed_photos(names)} cannot have been taken at the altitude that the tags state "
+            f"({', '.join(stated)}): it is missing, 0 or of the wrong sign, and was not used, the "
+            "place was. Give true heights in a CSV file (`poses`)."
+        ).replace("nan m", "none")
+        messages.append(Message("warning", "odd-altitude", text, frames=names))
+        poses = [replace(p, height_m=math.nan) if k in odd else p for k, p in enumerate(poses)]
+    return poses, messages
+
+
+def _is_odd(poses: list[TagPose]) -> Bools:
+    """(N,) whether the altitude of a place is missing, 0, or below the sea by its sign.
+
+    By its sign is one that mirrors those of the other photos, or where all are below.
+    """
+    height = np.array([pose.height_m for pose in poses])
+    above = height[height > 0]
+    usual = float(np.median(above)) if above.size else math.nan
+    below = (height < -_LEAST_DEPTH_M) & [pose.datum == "msl" for pose in poses]
+    mirrored = np.abs(usual + height) < _MIRRORED_SHARE * (usual - height)
+    missing = np.isnan(height) & [_has_place(pose) for pose in poses]
+    return np.asarray(missing | (height == 0) | (below & (mirrored | math.isnan(usual))))
 
 
 def _one_datum(photos: Photos, placed: list[int], readings: list[TagPose]) -> HeightDatum:
@@ -304,8 +349,8 @@ def _is_place(latitude_deg: float, longitude_deg: float) -> bool:
     return inside and not (latitude_deg == 0 and longitude_deg == 0)
 
 
-def _is_complete(pose: TagPose) -> bool:
-    return _is_place(pose.latitude_deg, pose.longitude_deg) and math.isfinite(pose.height_m)
+def _has_place(pose: TagPose) -> bool:
+    return _is_place(pose.latitude_deg, pose.longitude_deg)
 
 
 def _has_attitude(pose: TagPose) -> bool:

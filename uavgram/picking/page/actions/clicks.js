@@ -1,6 +1,8 @@
 // A place in a photo was clicked: it is of the point that is expected there, or of a new one; what is not clear
 // is asked.
 
+import { marksNear } from "../photos/near.js";
+
 /** @import { Change } from "../connection/protocol.js" */
 /** @import { Pane } from "../photos/pane.js" */
 /** @import { Choice, Given } from "./labels_by_place.js" */
@@ -20,7 +22,7 @@ export class Clicks {
       return;
     }
     const { image } = pane;
-    const found = names.at({ image, u, v, scale: pane.view.scale });
+    const found = names.beside(marksNear(pane, u, v, names.coming), { image, u, v, scale: pane.view.scale });
     if (!found.choices) {
       this.tell(this.take(pane, found.label, u, v, sigma_px), image, found);
       return;
@@ -29,11 +31,13 @@ export class Clicks {
     const answer = (choice) => {
       const { label, say } = names.answered(image, choice);
       if (say) notice.show(say);
+      else if (choice.mark === "pick") this.tools.clickedMark(label);
+      else if (choice.mark) this.tools.proposals.acceptHere(pane, label);
       else this.take(pane, label, u, v, sigma_px);
     };
     state.asked = { image, at: [u, v], view: pane.view, moved: (x, y, view) => question.stand(x, y, view) };
     state.selected = found.about ?? state.selected;
-    question.ask(found.words, found.choices.map((choice) => ({ words: choice.words, act: () => answer(choice) })), pane.box);
+    question.ask(found.words, found.choices.map((choice) => ({ words: choice.words, act: () => answer(choice) })), pane.box, state.tool !== "length");
     rebuild();
   }
 

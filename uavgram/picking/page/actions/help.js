@@ -1,6 +1,7 @@
 // What the keys do, and what is drawn and written means.
 
 import { node, shape } from "../elements/dom.js";
+import { MISFIT, SIGMA } from "../elements/numbers.js";
 import { DIAMOND, HOLLOW, KNOWN, OCTAGON } from "../photos/marks.js";
 import { SHAPES } from "../photos/sources.js";
 import { KEYS } from "./keys.js";
@@ -19,7 +20,7 @@ const MARKS = [
   ["suspect", DIAMOND, "suspect: it does not fit the rest. Look whether it is the right place, or the right length"],
   ["trust doubtful", DIAMOND, "dashed, round a point or as a line: doubtful. It rests on something that does not fit"],
   ["trust contradicted", OCTAGON, "round a point; as a line dotted: contradicted. Do not use it"],
-  ["pulled", STROKE, "residual: from the point to where all else says it is, enlarged as the photo's corner says"],
+  ["pulled", STROKE, "misfit (residual): from the point to where all else says it is, drawn larger, as beneath the photo is said"],
   ["length", STROKE, "a taped length; dashed: only judged"],
   ["measured", STROKE, "a measurement"],
   ["placed", KNOWN.control, "a point with known coordinates that takes part; square: one that is only judged"],
@@ -27,8 +28,8 @@ const MARKS = [
 
 /** @type {[string, string][]} */
 const WORDS = [
-  ["\u00b1, \u03c3", "standard deviation: the true value lies within twice as much 19 times out of 20"],
-  ["w", "how far something is off, in its own standard deviations; above about 3 look again"],
+  ["\u00b1, \u03c3", SIGMA],
+  ["misfit", MISFIT],
   ["\u25cb not checked", "nothing would show an error in it. Rest the pointer there: what an error would do"],
   ["? doubtful, \u2260 contradicted", "grey or struck: something that it rests on does not fit, or contradicts it: do not use it before that is cleared up"],
   ["grey italics", "not of what is marked now: being computed anew, first estimates, or without connection"],

@@ -1,6 +1,7 @@
 // Everything by key. Keys are letters where they name a thing, and nothing while text is typed.
 
 import { as, byId } from "../elements/dom.js";
+import { NUMERAL } from "../elements/numbers.js";
 import { toggleStretch } from "../photos/tone.js";
 import { stepTone } from "../photos/tone_control.js";
 import { snap } from "./snap.js";
@@ -59,7 +60,7 @@ export function listenToKeys(acted) {
   window.addEventListener("keydown", (event) => {
     if (ARROWS[event.key] || MOVING.includes(event.key)) document.body.classList.add("keyed");
     if (closesHelp(event)) event.preventDefault();
-    else if (!isTyped(event) && (acted.tools.question.answers(event) || handle(acted, event))) event.preventDefault();
+    else if (!isTyped(event) && !isForForm(acted, event) && (acted.tools.question.answers(event) || handle(acted, event))) event.preventDefault();
   });
   window.addEventListener("keyup", ({ key }) => { if (key === " ") acted.state.spaceHeld = false; });
   window.addEventListener("blur", () => { acted.state.spaceHeld = false; });
@@ -122,6 +123,10 @@ function isTyped({ key, target }) {
   return isField || (target.matches("button, a, summary") && ["Enter", " "].includes(key));
 }
 
+// A number that is typed while a form waits for one is its number, wherever the focus is: the key goes on to the field.
+/** @param {Acted} acted @param {KeyboardEvent} event */
+const isForForm = ({ tools }, { key, ctrlKey, altKey, metaKey }) => NUMERAL.test(key) && !ctrlKey && !altKey && !metaKey && tools.toNumber();
+
 // What a key is called in the tables above.
 /** @param {KeyboardEvent} event */
 function* namesOf({ key, shiftKey, altKey, ctrlKey, metaKey }) {
@@ -180,7 +185,7 @@ export const KEYS = [
       "Alt+PageDown": ({ navigation }) => navigation.turn(1, true), "Alt+PageUp": ({ navigation }) => navigation.turn(-1, true) } },
     { keys: "Ctrl+1  2  4", what: "panes", does: Object.fromEntries([1, 2, 4].map((count) => [`Ctrl+${count}`, /** @type {Act} */ (({ setPanes }) => setPanes(count))])) },
     { keys: "K", what: "all panes show the same ground", does: { k: ({ panes }) => panes.toggleLink() } },
-    { keys: "E R O T U", what: "ellipses, residuals, predictions, labels, lines", does: toggles({ e: "ellipses", r: "residuals", o: "predicted", t: "labels", u: "lines" }) },
+    { keys: "E R O T U", what: "ellipses (how exact), misfits, where points are expected, labels, lines", does: toggles({ e: "ellipses", r: "residuals", o: "predicted", t: "labels", u: "lines" }) },
     { keys: "Shift+T", what: "tie points", does: { T: ({ navigation }) => void navigation.toggleTies() } },
     { keys: "M", what: "magnifier; by touch: let a finger rest, slide, and lift it to place", does: { m: ({ navigation }) => navigation.toggleLoupe() } },
     { keys: "0   [ ]   { }", what: "brightness: automatic or as it is; darker, brighter; contrast", does: {

@@ -1,16 +1,17 @@
 // Which label a click places: that of the point that is expected there, else a new one. A name that
 // somebody typed is taken, and asked about where it does not fit.
 
-import { adjusted, freeName, labels, pickAt, predictedIn, stale, store } from "../connection/store.js";
+import { adjusted, freeName, labels, namedLabels, pickAt, predictedIn, proposalAt, stale, store } from "../connection/store.js";
 import { aside, isTelling, meant, nearness } from "../photos/regions.js";
 import { TOOLS } from "./keys.js";
 
 /** @import { Predicted } from "../connection/protocol.js" */
 /** @import { Link } from "../connection/link.js" */
+/** @import { Near } from "../photos/near.js" */
 /** @import { PageState } from "./page_state.js" */
 
 /** @typedef {{ u: number, v: number, scale: number, image: number }} Click */
-/** @typedef {{ label: string, words: string, isNew?: boolean }} Choice */
+/** @typedef {{ label: string, words: string, isNew?: boolean, mark?: "pick" | "hollow" }} Choice `mark`: it is one that is there */
 /**
  * A label, and what is to be said of it; `instead`: the name of a new point, which may have been meant.
  * @typedef {{ label: string, say?: string, instead?: string, choices?: undefined }} Given
@@ -62,7 +63,7 @@ export class LabelsByPlace {
   free(given = this.inBox) {
     const prefix = given.replace(/\d*$/, "") || "P";
     const coming = this.link.unconfirmed.flatMap((one) => (one.t === "place" ? [one.label] : one.t === "split" || one.t === "rename" ? [one.new] : []));
-    return freeName(prefix, new Set([...labels(), ...coming]));
+    return freeName(prefix, new Set([...namedLabels(), ...coming]));
   }
 
   /** @param {Click} click @returns {Given | Unclear} */
@@ -78,6 +79,21 @@ export class LabelsByPlace {
     if (likely.length === 1) return likely[0] === given ? { label: given } : { label: likely[0], say: `This is ${likely[0]}: it was expected here.`, instead: this.free() };
     if (likely.length) return { words: "Which point is this? More than one is expected here.", choices: this.choices(likely) };
     return this.outside(click, name, here, say);
+  }
+
+  // A click beside marks may mean one of them, or another point: the photo may show two in the room of one mark.
+  /** @param {Near[]} near @param {Click} click @returns {Given | Unclear} */
+  beside(near, click) {
+    const found = this.at(click);
+    const marks = near.filter(({ label }) => label !== this.state.draft.at(-1)); // no line leads from a point to itself
+    if (!near.length) return found;
+    /** @param {string | undefined} label @returns {Choice[]} */
+    const choice = (label) => (!label ? [] : this.isThere(label) ? [{ label, words: `${label}, where you clicked` }] : [{ label, words: `A new point, ${label}`, isNew: true }]);
+    return {
+      words: `${near[0].label} is very near. Which point is this? The wheel zooms in.`,
+      choices: [...marks.slice(0, MOST_CHOICES).map(({ label, hollow }) => ({ label, words: hollow ? `${label}, where the program found it` : label, mark: /** @type {Choice["mark"]} */ (hollow ? "hollow" : "pick") })),
+        ...(found.choices ?? [...choice(found.label), ...choice(found.instead)])],
+    };
   }
 
   // A click where nothing is expected is a new point; where nothing tells what is expected, a point that was
@@ -108,7 +124,8 @@ export class LabelsByPlace {
   }
 
   /** The label of an answer that somebody took his time for: what it was called may have changed. @param {number} image @param {Choice} choice @returns {Given} */
-  answered(image, { label, isNew }) {
+  answered(image, { label, isNew, mark }) {
+    if (mark) return { label, say: (mark === "pick" ? pickAt : proposalAt)(image, label) ? "" : `${label} is no longer there. Click again.` };
     if (isNew) return { label: this.isThere(label) ? this.free(label) : label };
     return this.taken(image, label) ? { label: "", say: `${label} was picked in this photo meanwhile. Click again.` } : { label };
   }

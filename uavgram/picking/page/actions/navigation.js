@@ -12,7 +12,6 @@ import { bringTies, tiesIn } from "../photos/ties.js";
 
 const NUDGE_REST_MS = 700; // nudges closer together than this are one step
 const PAN_PX = 60; // for each press of an arrow
-const SAME_PLACE_PX = 4; // on the screen: a second point would hide the first
 
 // One further or back, round and round; from nowhere to the first or the last.
 /** @param {number} at @param {number} by @param {number} count */
@@ -45,11 +44,7 @@ export class Navigation {
       return true;
     }
     if (tool !== "pick" && tools.finish()) return true;
-    const at = pane.inside(...pane.view.middle);
-    const there = selected ? pickAt(pane.image, selected) : null;
-    if (there && Math.hypot(there.u_px - at[0], there.v_px - at[1]) * pane.view.scale < SAME_PLACE_PX) {
-      this.notice.show(`${selected} is here already: choose another with N or B, or move the photo with Ctrl and the arrows.`, true);
-    } else tools.clicked(pane, ...at);
+    tools.clicked(pane, ...pane.inside(...pane.view.middle));
     return true;
   }
 

@@ -41,7 +41,7 @@ function take(tools, pane, label, wanted, found) {
   } else if (label) {
     tools.placeAt(pane, label, found.u_px, found.v_px, found.sigma_px);
     const which = found.is_sure ? "" : " that looks like it (no match with another photo says so: see whether it is)";
-    notice.show(`${label} is on a ${found.what}${which}: u ${found.u_px.toFixed(2)}, v ${found.v_px.toFixed(2)}, sigma ${found.sigma_px.toFixed(2)} px`, true);
+    notice.show(`${label} is on a ${found.what}${which}: u ${found.u_px.toFixed(2)}, v ${found.v_px.toFixed(2)} \u00b1 ${found.sigma_px.toFixed(2)} px`, true);
   } else tools.clicked(pane, found.u_px, found.v_px, found.sigma_px);
 }
 

@@ -138,15 +138,22 @@ export class Tools {
     if (this.state.tool !== "pick") this.extend(label);
   }
 
+  // Why a point cannot be the next one of what is drawn; empty where it can.
+  /** @param {string} label */
+  faultOf(label) {
+    const { draft, tool } = this.state;
+    if (draft.at(-1) === label) return `${label} is chosen already: choose another point.`;
+    return TOOLS[tool].apart && labels().includes(label) ? placeFault(label) : "";
+  }
+
   /** @param {string} label */
   extend(label) {
     const form = this.state.entry && typedForm();
     if (form) this.entered(form); // as Enter does
     if (form && this.state.entry) return; // and says what is wrong
     const { draft, tool } = this.state;
-    const { apart, most } = TOOLS[tool];
-    if (draft.at(-1) === label) return;
-    const why = apart && labels().includes(label) ? placeFault(label) : "";
+    const { most } = TOOLS[tool];
+    const why = this.faultOf(label);
     if (why) {
       this.notice.show(why);
       return;
@@ -191,6 +198,15 @@ export class Tools {
     this.state.entry = entry;
     this.showForms();
     inputIn('form[data-row="entry"] input')?.focus();
+  }
+
+  // To the number that an open form waits for; whether one does.
+  toNumber() {
+    const field = inputIn('form[data-row="entry"] label:not([hidden]) > input[inputmode]');
+    if (!field || !this.state.entry || (this.question.isOpen && this.question.counted)) return false;
+    this.showForms(); // another tab may be shown
+    field.focus();
+    return true;
   }
 
   /** @param {HTMLFormElement} form */

@@ -2,6 +2,8 @@
 
 /** @import { Answers, Change, Question, ServerMessage } from "./protocol.js" */
 
+import { keyed, leaveIfRefused } from "./key.js";
+
 const AGAIN_AFTER_MS = 1000;
 
 export class Link {
@@ -17,12 +19,16 @@ export class Link {
     this.steps = Date.now(); // step numbers of several pages must not meet
     /** @type {Map<number, { yes: (answer: ServerMessage) => void, no: (fault: Error) => void }>} */
     this.asked = new Map();
+    this.wasOpen = false;
     this.socket = this.open();
   }
 
   open() {
-    const socket = new WebSocket(`ws://${location.host}/socket`);
-    socket.onopen = () => this.onState(true);
+    const socket = new WebSocket(`ws://${location.host}${keyed("/socket")}`);
+    socket.onopen = () => {
+      this.wasOpen = true;
+      this.onState(true);
+    };
     socket.onmessage = ({ data }) => {
       /** @type {unknown} */
       const message = JSON.parse(`${data}`);
@@ -30,6 +36,7 @@ export class Link {
     };
     socket.onclose = () => {
       this.onState(false);
+      if (!this.wasOpen) void leaveIfRefused();
       this.under = null;
       for (const { no } of this.asked.values()) no(new Error("the connection is gone"));
       this.asked.clear();

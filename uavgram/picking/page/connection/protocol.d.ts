@@ -40,7 +40,7 @@ export interface Flight { track: [number, number, number][] } // UTC time [s], e
 export interface Predicted { image: number; label: string; pixel_px: [number, number]; spread: Spread }
 // What the program found of a label in a photo, and where it is to be picked by hand, and why.
 // From which pick: of a match alone.
-export interface Proposal { image: number; label: string; u_px: number; v_px: number; sigma_px: number; score: number; source: Source; from_image: Maybe }
+export interface Proposal { image: number; label: string; u_px: number; v_px: number; sigma_px: number; score: number; source: Source; from_image: Maybe; is_sure: boolean } // is_sure: nobody need look at it
 export interface Asked { image: number; label: string; why: string }
 export interface Proposals { labels: string[]; found: Proposal[]; asked: Asked[]; left: number } // all of these labels; left: places to look at
 export interface Outputs { folder: string; files: { name: string; words: string }[]; recording: boolean; version: number | null }
@@ -100,9 +100,11 @@ export interface PlannedPlate { name: string; side: string; place: string; corne
 // `why`: why the program does not look for the plates, if it does not.
 export interface Planned { lines: PlannedLine[]; plates: PlannedPlate[]; why: string }
 export interface ControlLine { name: string; points: string[] } // of known position; what is picked on it
+// Of the survey to play with: the file of what was taped on its scene, and what that says.
+export interface Sample { file: string; text: string }
 export interface InitialState extends Standing {
   t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null;
-  control: string[]; check: string[]; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[];
+  control: string[]; check: string[]; named: string[]; sample: Sample | null; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[];
   state: { picks: Pick[]; lines: Line[]; measurements: Measurement[] };
   live: FullLive | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;
 }

@@ -2,7 +2,7 @@
 
 import { useUnits } from "../elements/units.js";
 
-/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, ControlLine, Fit, Flight, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Planned, Predicted, Proposal, Proposals, Remark, ServerMessage, Standing } from "./protocol.js" */
+/** @import { Adjusted, Asked, Calibration, Camera, Changed, Clock, ControlLine, Fit, Flight, FullLive, Height, InitialState, Linearised, Line, Live, Measurement, Outputs, Photo, Pick, Planned, Predicted, Proposal, Proposals, Remark, Sample, ServerMessage, Standing } from "./protocol.js" */
 
 /**
  * @typedef {object} Store
@@ -14,6 +14,8 @@ import { useUnits } from "../elements/units.js";
  * @property {Camera | null} camera
  * @property {string[]} control
  * @property {string[]} check
+ * @property {string[]} named labels that the project's other tables, or the photos of the sample, have for points
+ * @property {Sample | null} sample
  * @property {ControlLine[]} controlLines
  * @property {Remark[]} opening
  * @property {boolean} recovered
@@ -54,6 +56,8 @@ export const store = {
   camera: null,
   control: [],
   check: [],
+  named: [],
+  sample: null,
   controlLines: [],
   opening: [],
   recovered: false,
@@ -106,11 +110,11 @@ export function receive(message, moved) {
 }
 
 /** @param {InitialState} message */
-function begin({ project, units, photos, camera, control, check, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, ...message }) {
+function begin({ project, units, photos, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, ...message }) {
   const { picks, lines, measurements } = message.state;
   useUnits(units);
   Object.assign(store, {
-    begun: true, project, photos, camera, control, check, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, lines, measurements,
+    begun: true, project, photos, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, lines, measurements,
     tilePx: message.tile_px,
     pickSigmaPx: message.pick_sigma_px,
     controlLines: message.control_lines,
@@ -231,6 +235,12 @@ export function standsAt(label) {
 export function labels() {
   return [...new Set([...store.picks.values()].map((pick) => pick.label))];
 }
+
+// All names that points have, whether they are picked yet or not.
+export const namedLabels = () => [...new Set([
+  ...labels(), ...store.control, ...store.check, ...store.named,
+  ...[...store.lines, ...store.planned.lines].flatMap(({ start, end }) => [start, end]), ...store.measurements.flatMap(({ points }) => points), ...store.planned.plates.flatMap(({ corners }) => corners),
+])];
 
 /** How many picks each label has. */
 export function countsOfPicks() {

@@ -4,11 +4,33 @@ import { lengthUnit, quantity, sizeText } from "./units.js";
 
 /** @import { Measured } from "../connection/protocol.js" */
 
-export const missing = "\u2013";
+export const NUMERAL = /^[\d.,]$/; // what a key writes into a number
 
-/** @param {number | null | undefined} value @param {number} digits */
+// What terms of the field mean, for who rests the pointer on them.
+export const SIGMA = "standard deviation: the true value lies within twice as much 19 times out of 20";
+export const MISFIT = "how far it is off, in its own standard deviations; what is above about 3 deserves a second look";
+const BENDS = "how the lens bends straight lines, the more the farther from the middle";
+/** By the first word that they are called by. @type {Record<string, string | undefined>} */
+const TERMS = {
+  Sigma: SIGMA, Friction: "how well the tyres hold on this road, such as 0.7 on dry asphalt",
+  fx: "focal length across the photo", fy: "focal length down the photo", cx: "where the lens looks straight ahead: from the left", cy: "where the lens looks straight ahead: from the top",
+  k1: BENDS, k2: BENDS, k3: BENDS, k4: BENDS, p1: "how the lens is tilted against the sensor", p2: "how the lens is tilted against the sensor",
+  principal: "where the lens looks straight ahead", distortion: BENDS, folds: "from where on the formula of the lens no longer holds",
+  brown: "bends lines by Brown's formula, as ordinary lenses do", fisheye: "sees very wide, and bends lines strongly",
+};
+
+/** In sentences. @type {Record<string, string>} */
+const STATISTICS = { sigma: SIGMA, w: MISFIT, "variance factor": "how much larger misfits are than stated errors explain; 1 is as stated", "chi-square": "the squares of all misfits together, which chance alone makes about as many as there are values" };
+
+/** What terms in a sentence mean. @param {string} text */
+export const explained = (text) => Object.entries(STATISTICS).flatMap(([term, words]) => (new RegExp(`\\b${term}s?\\b`).test(text) ? [`${term}: ${words}`] : [])).join("\n") || null;
+
+/** What a caption means that is a term of the field. @param {string} caption */
+export const meaning = (caption) => TERMS[caption.split(/[ ,]/)[0]] ?? null;
+
+/** Nothing where there is no value. @param {number | null | undefined} value @param {number} digits */
 export function fixed(value, digits) {
-  if (value === null || value === undefined) return missing;
+  if (value === null || value === undefined) return "";
   const words = value.toFixed(digits);
   return Number(words) === 0 ? words.replace("-", "") : words;
 }
@@ -23,7 +45,7 @@ export function places(sigma) {
 // With a unit as the server says it ("m", "m2", "m/s"...), in the units of the project.
 /** @param {number | null | undefined} value @param {number | null | undefined} sigma @param {string} unit */
 export function withSigma(value, sigma, unit = "") {
-  if (value === null || value === undefined) return missing;
+  if (value === null || value === undefined) return "";
   if (unit && unit !== "%") return quantity(value, sigma, unit);
   const digits = places(sigma);
   const error = sigma === null || sigma === undefined ? "" : ` \u00b1 ${sigma.toFixed(digits)}`;
@@ -65,7 +87,7 @@ export const valueText = ({ value, sigma, unit }) => withSigma(value, sigma, uni
 // A slope as on a road sign.
 /** @param {Measured} found its angle [deg] */
 export function gradeText({ value, sigma }) {
-  if (value === null) return missing;
+  if (value === null) return "";
   const [angle, spread] = [value, sigma ?? 0].map((degree) => (degree * Math.PI) / 180);
   return withSigma(100 * Math.tan(angle), sigma === null ? null : (100 * spread) / Math.cos(angle) ** 2, "%");
 }
@@ -73,7 +95,7 @@ export function gradeText({ value, sigma }) {
 // What other solutions, that fit as well, make of a value; empty where there is none.
 /** @param {Measured} found */
 export function alternativesText({ alternatives, sigma, unit }) {
-  const words = alternatives.map((value) => (value === null ? missing : valueOnly(value, sigma, unit)));
+  const words = alternatives.flatMap((value) => (value === null ? [] : [valueOnly(value, sigma, unit)]));
   if (!words.length) return "";
   const last = /^\S+( \S+)$/.exec(words[words.length - 1])?.[1] ?? ""; // numbers of one unit have it once
   const alike = last && words.every((one) => one.endsWith(last));

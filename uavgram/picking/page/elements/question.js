@@ -2,6 +2,7 @@
 // without an answer has cancelled it.
 
 import { node } from "./dom.js";
+import { NUMERAL } from "./numbers.js";
 
 /** @typedef {{ words: string, act: () => void }} Choice */
 
@@ -13,18 +14,20 @@ export class Question {
     this.ended = ended;
     /** @type {HTMLElement | null} */
     this.box = null;
+    this.counted = true;
   }
 
   get isOpen() {
     return this.box !== null;
   }
 
-  /** @param {string} words @param {Choice[]} choices the first is what Enter does @param {Element} place in which it stands */
-  ask(words, choices, place = document.body) {
+  /** @param {string} words @param {Choice[]} choices the first is what Enter does @param {Element} place in which it stands @param {boolean} counted whether digits answer it */
+  ask(words, choices, place = document.body, counted = true) {
     this.cancel();
     const buttons = choices.map((choice, k) => node("button", {
-      type: "button", "aria-keyshortcuts": `${k + 1}`, title: k ? `${k + 1}` : "1, or Enter", onclick: () => this.end(choice.act),
-    }, node("kbd", { "aria-hidden": "true" }, `${k + 1} `), choice.words));
+      type: "button", onclick: () => this.end(choice.act), ...(counted ? { "aria-keyshortcuts": `${k + 1}`, title: k ? `${k + 1}` : "1, or Enter" } : {}),
+    }, counted ? node("kbd", { "aria-hidden": "true" }, `${k + 1} `) : null, choice.words));
+    this.counted = counted;
     this.box = node("div", { class: "question", role: "alertdialog", "aria-labelledby": "question" },
       node("p", { id: "question" }, words),
       node("div", { class: "answers" }, ...buttons, node("button", { type: "button", onclick: () => this.cancel() }, CANCEL)));
@@ -51,9 +54,9 @@ export class Question {
   answers({ key, repeat, ctrlKey, altKey, metaKey }) {
     if (!this.box || ctrlKey || altKey || metaKey) return false;
     const buttons = [...this.box.querySelectorAll("button")];
-    const button = key === "Escape" ? buttons.at(-1) : buttons.slice(0, -1)[key === "Enter" ? 0 : Number(key) - 1];
+    const button = key === "Escape" ? buttons.at(-1) : buttons.slice(0, -1)[key === "Enter" ? 0 : this.counted ? Number(key) - 1 : -1];
     if (!repeat) button?.click();
-    return Boolean(button);
+    return Boolean(button) || (!this.counted && NUMERAL.test(key)); // a number that comes too early is no other key's business
   }
 
   // Within it, Enter is of the button that has the focus, and the arrows go from one to the next.

@@ -2,7 +2,7 @@
 
 import { isSuspect } from "../connection/store.js";
 import { fillIfNew, node } from "./dom.js";
-import { fixed, missing } from "./numbers.js";
+import { explained, fixed } from "./numbers.js";
 
 /** @import { Remark, Trust } from "../connection/protocol.js" */
 /** @import { Child } from "./dom.js" */
@@ -97,7 +97,7 @@ export const remove = (what, act) => node("button", { class: "small", name: "rem
 
 // `more`: what stands beneath a message, such as a button that does what it asks for.
 /** @template {Pick<Remark, "level" | "text"> & Partial<Remark>} M @param {M[]} messages @param {(message: M) => Node | null} more */
-export const list = (messages, more = () => null) => node("ul", { class: "messages" }, ...messages.map((message) => node("li", { class: message.level }, message.text, message.code ? node("small", { class: "code" }, ` ${message.code}`) : null, more(message))));
+export const list = (messages, more = () => null) => node("ul", { class: "messages" }, ...messages.map((message) => node("li", { class: message.level, title: explained(message.text) }, message.text, message.code ? node("small", { class: "code" }, ` ${message.code}`) : null, more(message))));
 
 // Numbers into the cells of a part that stays: making it anew at each move of a drag takes too long, and so
 // does making cells that say what they said before. `sign`: what the cells of a row show.
@@ -132,7 +132,7 @@ export const beneath = (columns, kind = "") => node("tr", { class: "beneath" }, 
 // `why`: what is to be known of it where the pointer rests.
 /** @param {number | null | undefined} w @param {string | undefined} status */
 export function wCell(w, status, why = "") {
-  if (w === null || w === undefined) return missing;
+  if (w === null || w === undefined) return "";
   const words = fixed(w, Math.abs(w) < 100 ? 1 : 0); // what is so far off leaves the row no room for more
   if (isSuspect(status)) return node("span", { class: "bad", title: why || "suspect" }, `\u25c6 ${words}`);
   return why ? node("span", { title: why }, words) : words;

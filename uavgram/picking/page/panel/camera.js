@@ -1,8 +1,10 @@
 // The tab of the camera: what is known of it, what is odd about it, and a calibration.
 
+import { keyed } from "../connection/key.js";
 import { adjusted, store } from "../connection/store.js";
 import { as, node } from "../elements/dom.js";
-import { fill, keep, list, table, titled } from "../elements/table.js";
+import { meaning, SIGMA } from "../elements/numbers.js";
+import { about, fill, keep, list, table, titled } from "../elements/table.js";
 import { textIn } from "./entry.js";
 
 /** @import { ProjectActions } from "../actions/project_actions.js" */
@@ -21,15 +23,15 @@ function knownPart(camera) {
   const learnt = (adjusted()?.messages ?? []).filter(({ code }) => code.startsWith("camera-") || code.startsWith("lens-"));
   const all = [...new Map([...camera.messages, ...learnt].map((message) => [message.text, message])).values()];
   return keep("camera", [camera, all], () => {
-    const rows = camera.parameters.map((cells) => node("tr", {}, ...cells.map((cell) => node("td", {}, cell))));
+    const rows = camera.parameters.map((cells) => node("tr", {}, ...cells.map((cell) => node("td", { title: meaning(cell) }, cell === "\u2013" ? "" : cell))));
     const [warnings, others] = [all.filter(({ level }) => level !== "info"), all.filter(({ level }) => level === "info")];
     return node("div", {}, warnings.length ? titled(`Warnings (${warnings.length})`, list(warnings)) : null,
-      titled("Camera", node("p", {}, `${camera.name}: ${camera.width_px} \u00d7 ${camera.height_px} px, ${camera.model} lens${camera.file && ` (${camera.file})`}`),
+      titled("Camera", node("p", {}, `${camera.name}: ${camera.width_px} \u00d7 ${camera.height_px} px, `, about(`${camera.model} lens`, meaning(camera.model) ?? ""), camera.file && ` (${camera.file})`),
         ...camera.source.map((line) => node("p", { class: "dim" }, line)),
-        table("Interior orientation", ["parameter", "value", "\u03c3", "\u03c3/value"], rows)),
+        table("What the lens does", ["parameter", "value", about("\u03c3", SIGMA), about("\u03c3/value", "\u03c3 as a share of the value")], rows)),
       titled("What that means", node("dl", { class: "facts" }, ...camera.facts.flatMap((line) => {
         const [, name, words] = /^(.*?) {2,}(.*)$/.exec(line) ?? ["", "", line];
-        return [node("dt", {}, name), node("dd", {}, words)];
+        return [node("dt", { title: meaning(name) }, name), node("dd", {}, words)];
       })), others.length ? list(others) : null));
   });
 }
@@ -75,7 +77,7 @@ function runShown(run, project) {
     : [node("p", { class: "why" }, `It is for ${run.width_px} \u00d7 ${run.height_px} px, the project's photos have ${width_px} \u00d7 ${height_px}: it is not theirs.`)];
   return titled("Calibration", node("p", { role: "status" }, run.verdict), list(run.reasons.map((text) => ({ level: /** @type {const} */ ("warning"), text }))), node("p", { class: "dim" }, run.counts),
     node("dl", { class: "facts" }, ...run.facts.flatMap(([question, answer]) => [node("dt", {}, question), node("dd", {}, answer)])),
-    node("p", {}, "Written: ", node("code", {}, run.file), ". ", node("a", { href: "/calibration", target: "_blank", rel: "noopener" }, "Open its report")), ...use);
+    node("p", {}, "Written: ", node("code", {}, run.file), ". ", node("a", { href: keyed("/calibration"), target: "_blank", rel: "noopener" }, "Open its report")), ...use);
 }
 
 // The board as the command line writes it.

@@ -1,6 +1,7 @@
 // Forms that ask for what clicks cannot say: a length's reading, a skid's friction, a name.
 
 import { as, fillIfNew, node } from "../elements/dom.js";
+import { meaning } from "../elements/numbers.js";
 import { drop, keep } from "../elements/table.js";
 import { fieldText, fieldUnit, parseLength, understood } from "../elements/units.js";
 import { placeText, speedFacts } from "./speed.js";
@@ -33,7 +34,7 @@ export function entryPart(entry, tools) {
 /** @param {Entry} entry @param {Tools} tools */
 function entryForm(entry, tools) {
   /** @param {string} name @param {string} caption @param {Attribute} value @param {Record<string, Attribute>} more */
-  const field = (name, caption, value, more = {}) => node("label", {}, caption, node("input", { name, value, required: true, autocomplete: "off", ...more }));
+  const field = (name, caption, value, more = {}) => node("label", { title: meaning(caption) }, caption, node("input", { name, value, required: true, autocomplete: "off", ...more }));
   const number = { inputmode: "decimal" };
   const name = field("name", "Name", entry.name, { maxlength: 200 });
   const title = entry.t === "line" ? `Taped length ${entry.start} \u2013 ${entry.end}` : `${KINDS[entry.kind]} ${entry.points.join(" \u2013 ")}`;

@@ -9,7 +9,8 @@ import { fillIfNew, node } from "../elements/dom.js";
 
 const list = node("ol", {});
 const title = node("summary", {});
-const box = node("details", { class: "steps", open: true, "aria-label": "First steps" }, title, list);
+const readings = node("details", { class: "readings" }); // of the sample's tape
+const box = node("details", { class: "steps", open: true, "aria-label": "First steps" }, title, list, readings);
 
 /** @param {PageState} state */
 export function firstStepsPart(state) {
@@ -18,6 +19,7 @@ export function firstStepsPart(state) {
   if (!store.begun || (done === steps.length && !state.showsSteps)) return null;
   fillIfNew(title, `${done} ${steps.length}`, () => [`First steps: ${done} of ${steps.length} done`]);
   fillIfNew(list, JSON.stringify(steps), () => steps.map((step) => stepItem(step, step === steps.find((one) => !one.done))));
+  fillIfNew(readings, store.sample?.file ?? "", () => (store.sample ? [node("summary", {}, "What was taped on the sample's scene"), node("p", { class: "dim" }, "In ", node("code", {}, store.sample.file), ":"), node("pre", {}, store.sample.text)] : []));
   return box;
 }
 

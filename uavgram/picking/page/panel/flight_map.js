@@ -3,7 +3,7 @@
 import { roving } from "../actions/keys.js";
 import { store } from "../connection/store.js";
 import { choose, node, shape } from "../elements/dom.js";
-import { fixed, missing } from "../elements/numbers.js";
+import { fixed } from "../elements/numbers.js";
 import { keep, titled } from "../elements/table.js";
 import { sizeText } from "../elements/units.js";
 
@@ -13,9 +13,10 @@ import { sizeText } from "../elements/units.js";
 
 const [WIDTH, MOST_HEIGHT, LEAST_HEIGHT, EDGE, DOT] = [296, 220, 90, 16, 5];
 const [LABEL_WIDTH, LABEL_HEIGHT] = [50, 12];
+const UNTIMED = "time not known";
 
-/** Time of day in UTC. @param {number | null} seconds @param {number} digits of a second */
-export const utcText = (seconds, digits) => (seconds === null ? missing : new Date(seconds * 1000).toISOString().slice(11, digits ? 20 + digits : 19));
+/** Time of day in UTC; nothing where it is not known. @param {number | null} seconds @param {number} digits of a second */
+export const utcText = (seconds, digits, zone = "") => (seconds === null ? "" : `${new Date(seconds * 1000).toISOString().slice(11, digits ? 20 + digits : 19)}${zone}`);
 
 /** @param {(image: number) => void} show @param {number | undefined} current the photo in use */
 export function flightMap(show, current) {
@@ -45,7 +46,7 @@ function made(placed, track, show) {
   const { x, y, height } = scales;
   const dots = node("div", { class: "dots" }, ...placed.map(({ photo, k, east, north }) => {
     const timed = photo.event?.status === "certain" ? ", by its camera event" : "";
-    const dot = node("button", { "data-image": k, class: timed ? "by-event" : "", "aria-label": `${photo.name}, ${utcText(photo.time_utc_s, 1)} UTC`, title: `${photo.name}: ${utcText(photo.time_utc_s, 2)} UTC${timed}${clockText(photo)}`, onclick: () => show(k) });
+    const dot = node("button", { "data-image": k, class: timed ? "by-event" : "", "aria-label": `${photo.name}, ${utcText(photo.time_utc_s, 1, " UTC") || UNTIMED}`, title: `${photo.name}: ${utcText(photo.time_utc_s, 2, " UTC") || UNTIMED}${timed}${clockText(photo)}`, onclick: () => show(k) });
     Object.assign(dot.style, { left: `${(100 * x(east)) / WIDTH}%`, top: `${(100 * y(north)) / height}%` });
     return dot;
   }));

@@ -23,14 +23,26 @@ function clockPart(now) {
   const { clock } = store;
   if (!clock) return titled("Clock", node("p", {}, "There is no flight log: no clock to match."));
   /** @param {ClockOffset} of */
-  const offset = ({ offset_s, sigma_s }) => `${fixed(offset_s, 3)} \u00b1 ${fixed(sigma_s, 3)} s`;
+  const offset = ({ offset_s, sigma_s }) => withSigma(offset_s, sigma_s, "s") || "not known";
   const events = clock.events ? `: ${clock.events} camera events, ${clock.unused.length ? `${clock.unused.length} without a photo` : "each with its photo"}` : ": photos are matched by their times";
   return titled("Clock", node("p", {}, `Log: ${clock.log}${events}.`),
     node("p", {}, `Camera clock minus UTC: ${offset(clock)} before the adjustment`, now?.clock ? `, ${offset(now.clock)} after it.` : "."));
 }
 
+/** Words about a value; none where it is not known. @param {string} before @param {string} value @param {string} after */
+const told = (before, value, after = "") => (value ? `${before} ${value}${after}` : "");
+
 /** The largest of sigmas; none where all are none. @param {(number | null)[] | undefined} sigma */
 const most = (sigma) => (sigma?.some((one) => one !== null) ? Math.max(...sigma.map(Number)) : null);
+
+/** How a photo was matched, and what the flight alone says of it. @param {Photo} photo */
+const wordsOf = ({ reason, event, seed }) => [
+  reason, told("its camera event in the log is", event?.status ?? ""), told("and off by", fixed(event?.residual_s, 3), " s"),
+  told("by the flight", withSigma(seed?.up_m, null, "m"), " up"), told("direction \u00b1", fixed(seed?.turn_sigma_deg, 2), "\u00b0"),
+];
+
+/** @type {Record<string, string | undefined>} */
+const STATUS = { refined: "fitted", seeded: "flight only", rejected: "left out" };
 
 /** @param {Facts[]} facts @param {(image: number) => void} show */
 function framesPart(facts, show) {
@@ -39,16 +51,14 @@ function framesPart(facts, show) {
     const refined = found?.status === "refined" ? most(found.sigma_m) : null;
     const [status, trust] = found ? [found.status, found.standing] : [photo.matched ? "matched" : "unmatched", undefined];
     const utc = utcText(photo.time_utc_s, 2);
-    const words = [photo.time_utc_s === null ? "" : `${utc} UTC`, photo.reason, photo.event ? `event ${photo.event.status}, ${fixed(photo.event.residual_s, 3)} s off` : "",
-      photo.seed ? `seed: ${withSigma(photo.seed.up_m, null, "m")} up, direction \u00b1 ${photo.seed.turn_sigma_deg}\u00b0` : "", found?.moved_m ? `moved by ${withSigma(found.moved_m, null, "m")}` : ""];
-    return node("tr", { title: words.filter(Boolean).join("; "), "data-row": `frame ${k}`, "data-status": trust?.status },
+    return node("tr", { title: [utc && `${utc} UTC`, ...wordsOf(photo), told("moved by", withSigma(found?.moved_m, null, "m"))].filter(Boolean).join("; "), "data-row": `frame ${k}`, "data-status": trust?.status },
       node("td", { class: "named ended", title: photo.name }, standingSign(trust), node("button", { class: "link", name: "show", "aria-label": `Show ${photo.name}`, onclick: () => show(k) }, node("bdi", {}, photo.name))),
-      node("td", {}, `${picks}`), node("td", {}, status), node("td", {}, fixed(inLength(seed), 2)), node("td", { class: "value" }, trusted(trust, fixed(inLength(refined), 2))),
+      node("td", {}, `${picks}`), node("td", {}, STATUS[status] ?? status), node("td", {}, fixed(inLength(seed), 2)), node("td", { class: "value" }, trusted(trust, fixed(inLength(refined), 2))),
       node("td", { class: "wide-only" }, utc));
   });
   const matched = facts.filter(({ photo }) => photo.matched).length;
-  return titled(`Frames (${matched} of ${facts.length} matched)`, node("p", { class: "dim" }, `How well the camera's place is known, \u03c3 in ${lengthUnit() === "m" ? "metres" : "feet"}: from the flight alone (seed), and now.`),
-    table("Frames", ["photo", "picks", "status", about("seed \u03c3", "before any pick, from the flight log or the given poses"), about("now", "\u03c3 with all picks and lengths"), node("span", { class: "wide-only" }, "UTC")], rows));
+  return titled(`Frames (${matched} of ${facts.length} matched)`, node("p", { class: "dim" }, `How well the camera's place is known, \u03c3 in ${lengthUnit() === "m" ? "metres" : "feet"}: from the flight alone, and now.`),
+    table("Frames", ["photo", "picks", "status", about("flight", "\u03c3 before any pick, from the flight log or the given poses"), about("now", "\u03c3 with all picks and lengths"), node("span", { class: "wide-only" }, "UTC")], rows));
 }
 
 /** @param {Facts[]} facts */

@@ -1,6 +1,6 @@
 // What the header says: how far the numbers are, whether all is saved, what can be undone.
 
-import { labels, stale, store } from "../connection/store.js";
+import { namedLabels, stale, store } from "../connection/store.js";
 import { ageOfNumbers, light } from "../connection/trust.js";
 import { as, byId, fillIfNew, node } from "../elements/dom.js";
 
@@ -44,7 +44,7 @@ export class Header {
   }
 
   showKnownLabels() {
-    const known = [...new Set([...labels(), ...store.control, ...store.check])];
+    const known = namedLabels();
     fillIfNew(byId("known-labels"), known.join(";"), () => known.map((value) => node("option", { value })));
   }
 
@@ -55,7 +55,7 @@ export class Header {
     if (box.textContent === words && box.dataset.mode === mode) return;
     box.dataset.mode = mode;
     box.textContent = words;
-    box.title = mode === "linearised" ? "Values to first order, sigmas and tests of the last full adjustment" : words;
+    box.title = mode === "linearised" ? "Estimated while you drag: exact numbers follow when you let go" : mode === "adjusted" ? "All marks and lengths are fitted together" : words;
   }
 
   showSaved() {
@@ -67,7 +67,7 @@ export class Header {
 function modeText() {
   if (!store.connected) return ["none", "no connection"];
   if (store.mode === "none" && !stale()) return ["none", "nothing adjusted yet"];
-  if (store.mode === "linearised") return ["linearised", "to first order"];
+  if (store.mode === "linearised") return ["linearised", "first estimate"];
   if (stale() || store.live?.mode !== "adjusted") return ["waiting", "adjusting\u2026"];
   return ["adjusted", `adjusted in ${store.live.seconds.toFixed(2)} s`];
 }

@@ -4,7 +4,7 @@ import { TOOLS } from "../actions/keys.js";
 import { adjusted, countsOfPicks, remarks, standsAt, store } from "../connection/store.js";
 import { fault } from "../connection/trust.js";
 import { as, node } from "../elements/dom.js";
-import { alternativesText, degrees, fixed, gradeText, missing, valueText, withSigma } from "../elements/numbers.js";
+import { alternativesText, degrees, fixed, gradeText, MISFIT, SIGMA, valueText, withSigma } from "../elements/numbers.js";
 import { about, beneath, drop, fill, keep, list, remove, standingSign, table, titled, trusted, wCell, withValues } from "../elements/table.js";
 import { fieldText, fieldUnit, inLength, lengthUnit, smallUnit } from "../elements/units.js";
 import { entryPart, KINDS, readLength } from "./entry.js";
@@ -89,18 +89,15 @@ function pointsTable(facts, selected, tools) {
       node("td", { class: "named", title: label }, standingSign(trust), node("button", { class: "link", name: "select", "aria-pressed": chosen, onclick: () => tools.select(label) }, label), node("span", { class: "dim", title: up && "over the ground" }, `${kind}${up}`)),
       node("td", {}, `${count}`), value(), value());
   });
-  return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about(`\u03c3 ${smallUnit().symbol}`, `of the distances to the points next to it; ${SIGMA}`), about("worst w", W)], rows));
+  return titled(`Points (${facts.length})`, table("Points", ["label", "photos", about(`\u03c3 ${smallUnit().symbol}`, `of the distances to the points next to it; ${SIGMA}`), about("misfit", `of its worst mark: ${MISFIT}`)], rows));
 }
-
-const SIGMA = "standard deviation: the true value lies within twice as much 19 times out of 20";
-const W = "how far it is off, in its own standard deviations; what is above about 3 deserves a second look";
 
 /** @param {Tools} tools */
 function lengthsPart(tools) {
   if (!store.lines.length) return null;
   const now = adjusted();
   const part = keep("lengths", store.lines, () => titled(`Lengths (${store.lines.length})`,
-    table("Known lengths", ["name", `taped ${lengthUnit()}`, about("adjusted", "as all observations together have it"), about("\u03c3", SIGMA), about("w", W), ""], store.lines.flatMap((line) => [lengthRow(line, tools), beneath(6, "value")]))));
+    table("Known lengths", ["name", `taped ${lengthUnit()}`, about("adjusted", "as all observations together have it"), about("\u03c3", SIGMA), about("misfit", MISFIT), ""], store.lines.flatMap((line) => [lengthRow(line, tools), beneath(6, "value")]))));
   const fits = store.lines.map((line) => now?.lines[line.name]);
   part.querySelectorAll("tr[data-row]").forEach((row, k) => { row.setAttribute("data-status", fits[k]?.status ?? ""); });
   return withValues(part, fits.map((fit) => {
@@ -151,7 +148,7 @@ function measurementsPart(tools) {
   if (!store.measurements.length) return null;
   const now = adjusted();
   const part = keep("measurements", store.measurements, () => titled(`Measurements (${store.measurements.length})`,
-    table("Measurements", ["name", "value \u00b1 \u03c3", "", ""], store.measurements.flatMap((one) => [measurementRow(one, tools), beneath(4, "value")]))));
+    table("Measurements", ["name", about("value \u00b1 \u03c3", SIGMA), "", ""], store.measurements.flatMap((one) => [measurementRow(one, tools), beneath(4, "value")]))));
   part.querySelectorAll("tr[data-row]").forEach((row, k) => { row.setAttribute("data-status", worstOf(store.measurements[k])?.status ?? ""); });
   return withValues(part, store.measurements.map((one) => {
     const worst = worstOf(one);
@@ -178,7 +175,7 @@ function valuesOf(measurement, now) {
   const { name, kind, points } = measurement;
   const rows = rowsOf(measurement);
   const found = rows.flatMap((row) => now?.measurements[row] ?? []);
-  if (!now || found.length < rows.length) return [missing];
+  if (!now || found.length < rows.length) return [""];
   if (found[0].value === null) return [unmeasured(name)];
   const others = found.filter((one) => one.alternatives.length).map(notUnique);
   if (kind === "slope") return [`${valueText(found[0])} = ${gradeText(found[0])}`, ...others];
@@ -254,7 +251,7 @@ function linesOfPositionPart() {
   if (!lines.length) return null;
   const found = adjusted()?.control_lines ?? {};
   return keep("lines-of-position", [lines, found], () => titled("Lines of known position", node("p", { class: "dim" }, `Of the points picked on each, the one farthest beside it: ${lengthUnit() === "m" ? "metres" : "feet"} off.`),
-    table("Lines of known position", ["line", "points on it", "off", "w", ""], lines.map(({ name, points }) => {
+    table("Lines of known position", ["line", "points on it", "off", about("misfit", MISFIT), ""], lines.map(({ name, points }) => {
       const fit = found[name];
       return node("tr", { "data-row": `line ${name}` },
         node("td", { title: name }, node("span", { class: fit?.fits === false ? "bad" : null }, name)), node("td", {}, points.join(", ")),

@@ -1,5 +1,6 @@
 // What stands at the foot of the measurements: one click runs the project and writes everything.
 
+import { keyed } from "../connection/key.js";
 import { adjusted, store } from "../connection/store.js";
 import { ageOfNumbers, light } from "../connection/trust.js";
 import { fillIfNew, node } from "../elements/dom.js";
@@ -10,7 +11,7 @@ import { keep } from "../elements/table.js";
 /** @import { Attribute } from "../elements/dom.js" */
 
 /** @param {string} href @param {string} words @param {Record<string, Attribute>} more */
-const link = (href, words, more = {}) => node("a", { href, ...more }, words);
+const link = (href, words, more = {}) => node("a", { href: keyed(href), ...more }, words);
 const inNewTab = { target: "_blank", rel: "noopener" };
 
 /** @param {Element} foot @param {boolean} exporting @param {() => void} exportAll */

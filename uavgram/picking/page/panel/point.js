@@ -4,7 +4,7 @@
 import { roving } from "../actions/keys.js";
 import { adjusted, heightOf, pickAt, picksOf, stale, standsAt, store } from "../connection/store.js";
 import { as, fillIfNew, node } from "../elements/dom.js";
-import { heightText } from "../elements/numbers.js";
+import { heightText, meaning } from "../elements/numbers.js";
 import { keep } from "../elements/table.js";
 import { fieldText, fieldUnit } from "../elements/units.js";
 import { madeBy } from "../photos/sources.js";
@@ -31,7 +31,7 @@ export function pointPart(state, image, tools) {
 function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, tools, edits) {
   const { heights } = tools;
   /** @param {string} name @param {string} caption @param {number | string | null} value @param {string} usual @param {(value: number | null) => void} act @param {(text: string) => number} [read] */
-  const field = (name, caption, value, usual, act, read) => node("label", {}, caption, node("input", {
+  const field = (name, caption, value, usual, act, read) => node("label", { title: meaning(caption) }, caption, node("input", {
     name, value: value ?? "", inputmode: "decimal", placeholder: usual, autocomplete: "off", onchange: ({ target }) => tools.number(as(HTMLInputElement, target), act, read),
   }));
   const stated = field("height", `Height over ground, ${fieldUnit()}`, fieldText(height_m), is_free ? "from photos" : "0", (value) => heights.set(label, value, height_sigma_m), readLength);

@@ -24,18 +24,21 @@ function foundPart({ selected }, image, tools) {
     return null;
   }
   return keep("found", [all, selected, image, store.seeking], () => titled(`Found by the program (${all.length})`,
-    acceptButtons(selected, image, tools),
+    acceptButtons(all.filter(({ is_sure }) => is_sure).length, selected, image, tools),
     store.seeking ? node("p", { class: "dim", role: "status" }, `Still looking: ${places(store.seeking)}.`) : null,
     all.length ? table("Found by the program", ["point", "photo", about("found", "from a pick in another photo, or as a target that tells its own place"), about("\u03c3 px", "of the place that was found, without what the first pick itself is off"), about("score", "how much it looks like what was sought: 1 is exactly"), ""],
       all.slice(0, MOST).map((one) => foundRow(one, tools))) : null,
     more(all.length)));
 }
 
-/** @param {string | null} selected @param {number | undefined} image @param {Tools} tools */
-function acceptButtons(selected, image, tools) {
+const SURE = "Plates and targets, and points that three or more photos show with all that surrounds them. The others are left for you to look at";
+
+/** @param {number} sure @param {string | null} selected @param {number | undefined} image @param {Tools} tools */
+function acceptButtons(sure, selected, image, tools) {
   const own = selected ? tools.proposals.ofLabel(selected).length : 0;
   const here = tools.proposals.inPhoto(image).length;
   return node("div", { class: "row accept" },
+    sure ? node("button", { name: "accept-sure", title: SURE, onclick: () => tools.proposals.acceptSure() }, `Accept all found surely (${sure})`) : null,
     ...pair("label", own, `of ${selected}`, "Shift+Enter", tools),
     ...pair("photo", here, "in this photo", "Ctrl+Enter", tools));
 }

@@ -1,5 +1,6 @@
 // The strip of small pictures: what is picked in each photo, and how well it fits.
 
+import { keyed } from "../connection/key.js";
 import { isSuspect, proposals, store, worstOfPhotos } from "../connection/store.js";
 import { fault, trustOfPhoto } from "../connection/trust.js";
 import { as, byId, node } from "../elements/dom.js";
@@ -54,7 +55,7 @@ export class Filmstrip {
   build() {
     this.signs = [];
     this.box.replaceChildren(...store.photos.map((photo, k) => node("button", { "data-image": k, onclick: () => { this.panes.active?.show(k); this.panes.active?.focus(); } },
-      node("img", { "data-src": `/photo/${k}/thumbnail.jpg?${photo.digest}`, alt: "", loading: "lazy", draggable: "false" }),
+      node("img", { "data-src": keyed(`/photo/${k}/thumbnail.jpg?${photo.digest}`), alt: "", loading: "lazy", draggable: "false" }),
       node("span", { class: "name" }, node("bdi", {}, photo.name.replace(/\.\w+$/, ""))), node("span", { class: "badge" }), node("span", { class: "unseen" }))));
     setTimeout(() => this.loadThumbnails(), THUMBNAILS_AFTER_MS);
   }
@@ -78,7 +79,7 @@ export class Filmstrip {
     badge.textContent = `${count || ""}${found ? ` +${found}` : ""}${isBad ? ` \u25c6 ${worst.w.toFixed(1)}` : ""}${SIGNS[wrong]}`;
     badge.hidden = !badge.textContent;
     badge.classList.toggle("bad", isBad || wrong === "contradicted");
-    const words = `${matched}, ${count} picks${found ? `, ${found} more found by the program` : ""}${worst.w ? `, worst w ${worst.w.toFixed(1)}` : ""}${standing.words}`;
+    const words = `${matched}, ${count} picks${found ? `, ${found} more found by the program` : ""}${worst.w ? `, largest misfit ${worst.w.toFixed(1)} standard deviations` : ""}${standing.words}`;
     spoken.textContent = `, ${words}`;
     button.title = `${photo.name}: ${words}`;
   }

@@ -7,6 +7,7 @@ import { fixed, heightText } from "../elements/numbers.js";
 import { shortText } from "../elements/units.js";
 import { askedParts } from "./asked.js";
 import { showTag } from "./labels.js";
+import { ON_PX } from "./near.js";
 import { linesIn, pathOf, pathPart, wordsPart } from "./paths.js";
 import { residualOf, residualScale } from "./residuals.js";
 import { stroke, textShape, titleShape } from "./shapes.js";
@@ -113,7 +114,7 @@ function pickGroup(pick, tag, fit, selected, shown, pulled) {
   if (shown.ellipses && fit?.spread) group.append(...ellipse(fit.spread));
   if (pulled) group.append(shape("line", { class: "halo", "stroke-width": 4 }), shape("line", { class: "residual" }));
   group.append(...signs(label, suspect, wrong));
-  group.append(...stroke(SHAPES[source]), shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: 12 }));
+  group.append(...stroke(SHAPES[source]), shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: ON_PX }));
   if (shown.labels) group.append(textShape(tag, "tag"));
   return group;
 }
@@ -140,7 +141,7 @@ const knownAs = (label) => (store.control.includes(label) ? "control" : store.ch
 
 /** @param {Pick} pick @param {Fit | undefined} fit */
 function spokenPick(pick, fit) {
-  const w = fit === undefined || fit.w === null ? "" : `, w ${fixed(fit.w, 1)}`;
+  const w = fit === undefined || fit.w === null ? "" : `, misfit ${fixed(fit.w, 1)}`;
   const known = knownAs(pick.label);
   const trust = trustOfPoint(pick.label);
   return `${pick.label}${known && `, ${known} point`}${pick.source ? `, ${madeBy(pick)}` : ""}, u ${pick.u_px.toFixed(2)}, v ${pick.v_px.toFixed(2)}${w}${isSuspect(fit?.status) ? ", suspect" : ""}${trust?.words ? `, ${trust.words}` : ""}`;
@@ -178,7 +179,7 @@ function proposalPart(one, selected, shown) {
     make: () => {
       const group = shape("g", { class: `mark proposed${selected === label ? " selected" : ""}`, tabindex: 0, role: "button", "data-proposal": label, "aria-label": `Accept ${words}` },
         titleShape(`${words}. Click accepts it, Delete refuses it`),
-        ...stroke(HOLLOW), shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: 12 }));
+        ...stroke(HOLLOW), shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: ON_PX }));
       if (shown.labels) group.append(textShape(`${label}?`, "tag"));
       return group;
     },
@@ -199,7 +200,7 @@ function alikePart(at, number) {
 
 /** @param {Proposal} one */
 const proposalWords = ({ label, source, from_image, sigma_px, score }) =>
-  `${label}, ${source === "target" || from_image === null ? "a target that the program found" : `found from the pick in ${store.photos[from_image].name}`}, \u03c3 ${sigma_px.toFixed(2)} px, score ${score.toFixed(2)}`;
+  `${label}, ${source === "target" || from_image === null ? "a target that the program found" : `found from the pick in ${store.photos[from_image].name}`}, \u00b1 ${sigma_px.toFixed(2)} px, score ${score.toFixed(2)}`;
 
 /** Of ellipses, whose size hangs on the zoom; `reach_px`: of the photo; `scale`: at which it was drawn last. @type {WeakMap<Element, { reach_px: number, scale: number, resize: (scale: number) => void }>} */
 const resizers = new WeakMap();

@@ -3,7 +3,7 @@
 import { adjusted, placeOf, store } from "../connection/store.js";
 import { fault } from "../connection/trust.js";
 import { put, shape } from "../elements/dom.js";
-import { missing, valueOnly, valueText, withSigma } from "../elements/numbers.js";
+import { valueOnly, valueText, withSigma } from "../elements/numbers.js";
 import { textShape } from "./shapes.js";
 
 /** @import { Line, Measurement } from "../connection/protocol.js" */
@@ -34,8 +34,8 @@ function lengthPath(image, line) {
 /** @param {number} image @param {Measurement} request */
 function measurementPath(image, { name, kind, points, parameters = {} }) {
   const now = adjusted()?.measurements[name];
-  const words = now ? `${valueText(now)}${now.words && ` (${now.words})`}` : missing;
-  return points.length < 2 ? null : pathOf(image, outline(kind, points, parameters), `measured ${now?.status ?? "ok"}`, `${name} ${words}`, kind === "area" || kind === "volume");
+  const words = now ? `${valueText(now)}${now.words && ` (${now.words})`}` : "";
+  return points.length < 2 ? null : pathOf(image, outline(kind, points, parameters), `measured ${now?.status ?? "ok"}`, `${name} ${words}`.trim(), kind === "area" || kind === "volume");
 }
 
 // The points that are drawn: of a volume those around it, without its top and its plane.

@@ -1,8 +1,9 @@
 // What the mouse, a pen or fingers do on a pane: they zoom, pan, click and drag marks.
 
-import { pickAt } from "../connection/store.js";
 import { Fingers } from "./fingers.js";
+import { markOn, marksNear, NEAR_PX, ON_PX } from "./near.js";
 
+/** @import { Near } from "./near.js" */
 /** @import { Pane } from "./pane.js" */
 
 /**
@@ -12,10 +13,9 @@ import { Fingers } from "./fingers.js";
  * @property {number} y
  * @property {[number, number]} last where the pointer was last
  * @property {boolean} far whether it moved so far that it is no click
- * @property {boolean} primary
  * @property {boolean} rests whether a finger rested, and now moves the magnifier
  * @property {boolean} pans whether it can do nothing else
- * @property {string | null} offered label of the proposal that is held
+ * @property {Near | null} on the mark that a click here means
  * @property {{ label: string, at: [number, number], step: number } | null} mark that is held
  */
 
@@ -25,21 +25,6 @@ const REST_MS = 500; // a finger that is still for so long wants the magnifier
 const FINE = 0.1; // of a move with Shift held
 const ZOOM_PER_PX = 0.0015; // of the wheel
 const LINE_PX = 16; // of a wheel that counts in lines
-
-/** The mark of a point that an event is on. @param {Event} event */
-function markAt({ target }) {
-  const mark = target instanceof Element ? target.closest("[data-label]") : null;
-  return mark instanceof SVGElement ? mark : null;
-}
-
-/** The mark of what the program found, that an event is on. @param {Event} event */
-function offeredMark({ target }) {
-  const mark = target instanceof Element ? target.closest("[data-proposal]") : null;
-  return mark instanceof SVGElement ? mark : null;
-}
-
-/** @param {Event} event */
-const offeredAt = (event) => offeredMark(event)?.dataset.proposal ?? null;
 
 export class Pointer {
   /** @param {Pane} pane */
@@ -60,8 +45,8 @@ export class Pointer {
     svg.addEventListener("pointerleave", () => { this.hover = null; pane.pointAway(); });
     svg.addEventListener("contextmenu", (event) => event.preventDefault());
     svg.addEventListener("dblclick", (event) => {
-      const label = markAt(event)?.dataset.label;
-      if (label) events.doubled(label);
+      const on = markOn(this.near(event));
+      if (on && !on.hollow) events.doubled(on.label);
     });
     svg.addEventListener("focusout", ({ relatedTarget }) => { if (!(relatedTarget instanceof Node && svg.contains(relatedTarget))) pane.calm(); });
     box.addEventListener("focusin", ({ target }) => {
@@ -77,11 +62,22 @@ export class Pointer {
     return [event.clientX - left, event.clientY - top];
   }
 
+  /** The marks that an event is near. @param {MouseEvent} event */
+  near(event) {
+    return marksNear(this.pane, ...this.pane.view.toPhoto(...this.local(event)));
+  }
+
   /** @param {WheelEvent} event */
   wheel(event) {
     event.preventDefault();
     const lines = event.deltaMode === WheelEvent.DOM_DELTA_LINE ? LINE_PX : 1;
     this.pane.zoom(...this.local(event), Math.exp(-event.deltaY * lines * ZOOM_PER_PX));
+  }
+
+  /** The pick that a press holds; a finger is not as exact as a mouse. @param {Near[]} near @param {PointerEvent} event @returns {Press["mark"]} */
+  held(near, { pointerType }) {
+    const held = markOn(near, pointerType === "touch" ? NEAR_PX : ON_PX);
+    return held && !held.hollow ? { label: held.label, at: held.at, step: this.pane.events.newStep() } : null;
   }
 
   /** @param {PointerEvent} event */
@@ -93,24 +89,20 @@ export class Pointer {
       this.letGo();
       return;
     }
-    const mark = markAt(event);
-    const primary = event.button === 0;
-    const pans = !primary || pane.state.spaceHeld;
-    const label = mark?.dataset.label;
-    const pick = label && !pans ? pickAt(pane.image, label) : null;
-    this.press = {
-      x, y, last: [x, y], far: false, primary, rests: false, pans, offered: offeredAt(event),
-      mark: pick ? { label: pick.label, at: [pick.u_px, pick.v_px], step: pane.events.newStep() } : null,
-    };
-    if (pick && pane.state.tool === "pick") pane.events.selected(pick.label);
-    if (event.pointerType === "touch" && !pick) this.resting = setTimeout(() => this.rest(x, y), REST_MS);
+    const near = this.near(event);
+    const on = markOn(near);
+    const pans = event.button !== 0 || pane.state.spaceHeld;
+    const mark = pans ? null : this.held(near, event);
+    this.press = { x, y, last: [x, y], far: false, rests: false, pans, on, mark };
+    if (mark && mark.label === on?.label && pane.state.tool === "pick") pane.events.selected(mark.label);
+    if (event.pointerType === "touch" && !mark) this.resting = setTimeout(() => this.rest(x, y), REST_MS);
     try {
       pane.svg.setPointerCapture(event.pointerId);
     } catch {
       // the pointer is gone already: there is nothing to capture
     }
     event.preventDefault();
-    (mark ?? offeredMark(event) ?? pane.svg).focus({ preventScroll: true });
+    ((on && pane.markOf(on.label)) ?? pane.svg).focus({ preventScroll: true });
   }
 
   /** @param {PointerEvent} event */
@@ -179,11 +171,11 @@ export class Pointer {
       this.hover = null;
       pane.pointAway();
     }
-    if (!press || several || press.far) return;
-    const { mark } = press;
-    if (mark) pane.events.clickedMark(mark.label);
-    else if (press.primary && !press.pans && press.offered && !press.rests) pane.events.accepted(pane, press.offered);
-    else if (press.primary && !press.pans) {
+    if (!press || several || press.far || press.pans) return;
+    const { on } = press;
+    if (on && !on.hollow) pane.events.clickedMark(on.label);
+    else if (on && !press.rests) pane.events.accepted(pane, on.label);
+    else {
       const [u, v] = pane.view.toPhoto(...this.local(event));
       if (pane.contains(u, v)) pane.events.clicked(pane, u, v);
     }

@@ -20,7 +20,7 @@ export const sourceOf = ({ source }) => source ?? "hand";
 /** @param {Pick} pick */
 export function madeBy(pick) {
   const { source, sigma_px, score, from_image } = pick;
-  const sigma = `\u03c3 ${sigma_px ?? store.pickSigmaPx} px`;
+  const sigma = `\u00b1 ${sigma_px ?? store.pickSigmaPx} px`;
   const how = score === null || score === undefined ? "" : `, score ${score.toFixed(2)}`;
   if (source === "target") return `target found by the program, ${sigma}${how}`;
   if (source === "match") return `match found by the program from the pick in ${photo(from_image)}, ${sigma} of the matching${how}`;

@@ -1,5 +1,6 @@
 // Tiles of all photos: fetched few at a time, the most wanted first, the longest unused dropped.
 
+import { keyed } from "../connection/key.js";
 import { store } from "../connection/store.js";
 import { toneSign } from "./tone.js";
 
@@ -95,7 +96,7 @@ async function load(key) {
     // The server keeps decoded what is shown side by side, and little else.
     const headers = { "x-shown": `${page} ${[...new Set([...panes.values()].map(({ photo }) => photo))].join()}` };
     const tone = toneSign(photoOf(key));
-    const answer = await fetch(`/photo/${key}.jpg?${digest}&tone=${tone}`, { signal: control.signal, headers });
+    const answer = await fetch(keyed(`/photo/${key}.jpg?${digest}&tone=${tone}`), { signal: control.signal, headers });
     if (!answer.ok) throw new Error(`${answer.status}`);
     const picture = await createImageBitmap(await answer.blob());
     kept.get(key)?.picture.close();

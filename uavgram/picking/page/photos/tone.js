@@ -4,6 +4,7 @@
 // The server brightens the tiles. A filter on the canvas works on each frame anew: without a GPU one
 // frame in twenty took 50 ms then, and 17 ms without one. And stretching what a JPEG kept shows its steps.
 
+import { keyed } from "../connection/key.js";
 import { store } from "../connection/store.js";
 
 /** @import { Tone, Tones } from "../connection/protocol.js" */
@@ -73,7 +74,7 @@ export async function askTones(photo) {
   if (asked.has(photo)) return;
   asked.add(photo);
   try {
-    const answer = await fetch(`/photo/${photo}/tones.json?${store.photos[photo].digest}`);
+    const answer = await fetch(keyed(`/photo/${photo}/tones.json?${store.photos[photo].digest}`));
     if (!answer.ok) return; // the photo's tiles say why
     /** @type {unknown} */
     const said = await answer.json();

@@ -37,9 +37,9 @@ FAR_RAD, FAR_HEIGHT = 0.1, 0.15
 MOST_BASES = 4
 """Frames whose lengths begin in turn where those of the first led nowhere."""
 
-BEYOND_LENS = LeftOut(LeftOutCause.BEYOND_LENS, "the lens model cannot be inverted at that pixel")
+BEYOND_LENS = LeftOut(LeftOutCause.BEYOND_LENS, "the calibration of the lens does not reach there")
 NO_GROUND = LeftOut(
-    LeftOutCause.NO_GROUND, "its ray does not meet the ground in front of the camera"
+    LeftOutCause.NO_GROUND, "its line of sight does not meet the ground in front of the camera"
 )
 ONE_PLACE = LeftOut(
     LeftOutCause.UNDETERMINED,

@@ -151,7 +151,6 @@ def _heights(
             path,
             known,
             lambda some: rr.Measurements.columns(values=height[some], variances=variance[some]),
-            opening=False,
         )
 
 

@@ -1,0 +1,147 @@
+"""Clicks beside a mark, and numbers after a line: nothing is taken for what it may not be."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from opened_pages import PageOpener
+from picking_pages import drawn, eventually, place, to_page
+from picking_projects import PickingProject
+from picking_server import Served, served
+from playwright.sync_api import Locator, Page, expect
+from textured_ground import NAMES, write_textured
+
+ASIDE_PX = 11
+"""On the screen: within the mark's ring, and at fit zoom many pixels of the photo."""
+
+both_windows = pytest.mark.parametrize(
+    "window", [(1366, 768), (1920, 1080)], ids=lambda window: f"{window[0]}x{window[1]}"
+)
+
+
+def question(page: Page) -> Locator:
+    return page.get_by_role("alertdialog")
+
+
+def picks(server: Served) -> dict[str, tuple[float, float]]:
+    return {one.label: (one.u_px, one.v_px) for one in server.picking.state.picks}
+
+
+def beside(page: Page, at: tuple[float, float]) -> tuple[float, float]:
+    """A place of the page beside a pixel of the photo."""
+    x, y = to_page(page, *at)
+    return x + ASIDE_PX, y
+
+
+@both_windows
+def test_a_click_beside_a_mark_is_asked_about_and_changes_nothing_by_itself(
+    planted: PickingProject, open_page: PageOpener, window: tuple[int, int]
+) -> None:
+    with served(planted.path) as server:
+        page = open_page(server, *window)
+        place(page, "first", *planted.marks_px[0])
+        before = picks(server)
+        page.locator("#label").fill("")
+        for answer in ("Escape", "Enter"):
+            page.mouse.click(*beside(page, before["first"]))
+            expect(question(page)).to_contain_text("first is very near. Which point is this?")
+            expect(page.locator(".mark")).to_have_count(1)
+            page.keyboard.press(answer)
+            expect(question(page)).to_have_count(0)
+        expect(page.locator('.mark.selected[data-label="first"]')).to_have_count(1)
+        assert picks(server) == before
+        page.mouse.click(*beside(page, before["first"]))
+        question(page).get_by_role("button", name="A new point").click()
+        expect(page.locator(".mark")).to_have_count(2)
+        eventually(page, lambda: len(picks(server)) == 2)
+        after = picks(server)
+        assert after.pop("first") == before["first"]
+        scale = float(page.locator(".pane").get_attribute("data-scale") or "")
+        ((u, v),) = after.values()
+        assert math.dist((u, v), before["first"]) * scale == pytest.approx(ASIDE_PX, abs=0.5)
+        assert not open_page.errors
+
+
+@both_windows
+def test_a_press_beside_a_mark_that_slips_does_not_move_the_mark(
+    planted: PickingProject, open_page: PageOpener, window: tuple[int, int]
+) -> None:
+    with served(planted.path) as server:
+        page = open_page(server, *window)
+        place(page, "first", *planted.marks_px[0])
+        before = picks(server)
+        x, y = beside(page, before["first"])
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 5, y + 3, steps=3)
+        page.mouse.up()
+        drawn(page)
+        expect(page.locator("#saved")).to_have_text("saved")
+        assert picks(server) == before
+        x, y = to_page(page, *before["first"])  # on the mark itself it does
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x + 30, y, steps=3)
+        page.mouse.up()
+        eventually(page, lambda: picks(server) != before)
+        assert not open_page.errors
+
+
+@both_windows
+def test_a_length_between_two_ends_beside_each_other_takes_the_number_typed_after_it(
+    planted: PickingProject, open_page: PageOpener, window: tuple[int, int]
+) -> None:
+    with served(planted.path) as server:
+        page = open_page(server, *window)
+        page.keyboard.press("l")
+        page.mouse.click(*to_page(page, *planted.marks_px[0]))
+        expect(page.locator('.mark[data-label="P1"]')).to_have_count(1)
+        at = picks(server)["P1"]
+        page.mouse.click(*to_page(page, *at))  # not a second end
+        expect(page.locator("#notice")).to_contain_text("P1 is chosen already")
+        page.mouse.click(*beside(page, at))
+        expect(question(page)).to_contain_text("P1 is very near")
+        page.keyboard.type("3.0")  # too early: neither an answer nor a tool
+        expect(question(page)).to_be_visible()
+        expect(page.locator('[data-tool="length"]')).to_be_checked()
+        page.keyboard.press("Enter")
+        form = page.get_by_role("form", name="New length P1 to P2")
+        expect(form.get_by_label("Length")).to_be_focused()
+        # The photo was moved meanwhile, another tab looked at: the number goes where it belongs.
+        page.locator(".pane svg.marks").focus()
+        page.keyboard.type("6.")
+        page.locator("#tab-button-frames").click()
+        page.keyboard.type("1")
+        form.get_by_role("button", name="Add").focus()
+        page.keyboard.type("7")
+        expect(form.get_by_label("Length")).to_have_value("6.17")
+        page.keyboard.press("Enter")
+        eventually(page, lambda: len(server.picking.state.lines) == 1)
+        (line,) = server.picking.state.lines
+        assert (line.start, line.end, line.length_m) == ("P1", "P2", 6.17)
+        assert not open_page.errors
+
+
+@both_windows
+def test_a_click_beside_a_hollow_mark_does_not_accept_it(
+    tmp_path: Path, open_page: PageOpener, window: tuple[int, int]
+) -> None:
+    textured = write_textured(tmp_path)
+    with served(textured.path) as server:
+        page = open_page(server, *window)
+        page.locator('#strip [data-image="1"]').click()
+        mark = page.locator('[data-proposal="P1"]')
+        expect(mark).to_have_count(1)
+        at = textured.pixel_px[NAMES[1], "P1"].tolist()
+        page.mouse.click(*beside(page, (at[0], at[1])))
+        expect(question(page)).to_contain_text("P1, where the program found it")
+        expect(mark).to_have_count(1)
+        assert server.picking.state.pick(NAMES[1], "P1") is None
+        page.keyboard.press("Enter")
+        eventually(page, lambda: server.picking.state.pick(NAMES[1], "P1") is not None)
+        pick = server.picking.state.pick(NAMES[1], "P1")
+        assert pick is not None
+        assert math.dist((pick.u_px, pick.v_px), at) < 0.5
+        assert not open_page.errors

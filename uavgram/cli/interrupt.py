@@ -1,0 +1,81 @@
+"""Ctrl+C at any moment: one line on standard error and status 130, never a traceback."""
+
+from __future__ import annotations
+
+import _thread
+import atexit
+import os
+import signal
+import sys
+import threading
+from types import FrameType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from sys import UnraisableHookArgs
+
+INTERRUPTED = 130
+_AGAIN_AFTER_S = 0.01
+_came = False
+_status: int | None = None  # with which this process ends, once it is known
+
+
+def has_come() -> bool:
+    """Whether Ctrl+C came while this process was watched, whatever became of its exception."""
+    return _came
+
+
+def watch() -> None:
+    """Note every Ctrl+C from now on: libraries may turn its exception into another one.
+
+    Where Python can raise none, as at the end of an object's life, it is raised a moment later.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not ignored, as by nohup
+        signal.signal(signal.SIGINT, _interrupt)
+        sys.unraisablehook = _again
+        atexit.register(_leave)  # the first to be registered is the last to be called
+
+
+def told() -> int:
+    """Say that the command was interrupted; the status with which the process ends."""
+    sys.stderr.write("uavgram: interrupted; earlier results are as they were\n")
+    return ending(INTERRUPTED)
+
+
+def ending(status: int) -> int:
+    """The status with which this process ends: from now on nothing is broken off."""
+    global _status  # noqa: PLW0603  (a process has one)
+    _status = status
+    return status
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    global _came  # noqa: PLW0603
+    _came = True
+    if _status is None:
+        raise KeyboardInterrupt
+    if _status == 0:  # Python puts things away, and nothing is caught any more
+        sys.stderr.write("uavgram: interrupted; what was asked for was done already\n")
+        os._exit(INTERRUPTED)
+    # Else one line was written already.
+
+
+def _leave() -> None:
+    """End here: while Python takes its modules apart, a signal would end it without a word."""
+    if _status is None:  # a bug, whose traceback is shown
+        return
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except (AttributeError, OSError, ValueError):  # closed: Python has a status of its own for that
+        return
+    os._exit(_status)
+
+
+def _again(ignored: UnraisableHookArgs) -> None:
+    if issubclass(ignored.exc_type, KeyboardInterrupt):
+        later = threading.Timer(_AGAIN_AFTER_S, _thread.interrupt_main)
+        later.daemon = True
+        later.start()
+    else:
+        sys.__unraisablehook__(ignored)
