@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +36,27 @@ def earlier(picks: Picks, asked: Asked) -> Bools:
     pairs = zip(picks.image, picks.label, strict=True)
     again = np.array([asked.has(pair) for pair in pairs], dtype=np.bool_)
     return picks.of_source("match") & again
+
+
+MISSED = 0.2
+"""Most of the photos that may not show a point where it would be on the ground. On rendered streets
+natural points are missed so in 1 of 30, and corners of cars in 5 of 6."""
+
+
+def may_be_raised(picks: Picks, found: Iterable[Pair], missed: Iterable[Pair]) -> set[str]:
+    """Labels that too many photos do not show on the ground, and of which no height is stated.
+
+    Parameters
+    ----------
+    picks
+        All that there are.
+    found, missed
+        What else is shown where it would be on the ground, and what was looked for in vain.
+    """
+    shown = Counter([*picks.label, *(label for _, label in found)])
+    stated = set(np.array(picks.label)[picks.is_free | ~np.isnan(picks.height_m)].tolist())
+    not_there = Counter(label for _, label in missed if label not in stated)
+    return {label for label, n in not_there.items() if n > MISSED * (n + shown[label])}
 
 
 def still_founded(picks: Picks) -> Bools:
