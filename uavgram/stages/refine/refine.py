@@ -87,7 +87,8 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         robust = adjust_robustly(participants(survey, refined), refined)
         found_free = [*found_free, *robust.labels]
         search += control_left_out(survey, robust.refined, robust.control)
-        survey, refined = robust.survey, robust.refined
+        survey, without = robust.survey, refined.pick_removed
+        refined = replace(robust.refined, pick_removed=without)
     refined = replace(refined, noise=noise, stated=stated_fit)
     refined = with_gross_lengths(survey, with_gross_known(survey, refined))
     refined = replace(
