@@ -186,11 +186,11 @@ def survey_with(fault: str, base: Mapping[str, Any], seed: int) -> tuple[Scene, 
     return scene, plant(scene, np.random.default_rng(seed))
 
 
-def largest_error(adjustment: Adjustment, scene: Scene) -> float:
-    """Of the distances between all points, in their sigmas."""
-    label = adjustment.survey.label
+def largest_error(adjustment: Adjustment, scene: Scene, without: tuple[str, ...] = ()) -> float:
+    """Of the distances between all points but some, in their sigmas."""
+    label = [name for name in adjustment.survey.label if name not in without]
     count = len(label)
-    world, covariance = adjustment.joint_points(np.arange(count))
+    world, covariance = adjustment.joint_points(adjustment.label_rows(label))
     truth = scene.world[[scene.survey.label.index(name) for name in label]]
     one, other = np.triu_indices(count, 1)
     along = world[one] - world[other]
