@@ -93,7 +93,7 @@ def length_of(change: Callable[[float, np.random.Generator], float]) -> Fault:
 
 def by_a_share(length: float, rng: np.random.Generator) -> float:
     """7 to 40 % too long or too short."""
-    return length * (1 + rng.uniform(0.07, 0.4) * rng.choice([-1, 1]))
+    return float(length * (1 + rng.uniform(0.07, 0.4) * rng.choice([-1, 1])))
 
 
 def two_metres_long(length: float, _: np.random.Generator) -> float:
@@ -147,7 +147,8 @@ def photo_of(change: Callable[[Floats, np.random.Generator], Floats]) -> Fault:
 
 def mirrored(pixel: Floats, _: np.random.Generator) -> Floats:
     """Left and right exchanged."""
-    return np.array([1999.0, 0.0]) + pixel * np.array([-1.0, 1.0])
+    seen: Floats = np.array([1999.0, 0.0]) + pixel * np.array([-1.0, 1.0])
+    return seen
 
 
 def elsewhere(pixel: Floats, rng: np.random.Generator) -> Floats:

@@ -28,8 +28,11 @@ from scenes import Scene, make_scene
 from whole_surveys import all_of, with_all
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Refined
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.stages.refine import robust as module
 from uavgram.stages.refine.minima import Participants, best_minima
@@ -162,15 +165,20 @@ class Counted:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.ordinary, self.weighted = 0, 0
-        adjust, weigh = module.best_minima, module._weighted
+        adjust, weigh = best_minima, module._weighted
 
         def best(taking: Participants) -> Refined:
             self.ordinary += 1
             return adjust(taking)
 
-        def weighted(*given: Any) -> Any:
+        def weighted(
+            problem: SurveyProblem,
+            state: State,
+            weight: Mapping[str, Floats],
+            scale: Mapping[str, float],
+        ) -> Minimum[State]:
             self.weighted += 1
-            return weigh(*given)
+            return weigh(problem, state, weight, scale)
 
         monkeypatch.setattr(module, "best_minima", best)
         monkeypatch.setattr(module, "_weighted", weighted)
@@ -204,7 +212,8 @@ def test_one_gross_error_costs_three_adjustments_and_those_of_one_schedule(
 def test_first_values_that_hang_on_the_wrong_length_are_not_the_only_ones(
     scene_factory: Callable[..., Scene], factor: float
 ) -> None:
-    scene = scene_factory(2, frames=4, ends=tuple((k, k + 6) for k in range(6)), telemetry=False, gauge="plane")  # fmt: skip
+    pairs = tuple((k, k + 6) for k in range(6))
+    scene = scene_factory(2, frames=4, ends=pairs, telemetry=False, gauge="plane")
     length = np.array(scene.survey.length_m)
     length[4] *= factor
     robust = adjust_robustly(all_of(replace(scene.survey, length_m=length)))
