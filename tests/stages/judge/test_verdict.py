@@ -30,8 +30,7 @@ from uavgram.stages.judge.verdict import (
 )
 from uavgram.stages.measure import measurement_results
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.minima import Participants
-from uavgram.stages.refine.robust_adjustment import adjust_survey
+from uavgram.stages.refine.minima import Participants, best_minima
 
 REQUESTS = (
     MeasurementRequest(name="near", kind="distance", points=("P0", "P1")),
@@ -179,7 +178,7 @@ def test_a_wrong_length_puts_what_it_moves_in_doubt_without_any_common_label() -
     wrong = replace(right, length_m=right.length_m + 20.0 * right.length_sigma_m * first)
     values = {}
     for out in (False, True):
-        refined = adjust_survey(
+        refined = best_minima(
             Participants(wrong, np.ones(len(right.pick_label), dtype=bool), first & out, {})
         )
         values[out] = propagate(refined.adjustment, REQUESTS[:2], NO_TIMES)
