@@ -218,12 +218,11 @@ class Candidate:
 def _most_agreed(taking: Participants) -> list[Candidate]:
     """Robust adjustments from all first values, that of least cost first."""
     picks, found = int(taking.keep.sum()), list[Candidate]()
-    for candidates in (_from_softened(taking), _without_lengths(taking), _without_frames(taking)):
-        for candidate in candidates:
-            found.append(candidate)
-            if candidate.is_agreed(picks):
-                return [candidate]
-    return sorted(found, key=lambda one: one.cost(picks))
+    for candidates in (_from_softened, _without_lengths, _without_frames):
+        found = sorted([*found, *candidates(taking)], key=lambda one: one.cost(picks))
+        if found and found[0].is_agreed(picks):
+            return found[:1]
+    return found
 
 
 def _from_softened(taking: Participants) -> Iterator[Candidate]:
