@@ -196,8 +196,9 @@ def _weakest_of(
 def _unseen(
     group: Observed, rows: slice, measured: MeasuredValues, shown: Floats, significance: float
 ) -> tuple[Floats, Floats]:
-    """(n, a, M) errors that no test shows, in sigmas, in the directions that move each measurement
-    most; and (n, M) by how much they move it.
+    """(n, a, M) errors in sigmas that no test shows, and (n, M) how they change measurements.
+
+    Each is in the direction that moves the measurement most.
     """
     bound = noncentrality(level_of_each(significance, group.tests))
     response = group.block.times(rows, measured.solved)

@@ -36,8 +36,9 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
     ------
     InputError
         Names file and line of every mistake: those of any table, no pick at all, a path where a
-        file name is wanted, a semicolon in a label, a label found twice in one image by the program, a label
-        with two different heights or in two areas, a sigma that is not greater than 0.
+        file name is wanted, a semicolon in a label, a label that the program found twice in one
+        image, a label with two different heights or in two areas, a sigma that is not greater
+        than 0.
     """
     table = read_table(path, PICKS_COLUMNS)
     if not len(table.line) and not may_be_empty:

@@ -124,7 +124,7 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     "ground-not-plane": ("The ground is not flat.",) * 2,
     "picks-less-exact": ("The picks are less exact than stated.",) * 2,
     # What nothing decides or checks.
-    "nothing-checks": ("Nothing checks {measurements}.",) * 2,
+    "nothing-checks": ("{measurements} is not checked.", "{measurements} are not checked."),
     "ambiguous-pose": ("The cameras may stand elsewhere: two solutions fit as well.",) * 2,
     "three-lengths": ("Nothing checks the three lengths.",) * 2,
     "three-known": ("Nothing checks the three things that are known.",) * 2,

@@ -64,14 +64,24 @@ def _message(
         what = f"a wrong click on {listed(labels, MOST_NAMED, link='or')}"
         it = "them" if len(labels) > 1 else "it"
         action = f"Mark {listed(labels, MOST_NAMED)} in one more photo, or click {it} again"
+        plain = f"Not checked: m{action[1:]}."
     else:
         what = f"an error in the {examined.names.observation(worst.member)}"
         action, mend = _second_reading(examined, worst)
+        plain = f"Not checked: {what} would not be noticed."
     text = (
         f"{listed(map(repr, names), MOST_NAMED)} {are} not checked: {what} would not be noticed "
         f"({numbers}). {action}."
     )
-    return Message("warning", "nothing-checks", text, measurements=names, labels=labels, mend=mend)
+    return Message(
+        "warning",
+        "nothing-checks",
+        text,
+        measurements=names,
+        labels=labels,
+        plain=plain,
+        mend=mend,
+    )
 
 
 def _numbers(examined: TestedSurvey, row: int, worst: Unseen) -> str:
