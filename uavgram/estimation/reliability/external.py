@@ -10,6 +10,7 @@ is delta0 sqrt(g^T Q^-1 g), g the effects of its coordinates and Q their cofacto
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -100,7 +101,7 @@ def external_reliability(
     groups: dict[str, Observed],
     measured: MeasuredValues,
     significance: float,
-    shown: Mapping[str, Floats],
+    shown: Mapping[str, Floats] = MappingProxyType({}),
 ) -> tuple[dict[str, Worst], tuple[Weakest, ...]]:
     """Effects of undetected errors, by observation and by measurement.
 
