@@ -95,13 +95,7 @@ def reason_sentence(reason: Reason) -> str:
 
 
 def headline(result: Result) -> str:
-    """``24.43 ± 0.79 m. Not checked: mark P1 in one more photo``: what is known, and missing."""
-    missing = [reason.plain or reason.text for reason in result.verdict.reasons[:1]]
-    return " ".join([light_words(result), *(missing if result.verdict.level == "amber" else [])])
-
-
-def light_words(result: Result) -> str:
-    """``Check: 3 of 4 measurements in order.``: what is known, beside the light."""
+    """``Check: 3 of 4 measurements in order.``: what is known; the first reason says what lacks."""
     level = result.verdict.level
     if level is None:
         return "Nothing is measured yet"
