@@ -58,7 +58,7 @@ def test_what_the_first_reason_says_already_is_not_said_again() -> None:
 def test_green_has_words_and_no_reason() -> None:
     told = told_of(replace(survey.build(clean=True), messages=()))
 
-    assert told["words"] == "9 of 9 measurements in order: everything fits and is checked."
+    assert told["words"] == "In order: all 9 measurements fit and are checked."
     assert (told["first"]["text"], told["why"]) == ("", [])
 
 
@@ -67,7 +67,7 @@ def test_what_is_known_stands_beside_an_amber_light() -> None:
     verdict = Verdict(level="amber", reasons=(Reason(cause="nothing-checks", text="Tape more."),))
 
     words = told_of(replace(made, verdict=verdict))["words"]
-    assert words == "Check: 8 of 10 measurements in order."
+    assert words == "Check: 8 of 10 measurements are in order."
 
 
 def test_each_measurement_has_its_own_reason() -> None:

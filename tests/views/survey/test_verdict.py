@@ -42,16 +42,14 @@ SCALE = "The scale rests on your lengths (± 1 %); nothing else bears on it."
 def test_a_survey_without_a_flaw_is_green_in_one_sentence() -> None:
     words = verdict_words(survey.build(clean=True))
 
-    assert words.sentence == (
-        "Verdict: green, in order. 9 of 9 measurements in order: everything fits and is checked."
-    )
+    assert words.sentence == ("Verdict: green, in order: all 9 measurements fit and are checked.")
     assert words.reasons == ()
     assert words.counts.startswith("20 of 20 frames refined, 4 of 5 known lengths used")
 
 
 def test_the_first_reason_is_told_and_how_many_more_there_are() -> None:
     assert verdict_sentence(survey.build()) == (
-        "Verdict: amber, check this first. 0 of 10 measurements in order. Line 'R3 hedge' "
+        "Verdict: amber, check this first: 0 of 10 measurements are in order. Line 'R3 hedge' "
         "disagrees by 0.21 m (w = 13.5): read the tape again. "
         "(And 1 other reason.)"
     )
@@ -63,8 +61,8 @@ def test_the_verdict_says_plainly_what_is_wrong_and_what_would_put_it_right() ->
     amber = Verdict(level="amber", reasons=(replace(reason, instead=(free,)),))
 
     assert verdict_sentence(replace(survey.build(), verdict=amber)) == (
-        "Verdict: amber, check this first. 0 of 10 measurements in order. A and B seem swapped. "
-        "What would put it right: swap A and B, or free A."
+        "Verdict: amber, check this first: 0 of 10 measurements are in order. "
+        "A and B seem swapped. What would put it right: swap A and B, or free A."
     )
 
 
@@ -80,7 +78,7 @@ def test_a_result_that_nobody_judged_is_not_green() -> None:
     unjudged = replace(survey.build(clean=True), verdict=NOT_JUDGED)
 
     sentence = verdict_sentence(unjudged)
-    assert sentence.startswith("Verdict: amber, check this first. ")
+    assert sentence.startswith("Verdict: amber, check this first: ")
     assert "Nothing says whether" in sentence
 
 
@@ -93,10 +91,10 @@ def test_the_only_measurement_is_given_with_what_is_missing() -> None:
     )
     rows = replace(first_rows(made.measurements, 1), status=("not-checked",))
     amber = replace(made, measurements=rows, verdict=Verdict(level="amber", reasons=(missing,)))
-    value = f"{rows.name[0]}: {with_sigma(rows.value[0], rows.sigma[0], rows.unit[0])}."
+    value = f"{rows.name[0]} is {with_sigma(rows.value[0], rows.sigma[0], rows.unit[0])}."
 
     assert headline(amber) == f"Check: {value}"
-    assert verdict_sentence(amber).startswith(f"Verdict: amber, check this first. {value} 'skid' ")
+    assert verdict_sentence(amber).endswith(f" {value} Not checked: click P1 again.")
 
 
 def test_without_a_measurement_there_is_no_verdict_anywhere() -> None:

@@ -19,7 +19,8 @@ from uavgram.stages.judge.tested_survey import TestedSurvey
 
 CONTRADICTING = frozenset(
     {
-        *("not-converged", "too-many-blunders", "labels-swapped-everywhere"),
+        *("not-converged", "many-suspects", "too-many-blunders", "lengths-contradict"),
+        *("labels-swapped-everywhere",),
         *("lengths-factor", "lengths-offset", "lengths-wrong-unit"),
     }
 )
@@ -40,7 +41,7 @@ NOT_FITTING = frozenset(
     {
         *("line-left-out", "known-left-out", "control-left-out", "pick-left-out"),
         *("frame-left-out", "line-removed", "known-removed", "pick-removed"),
-        *("many-suspects", "lengths-contradict", "group-misfit", "checks-misfit", "misfit"),
+        *("group-misfit", "checks-misfit", "misfit"),
         *("camera-contradicted", "point-off-ground", "other-zoom", "readout-left-out"),
         *("clock-off", "gimbal-off", "clock-jumps", "mount-turned"),
         *("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),

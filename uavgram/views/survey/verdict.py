@@ -76,18 +76,20 @@ def verdict_words(result: Result) -> VerdictWords:
 
 
 def verdict_sentence(result: Result) -> str:
-    """``Verdict: amber. 24.43 ± 0.79 m. Not checked: ...``: colour, values, first reason."""
+    """``Verdict: amber: D1 is 24.43 ± 0.79 m. Not checked: ...``: colour, value, reason."""
     verdict = result.verdict
-    known = [_known(result)] if verdict.level in ("green", "amber") else []
-    why = [*known, *(reason_sentence(reason) for reason in verdict.reasons[:1])]
+    why = [reason_sentence(reason) for reason in verdict.reasons[:1]]
+    known = f": {_known(result)}" if verdict.level in ("green", "amber") else "."
     if (more := len(verdict.reasons) - 1) > 0:
         why.append(f"(And {counted(more, 'other reason')}.)")
-    return " ".join([f"Verdict: {LEVEL_WORDS[verdict.level]}.", *why])
+    return " ".join([f"Verdict: {LEVEL_WORDS[verdict.level]}{known}", *why])
 
 
 def reason_sentence(reason: Reason) -> str:
     """What is wrong and what to do: plainly where that is known, else as the message has it."""
     remedies = [one.words for one in (reason.mend, *reason.instead) if one is not None]
+    if reason.cause == "nothing-checks" and reason.plain and not remedies:
+        return reason.plain
     if not reason.plain or not remedies:
         return reason.text
     todo = ", or ".join(f"{words[0].lower()}{words[1:]}" for words in remedies)
@@ -95,26 +97,27 @@ def reason_sentence(reason: Reason) -> str:
 
 
 def headline(result: Result) -> str:
-    """``Check: 3 of 4 measurements in order.``: what is known; the first reason says what lacks."""
+    """``Check: 3 of 4 measurements are in order.``: what is known, beside the light."""
     level = result.verdict.level
     if level is None:
         return "Nothing is measured yet"
     if level == "red":
         return "Do not use: it does not fit together"
-    return f"{'Check: ' if level == 'amber' else ''}{_known(result)}"
+    return f"{'Check' if level == 'amber' else 'In order'}: {_known(result)}"
 
 
 def _known(result: Result) -> str:
     """The value of the only measurement, or how many are in order."""
     rows = result.measurements
-    in_order = sum(status == "ok" for status in rows.status)
     if len(rows.name) <= MOST_VALUES:
-        value = with_sigma(float(rows.value[0]), float(rows.sigma[0]), rows.unit[0])
-        known = f"{rows.name[0]}: {value}"
-    else:
-        known = f"{in_order} of {counted(len(rows.name), 'measurement')} in order"
-    end = ": everything fits and is checked." if result.verdict.level == "green" else "."
-    return known + end
+        return (
+            f"{rows.name[0]} is {with_sigma(rows.value[0], rows.sigma[0], rows.unit[0])}"
+            f"{', and is checked' if result.verdict.level == 'green' else ''}."
+        )
+    if result.verdict.level == "green":
+        return f"all {len(rows.name)} measurements fit and are checked."
+    in_order = sum(status == "ok" for status in rows.status)
+    return f"{in_order} of {len(rows.name)} measurements are in order."
 
 
 def named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:
