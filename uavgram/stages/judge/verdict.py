@@ -20,7 +20,7 @@ from uavgram.stages.judge.tested_survey import TestedSurvey
 CONTRADICTING = frozenset(
     {
         *("not-converged", "many-suspects", "too-many-blunders", "lengths-contradict"),
-        *("labels-swapped-everywhere",),
+        *("labels-swapped-everywhere", "mount-turned"),
         *("lengths-factor", "lengths-offset", "lengths-wrong-unit"),
     }
 )
@@ -43,7 +43,7 @@ NOT_FITTING = frozenset(
         *("frame-left-out", "line-removed", "known-removed", "pick-removed"),
         *("group-misfit", "checks-misfit", "misfit"),
         *("camera-contradicted", "point-off-ground", "other-zoom", "readout-left-out"),
-        *("clock-off", "gimbal-off", "clock-jumps", "mount-turned"),
+        *("clock-off", "gimbal-off", "clock-jumps"),
         *("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
     }
 )
