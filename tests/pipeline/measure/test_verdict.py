@@ -97,7 +97,7 @@ def test_a_flight_with_one_length_is_checked_as_far_as_the_log_is_exact(data_dir
         "Not checked: an error in the length 'north' ('barrel0' to 'barrel1') would not be noticed."
     )
     assert reason.mend is not None
-    assert reason.mend.words.startswith("Tape from barrel2 to barrel0")
+    assert reason.mend.action == "tape"
 
 
 def clicked_again(inputs: Inputs, off_px: dict[str, float] | None = None) -> Inputs:
@@ -106,11 +106,11 @@ def clicked_again(inputs: Inputs, off_px: dict[str, float] | None = None) -> Inp
     count = len(picks.image)
     away = np.array([(off_px or {}).get(label, 0.0) for label in picks.label])
     again = picks.pixel_px + rng.normal(0.0, 1.0, (count, 2)) + away[:, None]
-    columns = {
-        name: tuple(getattr(picks, name)) * 2 for name in ("image", "label", "area", "source")
-    }
     twice = Picks(
-        **columns,
+        image=picks.image * 2,
+        label=picks.label * 2,
+        area=picks.area * 2,
+        source=picks.source * 2,
         pixel_px=np.concatenate([picks.pixel_px, again]),
         sigma_px=np.tile(picks.sigma_px, 2),
         height_m=np.tile(picks.height_m, 2),

@@ -11,7 +11,7 @@ import pytest
 from scenes import NO_TIMES, make_scene
 
 from uavgram.estimation.measuring.propagation import propagate
-from uavgram.estimation.reliability.external import LARGEST_SIGMAS
+from uavgram.estimation.reliability.external import LARGEST_SIGMAS, UNSEEN_SIGMAS
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
@@ -254,7 +254,9 @@ def _without_check(again: int = 0) -> Survey:
 def _of_survey(survey: Survey, withheld: KnownLines | None = None) -> Judged:
     refined, _ = refine(survey, SolveOptions(noise="stated"))
     measured = propagate(refined.adjustment, REQUESTS[:2], NO_TIMES)
-    found = withheld and withheld_values(refined.adjustment, withheld, NO_POINTS)
+    found = None
+    if withheld is not None:
+        found = withheld_values(refined.adjustment, withheld, NO_POINTS)
     examined = run_tests(refined, measured, 0.001, found)
     return Judged(examined, measurement_results(measured)[0])
 
@@ -276,10 +278,13 @@ def test_a_point_in_one_photo_is_not_checked_however_small_its_sigma() -> None:
 
 
 def test_it_is_not_checked_however_large_the_sigma_of_the_value_is() -> None:
-    """Here a click moves the value by a small share of its sigma, and may be 1000 px off."""
+    """Here the scale is poor: 40 px in the click are little beside that, and 1000 px are much."""
     survey = _without_check()
-    judged = _of_survey(replace(survey, pick_sigma_px=np.full(len(survey.pick_label), 30.0)))
-    assert is_unchecked(judged.examined).tolist() == [True, False]
+    judged = _of_survey(replace(survey, length_sigma_m=np.full(len(survey.length_m), 20.0)))
+    (worst,) = judged.examined.weakest[0].unseen[:1]
+    per_sigma = worst.change / worst.sigmas / judged.examined.measured.sigma[0]
+    assert 41.0 * per_sigma < 5.0 < UNSEEN_SIGMAS < 1000.0 * per_sigma
+    assert is_unchecked(judged.examined)[0]
 
 
 def test_a_second_click_in_the_same_photo_checks_the_first() -> None:
