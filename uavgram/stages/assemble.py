@@ -208,7 +208,7 @@ def _usable_picks(observed: Observations) -> Ints:
     """Indices of the picks, but for matches, in photos that take part."""
     picks, posed = observed.picks, _posed(observed)
     used = np.flatnonzero([image in posed for image in picks.image])
-    used = used[~picks.of_source("match")[used]]
+    used = used[~(picks.of_source("match") | picks.is_copy)[used]]
     if not used.size:
         raise GeometryError(
             "no usable frame remains: not one pick lies in a photo that the flight log covers; "

@@ -88,6 +88,7 @@ def find_duplicates(
             *_photo_message(
                 "photo-saved-anew", "with the capture time and all the picks of", saved_anew, picked
             ),
+            *_pick_message(picks),
             *_line_messages(lines, same_lines),
             *_known_messages(known, same_known),
         ),
@@ -187,6 +188,20 @@ def _photo_message(
         f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. Take the copies out of `images`."
     )
     return (Message("warning", code, text, frames=tuple(copies)),)
+
+
+def _pick_message(picks: Picks) -> tuple[Message, ...]:
+    """One message on all rows of picks that repeat another one."""
+    copies = np.flatnonzero(picks.is_copy).tolist()
+    if not copies:
+        return ()
+    parts = [f"{picks.label[i]!r} in {picks.image[i]}" for i in copies]
+    text = (
+        "The same click with the same pixel, to the last digit, was counted once: "
+        f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. Remove the copies; a second click checks "
+        "the first only where it was made anew."
+    )
+    return (Message("warning", "pick-duplicate", text),)
 
 
 def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message, ...]:
