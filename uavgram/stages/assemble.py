@@ -212,7 +212,7 @@ def _usable_picks(observed: Observations) -> Ints:
     """Indices of the picks, but for matches, in photos that take part."""
     picks, posed = observed.picks, _posed(observed)
     used = np.flatnonzero([image in posed for image in picks.image])
-    used = used[~picks.of_source("match")[used]]
+    used = used[~(picks.of_source("match") | picks.is_copy)[used]]
     if observed.copies:  # what was clicked again counts, what was copied with the photo does not
         shown = [observed.copies.get(name, name) for name in picks.image]
         places = zip(shown, picks.label, *picks.pixel_px.T.tolist(), strict=True)

@@ -36,7 +36,7 @@ CAUSES = (
     ("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
     ("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
     ("line-left-out", "known-left-out", "control-left-out", "point-off-ground"),
-    ("photo-duplicate", "line-duplicate", "known-duplicate"),
+    ("photo-duplicate", "pick-duplicate", "line-duplicate", "known-duplicate"),
     ("line-removed", "known-removed", "pick-removed", "blunder-not-located", "blunder-kept"),
     (
         *("pick-suspect", "picks-contradict", "line-suspect", "known-suspect", "control-suspect"),

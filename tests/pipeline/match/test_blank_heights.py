@@ -58,12 +58,12 @@ def photo(number: int, rng: np.random.Generator) -> Image:
         corner = np.round(seen(corners(roof), number) * 256).astype(np.int32)
         cv2.fillConvexPoly(picture, corner, shade, cv2.LINE_AA, 8)
     noisy = cv2.GaussianBlur(picture, (0, 0), 0.7) + rng.normal(0, 1.5, picture.shape)
-    return np.clip(noisy, 0, 255).astype(np.uint8)
+    return np.asarray(np.clip(noisy, 0, 255), dtype=np.uint8)
 
 
 @pytest.fixture(scope="module")
 def points() -> dict[str, Floats]:
-    rng, place = np.random.default_rng(2), {}
+    rng, place = np.random.default_rng(2), dict[str, Floats]()
     while len(place) < 16:
         at = rng.uniform([-8.0, -8.0], [8.0, 8.0])
         if min(np.abs(at - roof).max() for roof in ROOFS_M) > 2.2:

@@ -133,7 +133,7 @@ def test_what_was_learnt_is_told_though_a_blunder_was_taken_out() -> None:
     pixel[17, 0] += 15.0
     refined, _ = refine(replace(scene.survey, pixel_px=pixel), SolveOptions(outliers="remove"))
 
-    assert [removal.index for removal in refined.removals] == [17]
+    assert list(refined.pick_reason) == [17]
     assert refined.noise is not None
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools
 from uavgram.model.naming import listed
 from uavgram.model.survey.observations import SAME_PLACE_PX, Picks
 from uavgram.pipeline.measure.inputs import Inputs
@@ -62,13 +62,12 @@ def may_be_raised(picks: Picks, found: Iterable[Pair], missed: Iterable[Pair]) -
 def still_founded(picks: Picks) -> Bools:
     """(P,) matches whose pick lies where they were found from."""
     made = picks.of_source("match")
-    place: dict[Pair, Floats] = {
-        (picks.image[i], picks.label[i]): picks.pixel_px[i] for i in np.flatnonzero(~made).tolist()
-    }
+    clicks = picks.clicks
     holds = np.zeros(len(made), dtype=np.bool_)
     for i in np.flatnonzero(made).tolist() if picks.from_image else ():
-        at = place.get((picks.from_image[i], picks.label[i]))
-        holds[i] = at is not None and np.hypot(*(at - picks.from_px[i])) <= SAME_PLACE_PX
+        own = clicks.get((picks.from_image[i], picks.label[i]), [])
+        away = np.linalg.norm(picks.pixel_px[own] - picks.from_px[i], axis=1)
+        holds[i] = (away <= SAME_PLACE_PX).any()
     return holds
 
 

@@ -130,7 +130,7 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     "picks-less-exact": ("The picks are less exact than stated.",) * 2,
     "lengths-less-exact": ("The taped lengths are less exact than stated.",) * 2,
     # What nothing decides or checks.
-    "nothing-checks": ("Nothing checks {measurements}.",) * 2,
+    "nothing-checks": ("{measurements} is not checked.", "{measurements} are not checked."),
     "ambiguous-pose": ("The cameras may stand elsewhere: two solutions fit as well.",) * 2,
     "three-lengths": ("Nothing checks the three lengths.",) * 2,
     "three-known": ("Nothing checks the three things that are known.",) * 2,

@@ -154,7 +154,7 @@ def decide(
         misfit = {name: np.sqrt(square) / noise[name] for name, square in squares.items()}
         gross = {name: value > GROSS_SIGMAS for name, value in misfit.items()}
         if k == 0:
-            frames = _bad_frames(problem, minimum, gross)
+            frames = _frames_of_other_places(problem, gross["pixels"])
             # Where a point's picks contradict the ground, they may agree on a height above it.
             off = problem.third.rough[gross.get("roughness", np.zeros(0, dtype=np.bool_))]
             gross["pixels"] &= ~np.isin(problem.survey.pick_label, off)
@@ -170,6 +170,7 @@ def decide(
         out = gross
         weight = {name: np.where(is_out, NEARLY_NONE, 1.0) for name, is_out in out.items()}
         minimum = weighted_minimum(problem, minimum.state, weight)
+    frames = frames or _turned_frames(problem, minimum, out)
     beyond = np.nextafter(GROSS_SIGMAS, np.inf)
     misfit = {
         name: np.where(out[name], np.maximum(value, beyond), np.minimum(value, GROSS_SIGMAS))
@@ -284,27 +285,39 @@ def _axes(name: str) -> int:
     return {"pixels": 2, "matches": 2, "ties": 2, "control": 3, "telemetry": 6}.get(name, 1)
 
 
-def _bad_frames(
-    problem: SurveyProblem, minimum: Minimum[State], gross: Mapping[str, Bools]
-) -> tuple[str, ...]:
-    """Find frames most of whose picks are gross errors, or that the log has turned otherwise.
-
-    A photo that was turned when it was picked fits by all of its picks, but not by the log.
-    """
+def _frames_of_other_places(problem: SurveyProblem, gross: Bools) -> tuple[str, ...]:
+    """Find frames most of whose picks are gross errors (P,)."""
     survey = problem.survey
     frames = len(survey.frame_id)
     number = np.bincount(survey.pick_frame, minlength=frames)
-    wrong = np.bincount(survey.pick_frame[gross["pixels"]], minlength=frames)
-    is_bad = (wrong > MOST_OF_A_FRAME * number) & (wrong > 2)
-    if survey.telemetry is not None and gross["telemetry"].any():
-        blocks = problem.evaluate(minimum.state)
-        assert blocks is not None  # noqa: S101  (the iterations ended there)
-        attitude = np.linalg.norm(blocks["telemetry"].residual[:, 3:], axis=1)
-        turned = gross["telemetry"] & (attitude > GROSS_SIGMAS)
-        is_bad[survey.telemetry.frame_index[turned]] = True
-    if is_bad.sum() > MOST_OF_A_KIND * frames:
+    wrong = np.bincount(survey.pick_frame[gross], minlength=frames)
+    return _names_of_few(problem, (wrong > MOST_OF_A_FRAME * number) & (wrong > 2))
+
+
+def _turned_frames(
+    problem: SurveyProblem, minimum: Minimum[State], gross: Mapping[str, Bools]
+) -> tuple[str, ...]:
+    """Find frames that the log has turned otherwise.
+
+    A photo that was turned when it was picked fits by all of its picks, but not by the log.
+    """
+    telemetry = problem.survey.telemetry
+    if telemetry is None or not gross["telemetry"].any():
         return ()
-    return tuple(survey.frame_id[k] for k in np.flatnonzero(is_bad))
+    blocks = problem.evaluate(minimum.state)
+    assert blocks is not None  # noqa: S101  (the iterations ended there)
+    attitude = np.linalg.norm(blocks["telemetry"].residual[:, 3:], axis=1)
+    is_turned = np.zeros(len(problem.survey.frame_id), dtype=np.bool_)
+    turned = gross["telemetry"] & (attitude > GROSS_SIGMAS)
+    is_turned[telemetry.frame_index[turned]] = True
+    return _names_of_few(problem, is_turned)
+
+
+def _names_of_few(problem: SurveyProblem, is_bad: Bools) -> tuple[str, ...]:
+    """Names of bad frames; none where they are too many to be the exception."""
+    if is_bad.sum() > MOST_OF_A_KIND * len(is_bad):
+        return ()
+    return tuple(problem.survey.frame_id[k] for k in np.flatnonzero(is_bad))
 
 
 def _tapes(problem: SurveyProblem) -> Ints:

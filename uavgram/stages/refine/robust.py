@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.reliability.test_statistics import cofactors
+from uavgram.estimation.reliability.test_statistics import NOT_OBSERVED, cofactors
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -26,6 +27,7 @@ from uavgram.stages.refine.annealing import (
     GROSS_SIGMAS,
     LEAST_REDUNDANCY,
     NEARLY_NONE,
+    ROBUST,
     SCHEDULE,
     Annealed,
     anneal,
@@ -46,6 +48,9 @@ MOST_ALTERNATIVES = 4
 
 MOST_STARTS = 12
 """Lengths, or photos, that are left out of the first values in turn: of more, none."""
+
+MOST_IN_PAIRS = 7
+"""Lengths that are left out in pairs, without a log."""
 
 FEW_GROSS = 0.03
 """Share of all observations, and at least one, that may be gross errors where no other first values
@@ -196,40 +201,66 @@ class Candidate:
         gross = sum(len(self.annealed.gross(name)) for name in misfit if name != "roughness")
         if gross > max(1, FEW_GROSS * sum(map(len, misfit.values()))):
             return False
-        is_sure = not any(_has_rival(self.annealed, row) for row in self.annealed.gross("lengths"))
-        return is_sure and len(self.first.pick_index) == picks
+        if any(_has_rival(self.annealed, row) for row in self.annealed.gross("lengths")):
+            return False
+        return len(self.first.pick_index) == picks and not self._strains_a_prior()
+
+    def _strains_a_prior(self) -> bool:
+        """Whether something that all have in common, as the camera, is far from what is known."""
+        common = (
+            block
+            for name, block in self.annealed.minimum.blocks.items()
+            if name not in (*ROBUST, *NOT_OBSERVED)
+        )
+        return any(np.abs(block.residual).max(initial=0.0) > GROSS_SIGMAS for block in common)
 
 
 def _most_agreed(taking: Participants) -> list[Candidate]:
     """Robust adjustments from all first values, that of least cost first."""
     picks, found = int(taking.keep.sum()), list[Candidate]()
-    for candidate in _candidates(taking):
-        found.append(candidate)
-        if candidate.is_agreed(picks):
-            return [candidate]
-    return sorted(found, key=lambda one: one.cost(picks))
+    for candidates in (_from_softened, _without_lengths, _without_frames):
+        found = sorted([*found, *candidates(taking)], key=lambda one: one.cost(picks))
+        if found and found[0].is_agreed(picks):
+            return found[:1]
+    return found
 
 
-def _candidates(taking: Participants) -> Iterator[Candidate]:
-    """Robust adjustments from hundredfold sigmas; then from first values without what may be wrong.
-
-    First values may hang on a wrong length, or on a photo that shows something else: so each of
-    these is left out in turn.
-    """
-    soft = replace(taking, survey=_softer(taking.survey, SCHEDULE[0]))
-    for candidate in _from_all_minima(soft):
+def _from_softened(taking: Participants) -> Iterator[Candidate]:
+    """Robust adjustments from hundredfold sigmas, and from heights that photos show."""
+    for candidate in _from_all_minima(_softened(taking)):
         yield replace(candidate, taking=taking)
     yield from _from_free_heights(taking)
+
+
+def _without_lengths(taking: Participants) -> Iterator[Candidate]:
+    """Robust adjustments from first values without one length, without two, and without any.
+
+    First values may hang on a wrong length; a log may have led all else to agree with lengths that
+    are in another unit.
+    """
     rough = replace(taking, survey=_softer(taking.survey, 1.0))
-    lines = np.flatnonzero(~taking.line_removed)
-    for line in lines.tolist() if 3 < len(lines) <= MOST_STARTS else ():
-        for candidate in _from_all_minima(rough.without_lines([line]), line):
+    lines = np.flatnonzero(~taking.line_removed).tolist()
+    sets: list[tuple[int, ...]] = []
+    if taking.survey.telemetry is not None and lines:
+        sets.append(tuple(lines))
+    if 3 < len(lines) <= MOST_STARTS:
+        sets += combinations(lines, 1)
+    if taking.survey.telemetry is None and 4 < len(lines) <= MOST_IN_PAIRS:
+        sets += combinations(lines, 2)
+    for left_out in sets:
+        for candidate in _from_all_minima(rough.without_lines(left_out), left_out):
             yield replace(candidate, taking=taking)
-    frames = np.unique(taking.survey.pick_frame[taking.keep])
-    if taking.survey.telemetry is None and 2 < len(frames) <= MOST_STARTS:
-        for frame in frames.tolist():
-            for candidate in _from_all_minima(soft.without_frame(frame, MISPLACED)):
-                yield replace(candidate, taking=taking.without_frame(frame, MISPLACED))
+
+
+def _without_frames(taking: Participants) -> Iterator[Candidate]:
+    """Without a log, robust adjustments from first values without one photo."""
+    frames = np.unique(taking.survey.pick_frame[taking.keep]).tolist()
+    if taking.survey.telemetry is not None or not 2 < len(frames) <= MOST_STARTS:
+        return
+    for frame in frames:
+        rest = taking.without_frame(frame, MISPLACED)
+        for candidate in _from_all_minima(_softened(rest)):
+            yield replace(candidate, taking=rest)
 
 
 def _from_free_heights(taking: Participants) -> Iterator[Candidate]:
@@ -266,15 +297,15 @@ ANYWHERE_M = 3.0
 """Sigma of the height of a point above the ground, of which nothing is known."""
 
 
-def _from_all_minima(taking: Participants, left_out: int | None = None) -> Iterator[Candidate]:
+def _from_all_minima(taking: Participants, left_out: tuple[int, ...] = ()) -> Iterator[Candidate]:
     """Robust adjustments from each ordinary minimum of what takes part.
 
     Parameters
     ----------
     taking
-        What takes part, with hundredfold sigmas; or with those stated, but for one length.
+        What takes part, with hundredfold sigmas; or with those stated, but for some lengths.
     left_out
-        This length: the robust adjustment decides on it.
+        These lengths: the robust adjustment decides on them.
     """
     try:
         first = best_minima(taking)
@@ -282,22 +313,27 @@ def _from_all_minima(taking: Participants, left_out: int | None = None) -> Itera
         return
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
         used, survey = lines_used(adjustment), adjustment.survey
-        if left_out is None:
-            survey = _softer(survey, 1.0 / SCHEDULE[0])
+        if left_out:
+            used |= np.isin(first.line_index, left_out)
         else:
-            used |= first.line_index == left_out
+            survey = _softer(survey, 1.0 / SCHEDULE[0])
         problem = SurveyProblem(survey, adjustment.problem.pivot_m, used)
         state = carried(adjustment, problem)
         try:
-            if left_out is None:
-                annealed = anneal(problem, state)
-            else:
-                is_out = first.line_index[problem.line_index] == left_out
+            if left_out:
+                is_out = np.isin(first.line_index[problem.line_index], left_out)
                 weight = {"lengths": np.where(is_out, NEARLY_NONE, 1.0)}
                 annealed = decide(problem, weighted_minimum(problem, state, weight), weight)
+            else:
+                annealed = anneal(problem, state)
         except (SingularError, ValueError):  # undetermined, or impossible with all of it
             continue
         yield Candidate(taking, first, annealed)
+
+
+def _softened(taking: Participants) -> Participants:
+    """What takes part, with hundredfold sigmas."""
+    return replace(taking, survey=_softer(taking.survey, SCHEDULE[0]))
 
 
 def _softer(survey: Survey, factor: float) -> Survey:

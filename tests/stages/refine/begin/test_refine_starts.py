@@ -218,8 +218,9 @@ def test_one_wrong_pick_is_no_reason_to_leave_a_frame_out(
     pixel = np.array(survey.pixel_px)
     pixel[17, 0] += 60.0
     refined, messages = refine(replace(survey, pixel_px=pixel), REPORT)
-    assert refined.pick_reason == {}
-    assert messages == ()
+    assert list(refined.pick_reason) == [17]
+    assert [message.code for message in messages] == ["pick-left-out"]
+    assert len(refined.adjustment.survey.frame_id) == 6
 
 
 def test_lines_that_run_one_way_are_named_with_the_line_to_tape_next(

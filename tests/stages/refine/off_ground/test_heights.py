@@ -14,8 +14,7 @@ from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.messages import in_order
-from uavgram.stages.refine import refine
-from uavgram.stages.refine.off_ground import search
+from uavgram.stages.refine import refine, robust
 
 SCENE: dict[str, Any] = {"frames": 6, "labels": 24, "lines": 6}
 CAR = {2: 1.42, 5: 1.45, 9: 0.9, 14: 0.92, 17: 1.5, 20: 2.3}
@@ -73,7 +72,7 @@ def test_on_flat_ground_nothing_is_found_and_nothing_is_searched(
     def fail(*_: object) -> None:
         pytest.fail("a search where all fits")
 
-    monkeypatch.setattr(search, "_about_planes", fail)
+    monkeypatch.setattr(robust, "_most_agreed", fail)
     for seed in range(3):
         assert not refined_of(make_scene(seed, **SCENE).survey)[0].off_ground
 

@@ -18,7 +18,7 @@ from uavgram.stages.refine.causes.identify import identify
 from uavgram.stages.refine.causes.labels.heights import off_the_ground
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.off_ground.heights import with_free
-from uavgram.stages.refine.robust_adjustment import adjust_survey
+from uavgram.stages.refine.robust import adjust_robustly
 
 OPTIONS = {"frames": 6, "labels": 10, "lines": 8, "spread": 6.0, "tilt": 0.2}
 
@@ -42,7 +42,7 @@ def picks_of(survey: Survey, frame: int) -> Ints:
 def causes_of(survey: Survey) -> tuple[Cause, ...]:
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), none, {})
-    return identify(Standing(taking, adjust_survey(taking))).causes
+    return identify(Standing(taking, adjust_robustly(taking).refined)).causes
 
 
 def test_labels_that_changed_places_in_a_photo_are_told_and_put_back(

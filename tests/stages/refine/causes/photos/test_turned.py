@@ -18,7 +18,7 @@ from uavgram.stages.refine.causes.hypothesis import Standing, mended_survey
 from uavgram.stages.refine.causes.identify import identify
 from uavgram.stages.refine.causes.photos.turned import turned_photos
 from uavgram.stages.refine.minima import Participants, best_minima
-from uavgram.stages.refine.robust_adjustment import MISPLACED
+from uavgram.stages.refine.robust import MISPLACED
 
 OPTIONS = {"frames": 6, "labels": 10, "lines": 4, "spread": 6.0, "tilt": 0.2}
 WIDTH, HEIGHT = 2000, 1500
