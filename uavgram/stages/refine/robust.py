@@ -26,6 +26,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.annealing import (
     GROSS_SIGMAS,
     LEAST_REDUNDANCY,
+    MOST_OF_A_KIND,
     NEARLY_NONE,
     ROBUST,
     SCHEDULE,
@@ -151,10 +152,8 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
         # A photo of another place spoils the others' tests: these are made anew without it.
         while agreed and agreed[0].annealed.frames:
             best = agreed[0]
-            without = _most_agreed(best.taking.without_frames(best.annealed.frames, MISPLACED))
-            if not without:
-                break
-            agreed = without
+            rest = best.taking.without_frames(best.annealed.frames, MISPLACED)
+            agreed = _most_agreed(rest) if _are_most_left(taking, rest) else []
         robust = _without_outliers(agreed)
         if robust is not None:
             return robust
@@ -162,6 +161,12 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
         assert failed is not None  # noqa: S101  (one of the two is always there)
         raise failed
     return Robust(taking.survey, plain, np.zeros(0, dtype=np.int64))
+
+
+def _are_most_left(whole: Participants, rest: Participants) -> bool:
+    """Whether few frames were left out: were there more, the fault is not theirs."""
+    before, after = (np.unique(one.survey.pick_frame[one.keep]) for one in (whole, rest))
+    return len(after) >= (1.0 - MOST_OF_A_KIND) * len(before)
 
 
 def _is_in_order(taking: Participants, refined: Refined) -> bool:
