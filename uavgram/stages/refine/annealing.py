@@ -224,6 +224,13 @@ def squared_misfits(
 ) -> dict[str, Floats]:
     """Compute squared standardised misfits (n,) of all observations, by group.
 
+    Parameters
+    ----------
+    problem, minimum
+        The likelihood, and a weighted adjustment.
+    weight
+        Its weights, by group; 1 where a group has none.
+
     Notes
     -----
     Of an observation of weight w, let r be its whitened residual and A its covariance that follows
