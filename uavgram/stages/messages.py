@@ -19,8 +19,9 @@ LEVELS = ("error", "warning", "info")
 
 IDENTIFIED = (
     (
-        *("lengths-wrong-unit", "lengths-factor", "lengths-offset", "labels-swapped-everywhere"),
-        *("other-zoom", "mount-turned", "gimbal-off", "clock-off"),
+        *("lengths-wrong-unit", "lengths-factor", "lengths-offset", "lengths-level"),
+        *("labels-swapped-everywhere", "control-shifted", "other-zoom"),
+        *("mount-turned", "gimbal-off", "clock-off"),
     ),
     (
         *("other-camera", "photo-elsewhere", "photo-mirrored", "photo-turned"),

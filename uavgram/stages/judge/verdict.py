@@ -16,7 +16,8 @@ BENDING = frozenset(
     {
         *("not-converged", "many-suspects", "too-many-blunders", "lengths-contradict"),
         *("odd-height", "mount-turned", "labels-swapped-everywhere"),
-        *("lengths-factor", "lengths-offset", "lengths-wrong-unit"),
+        *("lengths-factor", "lengths-offset", "lengths-wrong-unit", "lengths-level"),
+        *("control-shifted",),
     }
 )
 """Codes of what contradicts, or bends, everything: nothing is to be used."""

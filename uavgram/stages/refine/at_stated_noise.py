@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.survey.adjustment import LeftOut, Refined
+from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
@@ -79,6 +79,8 @@ def adjusted_as_stated(
     refined = replace(refined, pick_removed=removed)
     found = identify(Standing(participants(survey, refined), refined, frozenset(off_ground)))
     causes = found.causes
+    if found.right:
+        refined = replace(_exchanged(survey, refined, found), pick_removed=removed)
     back, up = (heights_by_causes(survey, causes, free=free) for free in (False, True))
     if back or up:
         before, off_ground = off_ground, sorted((set(off_ground) - back) | up)
@@ -87,6 +89,22 @@ def adjusted_as_stated(
     if options.noise == "estimate":
         survey, refined, causes = _freed(survey, refined, found, keep, reason)
     return AtStatedNoise(given, survey, refined, off_ground, causes, (*left_out, *unseen))
+
+
+WRONG = LeftOut(LeftOutCause.MISPLACED_FRAME, "its picks fit once they are put back")
+
+
+def _exchanged(survey: Survey, refined: Refined, found: Identified) -> Refined:
+    """Adjusted without picks that are wrong, and with those that were left out for them."""
+    taking = participants(survey, refined)
+    keep = taking.keep.copy()
+    keep[list(found.right)] = True
+    reason = {k: why for k, why in taking.reason.items() if k not in found.right}
+    other = replace(taking, keep=keep, reason=reason)
+    try:
+        return best_minima(other.without_picks(dict.fromkeys(sorted(found.wrong), WRONG)))
+    except GeometryError:
+        return refined
 
 
 def _freed(
@@ -117,6 +135,8 @@ def _freed(
     try:
         after = adjust_robustly(Participants(known_less, keep, none, reason))
     except GeometryError:
+        return survey, refined, found.causes
+    if not after.refined.adjustment.minimum.converged:
         return survey, refined, found.causes
     return after.survey, replace(after.refined, pick_removed=refined.pick_removed), tuple(causes)
 

@@ -87,7 +87,8 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         robust = adjust_robustly(participants(survey, refined), refined)
         found_free = [*found_free, *robust.labels]
         search += robust.messages(survey)
-        survey, refined = robust.survey, robust.refined
+        survey = robust.survey
+        refined = replace(robust.refined, pick_removed=taken_out)
     refined = replace(refined, noise=noise, stated=stated_fit)
     refined = with_gross_lengths(survey, with_gross_known(survey, refined))
     refined = replace(

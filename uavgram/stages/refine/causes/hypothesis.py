@@ -14,6 +14,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import CHECKED, Explained, Moved
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Mend
@@ -98,11 +99,19 @@ class Hypothesis:
         What is to be done on request, where that is not what it is tested by; None: the mend.
     is_clear
         Whether nothing else would explain the same: else it is told, and not mended on request.
+    back
+        Picks that it leaves as they are, and that take part again where they had been left out.
+    is_of_all
+        Whether the whole survey begins elsewhere with it: it is adjusted from first values.
+    begun
+        The state that its adjustment begins from, of the present one; None: the present one.
     freed
         The survey with less prior knowledge, by which it is adjusted from then on: no reading is
         changed by it. Where neither is there, only the linear test judges it.
     moved
         How its unknowns move the observations in the linear model; none where nothing is known.
+    amount
+        Value of its only unknown, where that is known; None: any.
     checked
         Share of its directions that has to show in the residuals (see `explained`).
     settled
@@ -121,8 +130,12 @@ class Hypothesis:
     mend: Mend | None = None
     remedy: Mend | None = None
     is_clear: bool = True
+    back: frozenset[int] = frozenset()
+    is_of_all: bool = False
+    begun: Callable[[State], State] | None = None
     freed: Callable[[Survey], Survey] | None = None
     moved: tuple[Moved, ...] = ()
+    amount: float | None = None
     checked: float = CHECKED
     settled: Callable[[Adjustment], tuple[Floats, Floats]] | None = None
     price: float = 0.0
@@ -130,7 +143,9 @@ class Hypothesis:
     settles: frozenset[str] = frozenset()
 
 
-def mended(standing: Standing, mend: Mend) -> Participants:
+def mended(
+    standing: Standing, mend: Mend, back: frozenset[int] = frozenset(), *, lines_back: bool = False
+) -> Participants:
     """What takes part once a survey is mended.
 
     Picks and lengths that the mend changes take part again where they had been left out, and so do
@@ -142,14 +157,18 @@ def mended(standing: Standing, mend: Mend) -> Participants:
         Where it stands.
     mend
         By index into its survey.
+    back
+        Picks that take part again as they are.
+    lines_back
+        Whether lengths that were left out take part again.
     """
     taking, refined = standing.taking, standing.refined
     survey = mended_survey(standing.survey, mend)
     used = np.zeros(len(survey.pick_frame), dtype=np.bool_)
     used[refined.pick_index] = True
-    used[list(mend.picks)] = True
+    used[list(mend.picks | back)] = True
     used[list(mend.without_picks)] = False
-    removed = refined.line_removed.copy()
+    removed = refined.line_removed & (not lines_back)
     removed[lines_touched(standing.survey, mend)] = False
     removed[list(mend.without_lines)] = True
     reason = {
@@ -207,6 +226,12 @@ def mended_survey(survey: Survey, mend: Mend) -> Survey:
         start[line], end[line] = ends
     for of, height in mend.free.items():
         free[of] = height
+    along = survey.line_along
+    if mend.level:
+        along = tuple(
+            "horizontal" if k in mend.level else (survey.line_along or ("slope",) * len(start))[k]
+            for k in range(len(start))
+        )
     return replace(
         survey,
         pick_label=label,
@@ -215,4 +240,5 @@ def mended_survey(survey: Survey, mend: Mend) -> Survey:
         line_end=end,
         length_m=length,
         is_free=free,
+        line_along=along,
     )

@@ -33,6 +33,9 @@ USUAL_S, USUAL_RAD = 20.0, float(np.radians(20.0))
 FARTHEST_S, STEP_S = 20.0, 0.5
 """Corrections of the clock that are looked at."""
 
+ANY_SHIFT_M, USUAL_SHIFT_M = 1e5, 100.0
+"""The same of control points that are shifted together, as by another datum."""
+
 ANY_M = 50.0
 """Prior sigma of a frame's place beyond a step of the log."""
 
@@ -88,17 +91,56 @@ def _best_clock(standing: Standing, prior: TelemetryPrior) -> tuple[float, float
     return (0.0, 0.0) if is_near else (float(tried[best]), float(cost[0] - cost[best]))
 
 
+def shifted_control(standing: Standing) -> Iterator[Hypothesis]:
+    """All control points are shifted by the same vector against the log."""
+    adjustment = standing.adjustment
+    prior = _telemetry(adjustment)
+    if prior is None or not len(adjustment.survey.control_label):
+        return
+    stated = float(np.exp(np.log(prior.position_bias_sigma_m).mean()))
+    yield Hypothesis(
+        tell=partial(_control_shifted, adjustment.survey),
+        moved=(prior_moved(adjustment, kind="position_bias"),),
+        settled=partial(_of_flight, kind="position_bias"),
+        freed=partial(_with_prior, position_bias_sigma_m=np.full(3, ANY_SHIFT_M)),
+        price=widened(3, USUAL_SHIFT_M, stated),
+    )
+
+
+def _control_shifted(survey: Survey, found: Explained | None) -> Message:
+    assert found is not None  # noqa: S101
+    east, north, up = -found.value
+    size = float(np.linalg.norm(found.value))
+    toward = found.value / size if size else found.value
+    sigma = float(np.sqrt(toward @ found.covariance @ toward))
+    return Message(
+        "warning",
+        "control-shifted",
+        f"All control points are shifted against the flight log by {size:.1f} ± {sigma:.1g} m "
+        f"({east:+.1f} m east, {north:+.1f} m north, {up:+.1f} m up): they agree with each other, "
+        "but not with the log. Look at the coordinate system, the datum and the heights of the "
+        "control points.",
+        labels=tuple(survey.label[k] for k in survey.control_label),
+    )
+
+
 def turned_camera(standing: Standing) -> Iterator[Hypothesis]:
     """The camera is turned in its mount, or all headings of the log are."""
-    prior = _telemetry(standing.adjustment)
-    if prior is None:
+    adjustment = standing.adjustment
+    prior = _telemetry(adjustment)
+    if prior is None or adjustment.survey.track is None:
         return
+    # How a camera hung that no gimbal turned was written by hand, or not at all.
+    track = adjustment.survey.track
+    is_fixed = not isinstance(track, PhotoExposures) and not len(track.gimbal_time_s)
+    known = 0.0 if is_fixed else PRICE
     yield Hypothesis(
         tell=_camera_turned,
         moved=(prior_moved(standing.adjustment, kind="boresight"),),
         settled=partial(_of_flight, kind="boresight"),
         freed=partial(_with_prior, boresight_sigma_rad=ANY_RAD),
-        price=widened(3, USUAL_RAD, prior.boresight_sigma_rad),
+        is_of_all=True,
+        price=known + widened(3, USUAL_RAD, prior.boresight_sigma_rad),
     )
     yield Hypothesis(
         tell=_compass_turned,
@@ -190,7 +232,7 @@ def _clock(stated: TelemetryPrior, adjustment: Adjustment) -> tuple[Floats, Floa
     return value + stated.middle_s - prior.middle_s, covariance
 
 
-def _with_prior(survey: Survey, **sigma: float) -> Survey:
+def _with_prior(survey: Survey, **sigma: float | Floats) -> Survey:
     """A survey that knows less of what its flight has in common."""
     if survey.telemetry is None:
         return survey
@@ -247,16 +289,17 @@ def _camera_turned(found: Explained | None) -> Message:
     angle = np.degrees(found.value)
     sigma = np.degrees(np.sqrt(found.covariance.diagonal()))
     said = ", ".join(
-        f"{a:+.1f} ± {s:.1g} degrees about {axis}"
+        f"{a:+.1f} ± {s:.2g} degrees about {axis}"
         for a, s, axis in zip(angle, sigma, about, strict=True)
-        if np.isfinite(s)
+        if s < abs(a)
     )
+    angles = f" ({said})" if said else ""
     return Message(
         "warning",
         "gimbal-off",
         f"The camera is turned by {np.linalg.norm(angle):.0f} degrees against what mount and "
         "gimbal say: look at `mount` in the project, and whether the log has the angles of the "
-        f"gimbal that the camera hung on ({said}).",
+        f"gimbal that the camera hung on{angles}.",
     )
 
 

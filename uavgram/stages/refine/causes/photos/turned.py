@@ -15,6 +15,7 @@ from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message, Several
+from uavgram.model.naming import listed_photos
 from uavgram.model.survey.mend import Cause, Mend
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import labels_of
@@ -47,6 +48,9 @@ TURNED = {
 STRAINED, MOST_STRAINED = 10.0, 3
 """Residual of a pose that the log tells, in its sigmas, from which on a photo may be turned; and
 photos that are looked at for it."""
+
+RARE = float(np.log(20.0))
+"""Logarithm of the odds against a photo that was turned, where nothing speaks for it."""
 
 HEADING = np.radians(45.0)
 """Between a pose and the one that the log tells, beyond which it is another one."""
@@ -89,12 +93,37 @@ def turned_photos(standing: Standing) -> Iterator[Hypothesis]:
                 continue
             places = {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
             yield Hypothesis(
-                tell=partial(_turned, survey.frame_id[frame], how),
+                tell=partial(_turned, (survey.frame_id[frame],), how),
                 mend=Mend(pixel_of_pick=places),
                 promise=gain,
                 price=float(np.log(len(MIRRORED) + len(TURNED))),
                 settles=frozenset([survey.frame_id[frame]]),
             )
+
+
+def photos_turned_together(standing: Standing) -> Iterator[Hypothesis]:
+    """All photos that take part were turned, and those that were left out were not."""
+    survey = standing.survey
+    left_out = misplaced_photos(standing)
+    if not len(left_out) or survey.telemetry is None:
+        return
+    names = standing.adjustment.survey.frame_id
+    frames = [survey.frame_id.index(name) for name in names]
+    back = frozenset(np.concatenate([picks_of(standing, k) for k in left_out]).tolist())
+    for how, turn in (TURNED | MIRRORED).items():
+        places = {}
+        for frame in frames:
+            picks = picks_of(standing, frame)
+            pixel = _put_back(survey.pixel_px[picks], turn, survey.calibration)
+            places |= {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
+        yield Hypothesis(
+            tell=partial(_turned, names, how),
+            mend=Mend(pixel_of_pick=places),
+            back=back,
+            is_of_all=True,
+            price=float(np.log(len(MIRRORED) + len(TURNED))) + len(frames) * RARE,
+            settles=frozenset([*names, *(survey.frame_id[k] for k in left_out)]),
+        )
 
 
 def photos_in_disorder(standing: Standing) -> Iterator[Hypothesis]:
@@ -197,18 +226,29 @@ def _shows_the_ground(standing: Standing, frame: int, picks: Ints, pixel: Floats
     return bool(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)) < HEADING)
 
 
-def _turned(frame: str, how: str, _: Explained | None) -> Message:
+def _turned(frames: Sequence[str], how: str, _: Explained | None) -> Message:
+    """The message on photos that were shown mirrored or turned."""
+    named = listed_photos(frames)
+    one = len(frames) == 1
+    what, they = (
+        (f"The photo {frames[0]!r} seems", "it was")
+        if one
+        else (f"The photos {named} seem", "they were")
+    )
+    file = "file, as the camera wrote it" if one else "files, as the camera wrote them"
     return Message(
         "warning",
         "photo-mirrored" if how in MIRRORED else "photo-turned",
-        f"The photo {frame!r} seems to have been {how} when it was picked: pick it anew in the "
-        "original file, as the camera wrote it. Its picks fit once they are put back.",
-        frames=(frame,),
+        f"{what} to have been {how} when {they} picked: pick {'it' if one else 'them'} anew in the "
+        f"original {file}. {'Its' if one else 'Their'} picks fit once they are put back.",
+        frames=tuple(frames),
         several=Several(
             "{count} photos seem to have been mirrored or turned when they were picked",
-            f"{frame!r} {how}",
+            f"{frames[0]!r} {how}",
             ending="Pick them anew in the original files, as the camera wrote them.",
-        ),
+        )
+        if one
+        else None,
     )
 
 
