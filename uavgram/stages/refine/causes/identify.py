@@ -49,7 +49,7 @@ from uavgram.stages.refine.causes.trials import (
 )
 from uavgram.stages.remedies import with_remedies
 
-MOST_CAUSES, MOST_TRIED, MOST_OF_A_KIND, MOST_DOUBTED = 6, 10, 3, 3
+MOST_CAUSES, MOST_TRIED, MOST_OF_A_KIND, MOST_DOUBTED = 6, 6, 2, 2
 """Causes that are told; hypotheses for which a mended survey is adjusted each time, and of each
 kind; and for which it is adjusted with the noise that would explain the misfit instead."""
 

@@ -88,17 +88,20 @@ def _judged(standing: Standing, hypothesis: Hypothesis, found: Explained | None)
     if found is not None and hypothesis.amount is not None:
         away = hypothesis.amount - float(found.value[0])
         gain -= away**2 / float(found.covariance[0, 0])
-    back = _brought_back(standing, hypothesis)
+    back = _brought_back(standing, hypothesis, gain)
     return Judged(hypothesis, found, gain, gain / 2.0 + PRICE * back - hypothesis.price)
 
 
-def _brought_back(standing: Standing, hypothesis: Hypothesis) -> int:
-    """Numbers that had been left out, and that it accounts for."""
-    if hypothesis.freed is not None:
-        return standing.left_out
-    mend = hypothesis.mend
-    if mend is None:
-        return 0
+def _brought_back(standing: Standing, hypothesis: Hypothesis, gain: float) -> int:
+    """Numbers that had been left out, and that it accounts for.
+
+    What is common to a flight may have spoilt any of them: if it explains what takes part as well,
+    or if nothing checks what takes part.
+    """
+    if hypothesis.freed is not None and hypothesis.moved:
+        shows = gain / 2.0 > hypothesis.price
+        return standing.left_out if shows or core_fit(standing.adjustment).degrees < 1.0 else 0
+    mend = hypothesis.mend or Mend()
     back = mend.picks | mend.without_picks | hypothesis.back
     picks = int(standing.spoilt[list(back)].sum())
     lines = int((standing.refined.line_removed & lines_touched(standing.survey, mend)).sum())

@@ -23,6 +23,7 @@ from uavgram.model.flight.pose import TelemetryPrior
 from uavgram.model.message import Message
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
+from uavgram.stages.refine.causes.photos.turned import misplaced_photos
 
 ANY_S, ANY_RAD = 60.0, float(np.radians(60.0))
 """Prior sigmas of a clock that is wrong, and of a camera or a compass that is turned."""
@@ -162,16 +163,60 @@ def stepped_places(standing: Standing) -> Iterator[Hypothesis]:
     since = (prior.time_s - prior.time_s.mean()) / max(float(np.ptp(prior.time_s)), 1e-9)
     everywhere = Moved("telemetry", np.arange(len(order)), by_place * since[:, None, None])
     yield Hypothesis(tell=None, moved=(everywhere,), price=3.0 * PRICE / 2.0)
+    yield from _step_before_lost(standing)
     gaps = _likely_gaps(adjustment, order, by_place)
     for gap in gaps.tolist():
         later = order[gap:]
         few = later if 2 * len(later) <= len(order) else order[:gap]
         yield Hypothesis(
-            tell=partial(_jumped, standing, (int(order[gap - 1]), int(order[gap]))),
+            tell=partial(_jumped, *_between(adjustment, order, gap)),
             moved=(Moved("telemetry", later, by_place[later]),),
             freed=partial(_without_places, _names(adjustment, few)),
             price=3.0 * PRICE / 2.0 + float(np.log(len(order) - 1)),
         )
+
+
+def _between(adjustment: Adjustment, order: Ints, gap: int) -> tuple[str, str]:
+    """Names of the frames before and behind a gap, in order of time."""
+    prior, survey = adjustment.survey.telemetry, adjustment.survey
+    assert prior is not None  # noqa: S101  (there are rows of it)
+    before, after = (survey.frame_id[prior.frame_index[row]] for row in order[gap - 1 : gap + 1])
+    return before, after
+
+
+def _step_before_lost(standing: Standing) -> Iterator[Hypothesis]:
+    """The log steps where all photos before, or behind, were left out."""
+    survey, every = standing.survey, standing.survey.telemetry
+    lost = misplaced_photos(standing)
+    if every is None or not len(lost):
+        return
+    order = every.frame_index[np.argsort(every.time_s, kind="stable")]
+    is_lost = np.isin(order, lost)
+    ends = np.flatnonzero(np.diff(is_lost.astype(np.int64)))
+    if len(ends) != 1:
+        return
+    gap = int(ends[0]) + 1
+    names = frozenset(survey.frame_id[k] for k in lost)
+    picks = standing.spoilt & np.isin(survey.pick_frame, lost)
+    yield Hypothesis(
+        tell=partial(_jumped, survey.frame_id[order[gap - 1]], survey.frame_id[order[gap]]),
+        back=frozenset(np.flatnonzero(picks).tolist()),
+        freed=partial(_without_places, names),
+        settled=partial(_step, names),
+        price=3.0 * PRICE / 2.0 + float(np.log(len(order) - 1)),
+        settles=names,
+    )
+
+
+def _step(names: frozenset[str], adjustment: Adjustment) -> tuple[Floats, Floats]:
+    """By how much the log has some frames elsewhere (3,), and the covariance, of their mean."""
+    prior = adjustment.survey.telemetry
+    assert prior is not None  # noqa: S101  (only with a log)
+    some = np.array([adjustment.survey.frame_id[k] in names for k in prior.frame_index])
+    white = adjustment.problem.telemetry_whitening
+    off = np.linalg.solve(white, adjustment.minimum.blocks["telemetry"].residual[..., None])
+    own = adjustment.frame_covariance()[prior.frame_index[some], :3, :3]
+    return -off[some, :3, 0].mean(axis=0), own.mean(axis=0)
 
 
 def prior_moved(adjustment: Adjustment, *, kind: str) -> Moved:
@@ -315,12 +360,8 @@ def _compass_turned(found: Explained | None) -> Message:
     )
 
 
-def _jumped(standing: Standing, between: tuple[int, int], found: Explained | None) -> Message:
+def _jumped(before: str, after: str, found: Explained | None) -> Message:
     assert found is not None  # noqa: S101
-    survey = standing.adjustment.survey
-    prior = survey.telemetry
-    assert prior is not None  # noqa: S101
-    before, after = (survey.frame_id[prior.frame_index[row]] for row in between)
     size = float(np.linalg.norm(found.value))
     toward = found.value / size if size else found.value
     sigma = float(np.sqrt(toward @ found.covariance @ toward))

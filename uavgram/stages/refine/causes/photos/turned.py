@@ -108,6 +108,8 @@ def photos_turned_together(standing: Standing) -> Iterator[Hypothesis]:
     if not len(left_out) or survey.telemetry is None:
         return
     names = standing.adjustment.survey.frame_id
+    if len(names) > 2 * len(left_out):
+        return  # it would be odd if so many were turned
     frames = [survey.frame_id.index(name) for name in names]
     back = frozenset(np.concatenate([picks_of(standing, k) for k in left_out]).tolist())
     for how, turn in (TURNED | MIRRORED).items():
