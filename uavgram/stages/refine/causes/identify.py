@@ -37,6 +37,7 @@ from uavgram.stages.refine.causes.photos.other_camera import photos_of_another_z
 from uavgram.stages.refine.causes.photos.turned import (
     photos_elsewhere,
     photos_in_disorder,
+    photos_in_order,
     photos_turned_together,
     turned_photos,
 )
@@ -69,6 +70,7 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     swapped_everywhere,
     wrong_pick_on_the_ground,
     off_the_ground,
+    photos_in_order,
     turned_photos,
     photos_turned_together,
     photos_in_disorder,
@@ -110,10 +112,11 @@ def identify(standing: Standing) -> Identified:
         The survey as it is adjusted at the stated noise.
     """
     found = _one_after_another(standing)
-    if not found.causes and asks(standing):
+    if not (found.causes or found.right) and asks(standing):
         # One length against a log shows beside what the log says of it, and not in a compromise.
-        found = _one_after_another(without_lengths(standing))
-    rest = photos_elsewhere(standing, found.causes)
+        without = without_lengths(standing)
+        found = found if without is standing else _one_after_another(without)
+    rest = photos_elsewhere(standing, found.causes, found.right)
     return found._replace(
         causes=(*found.causes, *rest), freed=(*found.freed, *(None for _ in rest))
     )
@@ -135,8 +138,9 @@ def _one_after_another(standing: Standing) -> Identified:
             causes.append(_with_remedies(_cause(best, rival), best, rival, stated.survey))
             # Of two causes that explain as much, the result rests on neither.
             freed.append(best.hypothesis.freed if rival is None else None)
-        if best.hypothesis.back and best.hypothesis.mend and rival is None:
-            wrong, right = best.hypothesis.mend.picks, best.hypothesis.back
+        if best.hypothesis.back and best.hypothesis.mend is not None and rival is None:
+            wrong |= best.hypothesis.mend.picks
+            right |= best.hypothesis.back
         if best.after is None:
             break
         standing = best.after

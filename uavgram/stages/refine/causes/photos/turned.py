@@ -80,6 +80,18 @@ def against_the_log(standing: Standing) -> dict[int, float]:
     }
 
 
+def photos_in_order(standing: Standing) -> Iterator[Hypothesis]:
+    """Photos that were left out, and fit as they are once what spoilt them is gone."""
+    for frame in misplaced_photos(standing).tolist():
+        yield Hypothesis(
+            tell=None,
+            mend=Mend(),
+            back=frozenset(picks_of(standing, frame).tolist()),
+            price=RARE,
+            settles=frozenset([standing.survey.frame_id[frame]]),
+        )
+
+
 def turned_photos(standing: Standing) -> Iterator[Hypothesis]:
     """Photos of which the picks fit once they are mirrored or turned."""
     survey, camera = standing.survey, standing.survey.calibration
@@ -152,7 +164,9 @@ def photos_in_disorder(standing: Standing) -> Iterator[Hypothesis]:
         )
 
 
-def photos_elsewhere(standing: Standing, causes: Sequence[Cause]) -> tuple[Cause, ...]:
+def photos_elsewhere(
+    standing: Standing, causes: Sequence[Cause], right: frozenset[int]
+) -> tuple[Cause, ...]:
     """Photos that were left out, and of which nothing explains it: they show something else.
 
     Parameters
@@ -161,9 +175,12 @@ def photos_elsewhere(standing: Standing, causes: Sequence[Cause]) -> tuple[Cause
         The survey as it was adjusted.
     causes
         That were found.
+    right
+        Picks that were found to fit after all.
     """
-    settled = frozenset[str]().union(*(cause.settles for cause in causes))
     survey, found = standing.survey, []
+    settled = {name for cause in causes for name in cause.settles}
+    settled |= {survey.frame_id[survey.pick_frame[pick]] for pick in right}
     for frame in misplaced_photos(standing).tolist():
         name = survey.frame_id[frame]
         if name in settled:
