@@ -21,6 +21,7 @@ IDENTIFIED = (
     (
         *("lengths-wrong-unit", "lengths-factor", "lengths-offset", "lengths-level"),
         *("labels-swapped-everywhere", "control-shifted", "other-zoom"),
+        *("photos-mirrored",),
         *("mount-turned", "gimbal-off", "clock-off"),
     ),
     (

@@ -35,6 +35,7 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     "lengths-factor": ("The lengths seem to be all too long, or too short, by one factor.",) * 2,
     "lengths-offset": ("The lengths seem to be all off by the same amount.",) * 2,
     "lengths-level": ("All lengths seem to have been taped level, on ground that slopes.",) * 2,
+    "photos-mirrored": ("All photos seem to have been mirrored when they were picked.",) * 2,
     "control-shifted": ("All control points are shifted by the same amount.",) * 2,
     "mount-turned": ("The camera looks another way than the project says.",) * 2,
     "gimbal-off": ("The camera looks another way than the log says.",) * 2,

@@ -17,7 +17,7 @@ BENDING = frozenset(
         *("not-converged", "many-suspects", "too-many-blunders", "lengths-contradict"),
         *("odd-height", "mount-turned", "labels-swapped-everywhere"),
         *("lengths-factor", "lengths-offset", "lengths-wrong-unit", "lengths-level"),
-        *("control-shifted",),
+        *("control-shifted", "photos-mirrored"),
     }
 )
 """Codes of what contradicts, or bends, everything: nothing is to be used."""

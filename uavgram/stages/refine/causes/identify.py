@@ -33,6 +33,7 @@ from uavgram.stages.refine.causes.labels.two_views import swapped_beside_another
 from uavgram.stages.refine.causes.lengths.common import common_to_lengths, taped_level
 from uavgram.stages.refine.causes.lengths.ends import labels_instead, other_ends
 from uavgram.stages.refine.causes.lengths.readings import wrong_lengths, wrong_readings
+from uavgram.stages.refine.causes.photos.mirrored import all_mirrored
 from uavgram.stages.refine.causes.photos.other_camera import photos_of_another_zoom
 from uavgram.stages.refine.causes.photos.turned import (
     photos_elsewhere,
@@ -74,6 +75,7 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     turned_photos,
     photos_turned_together,
     photos_in_disorder,
+    all_mirrored,
     wrong_clock,
     turned_camera,
     shifted_control,

@@ -159,12 +159,14 @@ def as_noisy_as_it_is(standing: Standing) -> Standing:
 
 
 def without_lengths(standing: Standing) -> Standing:
-    """The survey adjusted without any length, where that leaves less to be explained.
+    """The survey adjusted without any length, where the one with them is of no use.
 
-    What the log and the photos say of the lengths then shows what is wrong with them.
+    So it is where it does not come to rest, or where no length is left in it. What log and photos
+    say of the lengths then shows what is wrong with them.
     """
-    survey = standing.survey
-    if survey.telemetry is None or standing.refined.line_removed.all():
+    survey, minimum = standing.survey, standing.adjustment.minimum
+    of_use = minimum.converged and "lengths" in minimum.blocks
+    if of_use or survey.telemetry is None or standing.refined.line_removed.all():
         return standing
     everything = mended(standing, Mend(), _left_out(standing))
     taking = everything.without_lines(range(len(survey.line_start)))
