@@ -79,7 +79,7 @@ def adjusted_as_stated(
     refined = replace(refined, pick_removed=removed)
     found = identify(Standing(participants(survey, refined), refined, frozenset(off_ground)))
     causes = found.causes
-    if found.right:
+    if found.right or found.lines:
         refined = replace(_exchanged(survey, refined, found), pick_removed=removed)
     back, up = (heights_by_causes(survey, causes, free=free) for free in (False, True))
     if back or up:
@@ -100,11 +100,12 @@ def _exchanged(survey: Survey, refined: Refined, found: Identified) -> Refined:
     keep = taking.keep.copy()
     keep[list(found.right)] = True
     reason = {k: why for k, why in taking.reason.items() if k not in found.right}
-    other = replace(taking, keep=keep, reason=reason)
+    other = replace(taking, keep=keep, reason=reason).without_lines(sorted(found.lines))
     try:
-        return best_minima(other.without_picks(dict.fromkeys(sorted(found.wrong), WRONG)))
+        after = best_minima(other.without_picks(dict.fromkeys(sorted(found.wrong), WRONG)))
     except GeometryError:
         return refined
+    return after if after.adjustment.minimum.converged else refined
 
 
 def _freed(

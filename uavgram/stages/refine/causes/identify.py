@@ -97,12 +97,15 @@ class Identified(NamedTuple):
         What of the prior knowledge each gives up, for the survey to go on without; None: nothing.
     wrong, right
         Picks that take part and are wrong, and those that were left out for them.
+    lines
+        Lengths for which picks were left out.
     """
 
     causes: tuple[Cause, ...]
     freed: tuple[Callable[[Survey], Survey] | None, ...]
     wrong: frozenset[int] = frozenset()
     right: frozenset[int] = frozenset()
+    lines: frozenset[int] = frozenset()
 
 
 def identify(standing: Standing) -> Identified:
@@ -117,7 +120,12 @@ def identify(standing: Standing) -> Identified:
     if not (found.causes or found.right) and asks(standing):
         # One length against a log shows beside what the log says of it, and not in a compromise.
         without = without_lengths(standing)
-        found = found if without is standing else _one_after_another(without)
+        other = found if without is standing else _one_after_another(without)
+        if other.causes:
+            right = frozenset(np.flatnonzero(standing.spoilt).tolist())
+            mends = [cause.mend for cause in other.causes if cause.mend is not None]
+            lines = frozenset(line for mend in mends for line in mend.lines)
+            found = other._replace(right=right, lines=lines)
     rest = photos_elsewhere(standing, found.causes, found.right)
     return found._replace(
         causes=(*found.causes, *rest), freed=(*found.freed, *(None for _ in rest))
