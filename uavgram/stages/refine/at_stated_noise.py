@@ -18,7 +18,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.begin.starts import in_lens
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.identify import Identified, identify
-from uavgram.stages.refine.causes.labels.heights import heights_by_causes
+from uavgram.stages.refine.causes.labels.heights import freed_heights
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.off_ground.heights import with_free
 from uavgram.stages.refine.off_ground.unseen import with_unseen_heights
@@ -77,13 +77,12 @@ def adjusted_as_stated(
     left_out = list(robust.messages(given))
     survey, refined, unseen = with_unseen_heights(survey, refined, [*off_ground, *shown])
     refined = replace(refined, pick_removed=removed)
-    found = identify(Standing(participants(survey, refined), refined, frozenset(off_ground)))
+    found = identify(Standing(participants(survey, refined), refined))
     causes = found.causes
     if found.right or found.lines:
         refined = replace(_exchanged(survey, refined, found), pick_removed=removed)
-    back, up = (heights_by_causes(survey, causes, free=free) for free in (False, True))
-    if back or up:
-        before, off_ground = off_ground, sorted((set(off_ground) - back) | up)
+    if up := freed_heights(survey, causes):
+        before, off_ground = off_ground, sorted({*off_ground, *up})
         survey = with_free(survey, off_ground, before)
         refined = replace(best_minima(participants(survey, refined)), pick_removed=removed)
     if options.noise == "estimate":

@@ -43,13 +43,10 @@ class Standing(NamedTuple):
         What takes part, and what was left out.
     refined
         Its adjustment.
-    freed
-        Names of labels whose heights are free in it, though nobody said that they are.
     """
 
     taking: Participants
     refined: Refined
-    freed: frozenset[str] = frozenset()
 
     @property
     def survey(self) -> Survey:
@@ -177,12 +174,6 @@ def mended(
         if not used[i] and i not in mend.without_picks
     }
     return Participants(survey, used & taking_part(taking), removed, reason, taking.known_removed)
-
-
-def still_freed(standing: Standing, mend: Mend) -> frozenset[str]:
-    """Names of labels whose heights a mended survey has free, though nobody said so."""
-    back = {standing.survey.label[k] for k, free in mend.free.items() if not free}
-    return standing.freed - back
 
 
 def lines_touched(survey: Survey, mend: Mend) -> Bools:

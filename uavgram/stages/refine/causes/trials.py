@@ -17,7 +17,6 @@ from uavgram.stages.refine.causes.hypothesis import (
     Standing,
     lines_touched,
     mended,
-    still_freed,
 )
 from uavgram.stages.refine.causes.readjusted import readjusted
 from uavgram.stages.refine.minima import trial_adjustment
@@ -132,7 +131,7 @@ def tried(standing: Standing, judged: Judged) -> Judged:
     # What is freed may end along a valley: its gain is at least that of where it is.
     if refined is None or not (refined.adjustment.minimum.converged or hypothesis.freed):
         return Judged(hypothesis, judged.found, 0.0, -np.inf)
-    after = Standing(taking, refined, still_freed(standing, mend))
+    after = Standing(taking, refined)
     fit = core_fit(refined.adjustment)
     noise = fit.squares / max(fit.degrees, 1.0) if fit.probability < MISFIT else 1.0
     gain, found = standing.cost - after.cost, judged.found
@@ -155,7 +154,7 @@ def as_noisy_as_it_is(standing: Standing) -> Standing:
     survey, refined = with_noise_learnt(standing.survey, standing.refined)
     if survey is standing.survey:
         return standing
-    return Standing(replace(standing.taking, survey=survey), refined, standing.freed)
+    return Standing(replace(standing.taking, survey=survey), refined)
 
 
 def without_lengths(standing: Standing) -> Standing:
@@ -173,5 +172,5 @@ def without_lengths(standing: Standing) -> Standing:
     refined = trial_adjustment(taking)
     if refined is None or not refined.adjustment.minimum.converged:
         return standing
-    without = Standing(taking, refined, standing.freed)
+    without = Standing(taking, refined)
     return without if core_fit(refined.adjustment).probability > MISFIT else standing

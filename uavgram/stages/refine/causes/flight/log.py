@@ -131,10 +131,11 @@ def turned_camera(standing: Standing) -> Iterator[Hypothesis]:
     prior = _telemetry(adjustment)
     if prior is None or adjustment.survey.track is None:
         return
-    # How a camera hung that no gimbal turned was written by hand, or not at all.
+    # How a camera hung that no gimbal turned was written by hand, or not at all; a gimbal's angles
+    # are rarely wrong.
     track = adjustment.survey.track
     is_fixed = not isinstance(track, PhotoExposures) and not len(track.gimbal_time_s)
-    known = 0.0 if is_fixed else PRICE
+    known = 0.0 if is_fixed else float(np.log(20.0))
     yield Hypothesis(
         tell=_camera_turned,
         moved=(prior_moved(standing.adjustment, kind="boresight"),),
