@@ -50,7 +50,7 @@ from uavgram.stages.refine.causes.trials import (
 )
 from uavgram.stages.remedies import with_remedies
 
-MOST_CAUSES, MOST_TRIED, MOST_OF_A_KIND, MOST_DOUBTED = 6, 6, 2, 2
+MOST_CAUSES, MOST_TRIED, MOST_OF_A_KIND, MOST_DOUBTED = 6, 9, 3, 2
 """Causes that are told; hypotheses for which a mended survey is adjusted each time, and of each
 kind; and for which it is adjusted with the noise that would explain the misfit instead."""
 
@@ -194,7 +194,7 @@ def _with_remedies(cause: Cause, best: Judged, rival: Judged | None, written: Su
 
 def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:
     """The likeliest hypothesis, if neither chance nor noise explains it as well; and its rival."""
-    kinds = [screened(standing, propose(standing))[:MOST_OF_A_KIND] for propose in PROPOSALS]
+    kinds = [_nearly_as_likely(screened(standing, propose(standing))) for propose in PROPOSALS]
     every = sorted((one for kind in kinds for one in kind), key=lambda one: -one.odds)
     proposed = list(_each_once(standing.survey, every))
     trials: list[Judged] = []
@@ -218,6 +218,11 @@ def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:
         if noisy is standing or tried(noisy, one).odds > SURE:
             return _with_rival(one, trials)
     return None
+
+
+def _nearly_as_likely(kind: Sequence[Judged]) -> list[Judged]:
+    """The likeliest of one kind, and others only where the linear model hardly parts them."""
+    return [one for one in kind[:MOST_OF_A_KIND] if one.odds > kind[0].odds - SURE]
 
 
 def _each_once(survey: Survey, proposed: Iterable[Judged]) -> Iterator[Judged]:

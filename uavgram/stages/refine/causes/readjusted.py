@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.first_poses.homography import resect_from_plane
+from uavgram.estimation.reliability.core import core_fit
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -20,12 +21,15 @@ from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 from uavgram.stages.refine.continued import carried
 from uavgram.stages.refine.minima import TRIAL, Participants, trial_adjustment
 
+BENT = 1e-5
+"""Probability of the core's squares below which a state is no place to begin from."""
+
 
 def readjusted(standing: Standing, taking: Participants, hypothesis: Hypothesis) -> Refined | None:
     """Adjust what takes part from the present state; None where that has no result.
 
-    From first values instead where the present state is of no use: it is not at rest, the
-    hypothesis changes everything, or ties have other points.
+    From first values instead where the present state is of no use: it is not at rest or bent by
+    what does not fit, the hypothesis changes everything, or ties have other points.
 
     Parameters
     ----------
@@ -41,7 +45,8 @@ def readjusted(standing: Standing, taking: Participants, hypothesis: Hypothesis)
     selection = select_picks(survey, taking.keep)
     if hypothesis.is_of_all:
         return trial_adjustment(taking, None)
-    if not present.minimum.converged or _has_ties(selection):
+    is_bent = core_fit(present).probability < BENT and hypothesis.begun is None
+    if is_bent or not present.minimum.converged or _has_ties(selection):
         return trial_adjustment(taking)
     start = _start(standing, selection)
     if start is None:

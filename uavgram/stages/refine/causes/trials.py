@@ -18,7 +18,7 @@ from uavgram.stages.refine.causes.hypothesis import (
     lines_touched,
     mended,
 )
-from uavgram.stages.refine.causes.readjusted import readjusted
+from uavgram.stages.refine.causes.readjusted import BENT, readjusted
 from uavgram.stages.refine.minima import trial_adjustment
 from uavgram.stages.refine.noise import with_noise_learnt
 
@@ -160,11 +160,12 @@ def as_noisy_as_it_is(standing: Standing) -> Standing:
 def without_lengths(standing: Standing) -> Standing:
     """The survey adjusted without any length, where the one with them is of no use.
 
-    So it is where it does not come to rest, or where no length is left in it. What log and photos
-    say of the lengths then shows what is wrong with them.
+    So it is where it does not come to rest or is bent, or where no length is left in it. What log
+    and photos say of the lengths then shows what is wrong with them.
     """
     survey, minimum = standing.survey, standing.adjustment.minimum
-    of_use = minimum.converged and "lengths" in minimum.blocks
+    is_bent = standing.spoilt.any() and core_fit(standing.adjustment).probability < BENT
+    of_use = minimum.converged and "lengths" in minimum.blocks and not is_bent
     if of_use or survey.telemetry is None or standing.refined.line_removed.all():
         return standing
     everything = mended(standing, Mend(), _left_out(standing))
