@@ -11,6 +11,7 @@ from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.stages.refine.causes.flight.log import strained_priors
 from uavgram.stages.refine.causes.hypothesis import Standing
+from uavgram.stages.refine.causes.labels.two_views import swapped_beside_another
 from uavgram.stages.refine.causes.lengths.common import common_misfit
 from uavgram.stages.refine.causes.photos.turned import against_the_log
 
@@ -30,7 +31,9 @@ def asks(standing: Standing) -> bool:
         return True
     if _strained(adjustment) < BY_CHANCE:
         return True
-    return common_misfit(adjustment) or bool(against_the_log(standing))
+    if common_misfit(adjustment) or against_the_log(standing):
+        return True
+    return any(True for _ in swapped_beside_another(standing))
 
 
 def _strained(adjustment: Adjustment) -> float:

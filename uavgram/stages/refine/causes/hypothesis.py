@@ -18,6 +18,7 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.observations import Along
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.begin.doubt import LOST
 from uavgram.stages.refine.minima import Participants
@@ -217,7 +218,7 @@ def mended_survey(survey: Survey, mend: Mend) -> Survey:
         start[line], end[line] = ends
     for of, height in mend.free.items():
         free[of] = height
-    along = survey.line_along
+    along: tuple[Along, ...] = survey.line_along
     if mend.level:
         along = tuple(
             "horizontal" if k in mend.level else (survey.line_along or ("slope",) * len(start))[k]

@@ -29,6 +29,7 @@ from uavgram.stages.refine.causes.labels.elsewhere import elsewhere_in_a_photo
 from uavgram.stages.refine.causes.labels.everywhere import swapped_everywhere
 from uavgram.stages.refine.causes.labels.heights import off_the_ground
 from uavgram.stages.refine.causes.labels.in_a_photo import swapped_in_a_photo, wrong_picks
+from uavgram.stages.refine.causes.labels.two_views import swapped_beside_another
 from uavgram.stages.refine.causes.lengths.common import common_to_lengths, taped_level
 from uavgram.stages.refine.causes.lengths.ends import labels_instead, other_ends
 from uavgram.stages.refine.causes.lengths.readings import wrong_lengths, wrong_readings
@@ -61,6 +62,7 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     wrong_picks,
     wrong_lengths,
     swapped_in_a_photo,
+    swapped_beside_another,
     wrong_readings,
     other_ends,
     common_to_lengths,

@@ -125,7 +125,7 @@ def photos_turned_together(standing: Standing) -> Iterator[Hypothesis]:
     frames = [survey.frame_id.index(name) for name in names]
     back = frozenset(np.concatenate([picks_of(standing, k) for k in left_out]).tolist())
     for how, turn in (TURNED | MIRRORED).items():
-        places = {}
+        places: dict[int, tuple[float, float]] = {}
         for frame in frames:
             picks = picks_of(standing, frame)
             pixel = _put_back(survey.pixel_px[picks], turn, survey.calibration)
