@@ -1,4 +1,4 @@
-"""What is wrong with all lengths, control points or photos alike: named, and not where it is not."""
+"""What is wrong with all lengths, control points or photos alike is named."""
 
 from __future__ import annotations
 

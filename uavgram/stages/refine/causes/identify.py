@@ -224,7 +224,7 @@ def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:
 
 def _nearly_as_likely(kind: Sequence[Judged]) -> list[Judged]:
     """The likeliest of one kind, and others only where the linear model hardly parts them."""
-    return [one for one in kind[:MOST_OF_A_KIND] if one.odds > kind[0].odds - SURE]
+    return [one for one in kind[:MOST_OF_A_KIND] if one.odds > kind[0].odds - 2.0 * SURE]
 
 
 def _each_once(survey: Survey, proposed: Iterable[Judged]) -> Iterator[Judged]:
