@@ -220,10 +220,10 @@ def mended_survey(survey: Survey, mend: Mend) -> Survey:
         free[of] = height
     along: tuple[Along, ...] = survey.line_along
     if mend.level:
-        along = tuple(
-            "horizontal" if k in mend.level else (survey.line_along or ("slope",) * len(start))[k]
-            for k in range(len(start))
-        )
+        written: list[Along] = [*along] or ["slope"] * len(start)
+        for line in mend.level:
+            written[line] = "horizontal"
+        along = tuple(written)
     return replace(
         survey,
         pick_label=label,
