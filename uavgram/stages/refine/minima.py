@@ -120,10 +120,10 @@ TRIAL = 20
 where it was, few are needed."""
 
 
-def trial_adjustment(taking: Participants) -> Refined | None:
-    """Adjust in few iterations, to see what leaving something out does; None without a result."""
+def trial_adjustment(taking: Participants, most: int | None = TRIAL) -> Refined | None:
+    """Adjust in few iterations, to see what a change does; None without a result."""
     try:
-        return best_minima(taking, TRIAL)
+        return best_minima(taking, most)
     except GeometryError:
         return None
 
