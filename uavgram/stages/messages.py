@@ -19,8 +19,10 @@ LEVELS = ("error", "warning", "info")
 
 IDENTIFIED = (
     (
-        *("lengths-wrong-unit", "lengths-factor", "lengths-offset", "labels-swapped-everywhere"),
-        *("other-zoom", "mount-turned", "gimbal-off", "clock-off"),
+        *("lengths-wrong-unit", "lengths-factor", "lengths-offset", "lengths-level"),
+        *("labels-swapped-everywhere", "control-shifted", "other-zoom"),
+        *("photos-mirrored",),
+        *("mount-turned", "gimbal-off", "clock-off"),
     ),
     (
         *("other-camera", "photo-elsewhere", "photo-mirrored", "photo-turned"),

@@ -176,7 +176,7 @@ class Counted:
             problem: SurveyProblem,
             state: State,
             weight: Mapping[str, Floats],
-            softness: float = 1.0,
+            softness: Mapping[str, float] | None = None,
         ) -> Minimum[State]:
             self.weighted += 1
             return weigh(problem, state, weight, softness)

@@ -26,6 +26,10 @@ INSEPARABLE = 0.99
 blunder that the test finds with a probability of 80 %, it takes the wrong one in 4 of 10 cases
 (statistics of mean 4.13 and 0.99 * 4.13, and a difference of sigma sqrt(2 * 0.01))."""
 
+LEAST_REDUNDANCY = 0.02
+"""Redundancy number of a reading below which it is not accused: its error would have to be many
+times its sigma, and any small error of the model, seen through so little, looks like that."""
+
 RIVAL = 2.0 * float(np.log(20.0))
 """Difference of squared test statistics up to which the smaller has odds of more than 1 in 20 to
 be the wrong observation (likelihood ratio of one blunder here or there)."""
@@ -120,6 +124,9 @@ class _Snooping:
         self.axes = _Axes.of(self.groups)
         groups = self.groups.values()
         self.whole = np.concatenate([g.redundancy.ravel() for g in groups])
+        readings = [_place(self.axes.kinds, kind) for kind in READINGS]
+        is_prior = ~np.isin(self.axes.kind, readings)
+        self.accusable = is_prior | (self.whole > LEAST_REDUNDANCY)
         self.variance = self.whole.copy()
         root = np.sqrt(self.whole)
         self.first_error = np.concatenate([g.w.ravel() for g in groups]) * root
@@ -131,6 +138,7 @@ class _Snooping:
         w = self._statistics()
         explained = np.abs(self.first_error - self.error)
         blamed = (np.abs(w) > self.limit) & (np.abs(self.error) > REMAINDER * explained)
+        blamed &= self.accusable
         if not blamed.any():
             return None
         largest = np.abs(np.where(blamed, w, 0.0))
@@ -139,7 +147,7 @@ class _Snooping:
         at = self._representative(at, group, largest)
         column = self._covariances(at)
         group = self._inseparable(column, at)
-        odds = (w[at] ** 2 - w**2 < RIVAL) & (np.abs(w) > self.limit)
+        odds = (w[at] ** 2 - w**2 < RIVAL) & (np.abs(w) > self.limit) & self.accusable
         rivals = np.setdiff1d(self.axes.observation[odds], self.axes.observation[group])
         suspicion = Suspicion(
             self.axes.member(at),
@@ -191,7 +199,8 @@ class _Snooping:
             if group.kind in TAKEN_TOGETHER:
                 self._take_together(k, group, column, pivot, whole)
         whole[self.axes.observation[at]] = 1.0
-        return np.asarray((whole > INSEPARABLE**2)[self.axes.observation] & possible)
+        alike = (whole > INSEPARABLE**2)[self.axes.observation]
+        return np.asarray(alike & possible & self.accusable)
 
     def _take_together(
         self, k: int, group: Observed, column: Floats, pivot: float, whole: Floats

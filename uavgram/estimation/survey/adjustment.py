@@ -288,6 +288,8 @@ class Refined:
         Those of them that were left out because they hang on what nothing determines.
     alternatives
         Other minima that explain the lengths as well.
+    mirrored
+        The solution where all photos had been mirrored, if the log does not rule it out.
     noise
         What the residuals say of the size of errors; None where they were not asked.
     stated
@@ -319,6 +321,7 @@ class Refined:
     rival_lines: frozenset[str] = frozenset()
     causes: tuple[Cause, ...] = ()
     matches_left_out: frozenset[int] = frozenset()
+    mirrored: Adjustment | None = None
 
     @property
     def settled(self) -> frozenset[str]:

@@ -21,7 +21,8 @@ CONTRADICTING = frozenset(
     {
         *("not-converged", "many-suspects", "too-many-blunders", "lengths-contradict"),
         *("labels-swapped-everywhere", "mount-turned"),
-        *("lengths-factor", "lengths-offset", "lengths-wrong-unit"),
+        *("lengths-factor", "lengths-offset", "lengths-wrong-unit", "lengths-level"),
+        *("control-shifted", "photos-mirrored"),
     }
 )
 """Codes of what contradicts everything: nothing is to be used."""

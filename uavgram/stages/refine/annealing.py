@@ -27,10 +27,10 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.stages.refine.begin.softened import SLACK
 from uavgram.stages.refine.off_ground.shown import photos_of
 
-SHRINKING = ("pixels", "lengths", "known", "control", "roughness")
-"""Groups whose sigmas shrink: what people read, and that points are on the ground."""
+READINGS = ("pixels", "lengths", "known", "control")
+"""Groups whose sigmas shrink: what people read."""
 
-ROBUST = (*SHRINKING, "matches", "ties", "telemetry", "heights", "tape")
+ROBUST = (*READINGS, "roughness", "matches", "ties", "telemetry", "heights", "tape")
 """Groups whose observations get weights. The scale of a tape stands for all of its lengths, the
 roughness of a point for its being on the ground."""
 
@@ -92,7 +92,7 @@ class Annealed:
         Standardised misfit of each observation, by group, in units of its kind's noise; beyond
         `GROSS_SIGMAS` where it takes no part.
     cost
-        Sum of squares, in which no observation counts more than a gross error.
+        Sum of squares, in which no number counts more than a gross error.
     """
 
     problem: SurveyProblem
@@ -107,15 +107,24 @@ class Annealed:
         return np.flatnonzero(self.misfit.get(name, np.zeros(0)) > GROSS_SIGMAS)
 
 
-def anneal(problem: SurveyProblem, state: State) -> Annealed:
+def anneal(problem: SurveyProblem, state: State, *, on_ground: bool = True) -> Annealed:
     """Adjust robustly from first values.
+
+    Parameters
+    ----------
+    problem, state
+        The likelihood with the stated sigmas, and first values.
+    on_ground
+        Whether the roughness of the ground shrinks with the readings' sigmas: it does where most
+        points are on it.
 
     Raises
     ------
     SingularError
         An unknown is not determined.
     """
-    minimum = weighted_minimum(problem, state, {}, SCHEDULE[0])
+    groups = (*READINGS, "roughness") if on_ground else READINGS
+    minimum = weighted_minimum(problem, state, {}, dict.fromkeys(groups, SCHEDULE[0]))
     weight: dict[str, Floats] = {}
     for softness in SCHEDULE[1:]:
         squares = squared_misfits(problem, minimum, weight)
@@ -124,7 +133,8 @@ def anneal(problem: SurveyProblem, state: State) -> Annealed:
             name: 1.0 / (1.0 + square / (CAUCHY * noise[name]) ** 2)
             for name, square in squares.items()
         }
-        minimum = weighted_minimum(problem, minimum.state, weight, softness)
+        soft = dict.fromkeys(groups, softness)
+        minimum = weighted_minimum(problem, minimum.state, weight, soft)
     return decide(problem, minimum, weight)
 
 
@@ -155,11 +165,10 @@ def decide(
         gross = {name: value > GROSS_SIGMAS for name, value in misfit.items()}
         if k == 0:
             frames = _frames_of_other_places(problem, gross["pixels"])
-            # Where a point's picks contradict the ground, they may agree on a height above it.
-            off = problem.third.rough[gross.get("roughness", np.zeros(0, dtype=np.bool_))]
-            gross["pixels"] &= ~np.isin(problem.survey.pick_label, off)
         elif "tape" in gross:  # no single length explains it
             gross["lengths"] |= gross["tape"][_tapes(problem)]
+        if "roughness" in gross:
+            _try_heights(problem, gross, out.get("roughness"))
         for name, is_out in gross.items():
             before = out.get(name, np.zeros_like(is_out))
             returned = has_returned.get(name, np.zeros_like(is_out))
@@ -182,7 +191,10 @@ def decide(
 
 
 def weighted_minimum(
-    problem: SurveyProblem, state: State, weight: Mapping[str, Floats], softness: float = 1.0
+    problem: SurveyProblem,
+    state: State,
+    weight: Mapping[str, Floats],
+    softness: Mapping[str, float] | None = None,
 ) -> Minimum[State]:
     """Iterate to the minimum with weights.
 
@@ -193,20 +205,19 @@ def weighted_minimum(
     weight
         (n,) of the observations, by group; 1 where a group has none.
     softness
-        Factor of the sigmas that shrink.
+        Factors of the sigmas, by group; 1 where a group has none.
     """
 
     def evaluate(now: State) -> dict[str, Block] | None:
         blocks = problem.evaluate(now)
         if blocks is None:
             return None
-        scale = {name: softness if name in SHRINKING else 1.0 for name in blocks}
         return {
-            name: _scaled(block, np.sqrt(weight.get(name, ALL)) / scale[name])
+            name: _scaled(block, np.sqrt(weight.get(name, ALL)) / soft.get(name, 1.0))
             for name, block in blocks.items()
         }
 
-    layout = problem.layout
+    layout, soft = problem.layout, softness or {}
     return minimise(
         state,
         evaluate,
@@ -223,6 +234,13 @@ def squared_misfits(
     problem: SurveyProblem, minimum: Minimum[State], weight: Mapping[str, Floats]
 ) -> dict[str, Floats]:
     """Compute squared standardised misfits (n,) of all observations, by group.
+
+    Parameters
+    ----------
+    problem, minimum
+        The likelihood, and a weighted adjustment.
+    weight
+        Its weights, by group; 1 where a group has none.
 
     Notes
     -----
@@ -285,6 +303,28 @@ def _axes(name: str) -> int:
     return {"pixels": 2, "matches": 2, "ties": 2, "control": 3, "telemetry": 6}.get(name, 1)
 
 
+def _try_heights(problem: SurveyProblem, gross: dict[str, Bools], before: Bools | None) -> None:
+    """Where most picks of a point are gross errors on the ground, let them take part off it.
+
+    Parameters
+    ----------
+    problem
+        The likelihood.
+    gross
+        What is to take no part, by group; changed in place.
+    before
+        Points of rough ground that are off it already: their picks do not agree on a height either.
+    """
+    survey, rough = problem.survey, problem.third.rough
+    number = np.bincount(survey.pick_label, minlength=len(survey.label))
+    wrong = np.bincount(survey.pick_label[gross["pixels"]], minlength=len(survey.label))
+    is_new = (2 * wrong > number)[rough] & (photos_of(survey) > 1)[rough]
+    if before is not None:
+        is_new &= ~before
+    gross["roughness"][is_new] = True
+    gross["pixels"] &= ~np.isin(survey.pick_label, rough[is_new])
+
+
 def _frames_of_other_places(problem: SurveyProblem, gross: Bools) -> tuple[str, ...]:
     """Find frames most of whose picks are gross errors (P,)."""
     survey = problem.survey
@@ -326,8 +366,10 @@ def _tapes(problem: SurveyProblem) -> Ints:
 
 
 def _bounded_cost(name: str, block: Block) -> float:
+    """Sum of squares of a group, where no number counts more than a gross error."""
     square = np.sum(block.residual**2, axis=1)
-    return float(np.minimum(square, GROSS_SIGMAS**2).sum() if name in ROBUST else square.sum())
+    most = GROSS_SIGMAS**2 * block.residual.shape[1]
+    return float(np.minimum(square, most).sum() if name in ROBUST else square.sum())
 
 
 def _scaled(block: Block, by: Floats) -> Block:

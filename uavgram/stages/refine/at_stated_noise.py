@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.survey.adjustment import LeftOut, Refined
+from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
@@ -18,7 +18,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.begin.starts import in_lens
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.identify import Identified, identify
-from uavgram.stages.refine.causes.labels.heights import heights_by_causes
+from uavgram.stages.refine.causes.labels.heights import freed_heights
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.off_ground.heights import with_free
 from uavgram.stages.refine.off_ground.unseen import with_unseen_heights
@@ -77,16 +77,34 @@ def adjusted_as_stated(
     left_out = list(robust.messages(given))
     survey, refined, unseen = with_unseen_heights(survey, refined, [*off_ground, *shown])
     refined = replace(refined, pick_removed=removed)
-    found = identify(Standing(participants(survey, refined), refined, frozenset(off_ground)))
+    found = identify(Standing(participants(survey, refined), refined))
     causes = found.causes
-    back, up = (heights_by_causes(survey, causes, free=free) for free in (False, True))
-    if back or up:
-        before, off_ground = off_ground, sorted((set(off_ground) - back) | up)
+    if found.right or found.lines:
+        refined = replace(_exchanged(survey, refined, found), pick_removed=removed)
+    if up := freed_heights(survey, causes):
+        before, off_ground = off_ground, sorted({*off_ground, *up})
         survey = with_free(survey, off_ground, before)
         refined = replace(best_minima(participants(survey, refined)), pick_removed=removed)
     if options.noise == "estimate":
         survey, refined, causes = _freed(survey, refined, found, keep, reason)
     return AtStatedNoise(given, survey, refined, off_ground, causes, (*left_out, *unseen))
+
+
+WRONG = LeftOut(LeftOutCause.MISPLACED_FRAME, "its picks fit once they are put back")
+
+
+def _exchanged(survey: Survey, refined: Refined, found: Identified) -> Refined:
+    """Adjusted without picks that are wrong, and with those that were left out for them."""
+    taking = participants(survey, refined)
+    keep = taking.keep.copy()
+    keep[list(found.right)] = True
+    reason = {k: why for k, why in taking.reason.items() if k not in found.right}
+    other = replace(taking, keep=keep, reason=reason).without_lines(sorted(found.lines))
+    try:
+        after = best_minima(other.without_picks(dict.fromkeys(sorted(found.wrong), WRONG)))
+    except GeometryError:
+        return refined
+    return after if after.adjustment.minimum.converged else refined
 
 
 def _freed(
@@ -117,6 +135,8 @@ def _freed(
     try:
         after = adjust_robustly(Participants(known_less, keep, none, reason))
     except GeometryError:
+        return survey, refined, found.causes
+    if not after.refined.adjustment.minimum.converged:
         return survey, refined, found.causes
     return after.survey, replace(after.refined, pick_removed=refined.pick_removed), tuple(causes)
 

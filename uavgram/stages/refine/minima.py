@@ -98,7 +98,7 @@ def best_minima(taking: Participants, most: int | None = None) -> Refined:
     `pick_reason` of the result says why. The rest goes on. Without telemetry, frames in doubt
     begin once more in another pose, without a say in where others stand.
     """
-    refined = _minima_from(taking, first_values, most)
+    refined = minima_from(taking, first_values, most)
     if taking.survey.telemetry is not None:
         return refined
     picks = int(taking.keep.sum())
@@ -120,10 +120,10 @@ TRIAL = 20
 where it was, few are needed."""
 
 
-def trial_adjustment(taking: Participants) -> Refined | None:
-    """Adjust in few iterations, to see what leaving something out does; None without a result."""
+def trial_adjustment(taking: Participants, most: int | None = TRIAL) -> Refined | None:
+    """Adjust in few iterations, to see what a change does; None without a result."""
     try:
-        return best_minima(taking, TRIAL)
+        return best_minima(taking, most)
     except GeometryError:
         return None
 
@@ -174,7 +174,7 @@ def _begun_elsewhere(
         return found
 
     with suppress(GeometryError):
-        return _minima_from(taking, begin, most)
+        return minima_from(taking, begin, most)
     return None
 
 
@@ -187,8 +187,10 @@ def _is_again(survey: Survey, values: FirstValues, of: Survey, earlier: FirstVal
     )
 
 
-def _minima_from(
-    taking: Participants, begin: Callable[[Survey], list[FirstValues]], most: int | None
+def minima_from(
+    taking: Participants,
+    begin: Callable[[Survey], list[FirstValues]],
+    most: int | None = None,
 ) -> Refined:
     """The best minimum, and its rivals, of those that some first values lead to.
 

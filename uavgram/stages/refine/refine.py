@@ -15,6 +15,7 @@ from uavgram.stages.refine.at_stated_noise import adjusted_as_stated, participan
 from uavgram.stages.refine.begin.photo_motion import with_motion_by_photos
 from uavgram.stages.refine.begin.tied_frames import with_tied_frames
 from uavgram.stages.refine.causes.adapt import adapted
+from uavgram.stages.refine.causes.photos.mirrored import mirrored_solution, undecided
 from uavgram.stages.refine.learnt import learnt_remarks
 from uavgram.stages.refine.left_out import with_gross_known, with_gross_lengths
 from uavgram.stages.refine.minima import best_minima
@@ -87,7 +88,8 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         robust = adjust_robustly(participants(survey, refined), refined)
         found_free = [*found_free, *robust.labels]
         search += robust.messages(survey)
-        survey, refined = robust.survey, replace(robust.refined, pick_removed=taken_out)
+        survey = robust.survey
+        refined = replace(robust.refined, pick_removed=taken_out)
     refined = replace(refined, noise=noise, stated=stated_fit)
     refined = with_gross_lengths(survey, with_gross_known(survey, refined))
     refined = replace(
@@ -98,6 +100,10 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         matches_left_out=sound.matches_left_out,
         pick_removed=refined.pick_removed | taken_out,
     )
+    mirrored = mirrored_solution(refined.adjustment)
+    if mirrored is not None:
+        refined = replace(refined, mirrored=mirrored)
+        search.append(undecided())
     # A point off the ground is told once, with the height at which it was adjusted.
     causes = (one.message for one in begun.causes if not _is_adjusted_so(one.message, refined))
     told = (*causes, *begun.messages)

@@ -14,18 +14,20 @@ from itertools import combinations
 import numpy as np
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.reliability.test_statistics import NOT_OBSERVED, cofactors
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.geometry.ground.plane_of_most import plane_of_most
-from uavgram.model.arrays import Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.naming import listed_photos
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.annealing import (
     GROSS_SIGMAS,
     LEAST_REDUNDANCY,
+    MOST_OF_A_KIND,
     NEARLY_NONE,
     ROBUST,
     SCHEDULE,
@@ -37,7 +39,7 @@ from uavgram.stages.refine.annealing import (
 )
 from uavgram.stages.refine.continued import carried, lines_used
 from uavgram.stages.refine.left_out import control_left_out
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, best_minima, minima_from
 from uavgram.stages.refine.off_ground.shown import photos_of
 
 ORDINARY_SIGMAS = 5.0
@@ -151,10 +153,8 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
         # A photo of another place spoils the others' tests: these are made anew without it.
         while agreed and agreed[0].annealed.frames:
             best = agreed[0]
-            without = _most_agreed(best.taking.without_frames(best.annealed.frames, MISPLACED))
-            if not without:
-                break
-            agreed = without
+            rest = best.taking.without_frames(best.annealed.frames, MISPLACED)
+            agreed = _most_agreed(rest) if _are_most_left(taking, rest) else []
         robust = _without_outliers(agreed)
         if robust is not None:
             return robust
@@ -162,6 +162,12 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
         assert failed is not None  # noqa: S101  (one of the two is always there)
         raise failed
     return Robust(taking.survey, plain, np.zeros(0, dtype=np.int64))
+
+
+def _are_most_left(whole: Participants, rest: Participants) -> bool:
+    """Whether few frames were left out: were there more, the fault is not theirs."""
+    before, after = (np.unique(one.survey.pick_frame[one.keep]) for one in (whole, rest))
+    return len(after) >= (1.0 - MOST_OF_A_KIND) * len(before)
 
 
 def _is_in_order(taking: Participants, refined: Refined) -> bool:
@@ -193,7 +199,7 @@ class Candidate:
 
     def cost(self, picks: int) -> float:
         """Of the adjustment; each of so many picks that has no place in it counts as gross."""
-        return self.annealed.cost + GROSS_SIGMAS**2 * (picks - len(self.first.pick_index))
+        return self.annealed.cost + 2.0 * GROSS_SIGMAS**2 * (picks - len(self.first.pick_index))
 
     def is_agreed(self, picks: int) -> bool:
         """Whether nearly everything takes part, and no other length could be wrong instead."""
@@ -270,28 +276,40 @@ def _from_free_heights(taking: Participants) -> Iterator[Candidate]:
     """
     grounds = [replace(one, roughness_sigma_m=ANYWHERE_M) for one in taking.survey.grounds]
     try:
-        first = best_minima(replace(taking, survey=replace(taking.survey, grounds=tuple(grounds))))
-    except GeometryError:
-        return
-    adjustment = first.adjustment
-    seen = np.flatnonzero((photos_of(adjustment.survey) > 1) & ~adjustment.survey.off_ground)
-    height = adjustment.state.point[seen, 2]
-    is_off = np.zeros(len(adjustment.survey.label), dtype=np.bool_)
-    for area in np.unique(adjustment.survey.area[seen]):
-        own = adjustment.survey.area[seen] == area
-        sigma = np.full(int(own.sum()), OFF_GROUND_M)
-        plane = plane_of_most(adjustment.state.point[seen[own], :2], height[own], sigma)
-        if plane is not None:
-            is_off[seen[own]] = np.abs(height[own] - plane) > GROSS_SIGMAS * OFF_GROUND_M / 2.0
-    survey = _softer(replace(adjustment.survey, grounds=taking.survey.grounds), 1.0)
-    problem = SurveyProblem(survey, adjustment.problem.pivot_m, lines_used(adjustment))
-    weight = {"roughness": np.where(is_off[problem.third.rough], NEARLY_NONE, 1.0)}
-    try:
-        minimum = weighted_minimum(problem, carried(adjustment, problem), weight)
+        first = best_minima(_softened(taking))
+        adjustment, survey = first.adjustment, _softer(first.adjustment.survey, 1.0 / SCHEDULE[0])
+        anywhere = _with_all(first, replace(survey, grounds=tuple(grounds)))
+        found = anneal(anywhere, carried(adjustment, anywhere), on_ground=False)
+        state, weight = found.minimum.state, dict(found.weight)
+        problem = _with_all(first, survey)
+        is_off = _clear_of_ground(survey, state.point)[problem.third.rough]
+        weight["roughness"] = np.where(is_off, NEARLY_NONE, 1.0)
+        minimum = weighted_minimum(problem, state, weight)
         yield Candidate(taking, first, decide(problem, minimum, weight))
-    except (SingularError, ValueError):
+    except (GeometryError, SingularError, ValueError):  # undetermined, or impossible
         return
 
+
+def _with_all(first: Refined, survey: Survey) -> SurveyProblem:
+    """The likelihood of the observations of an adjustment."""
+    return SurveyProblem(survey, first.adjustment.problem.pivot_m, lines_used(first.adjustment))
+
+
+def _clear_of_ground(survey: Survey, point_m: Floats) -> Bools:
+    """(K,) labels clear of the plane that most labels of their area are on, seen in two photos."""
+    seen = np.flatnonzero((photos_of(survey) > 1) & ~survey.off_ground)
+    is_off = np.zeros(len(survey.label), dtype=np.bool_)
+    for area in np.unique(survey.area[seen]):
+        own = seen[survey.area[seen] == area]
+        height, sigma = point_m[own, 2], np.full(len(own), OFF_GROUND_M)
+        plane = plane_of_most(point_m[own, :2], height, sigma)
+        if plane is not None:
+            is_off[own] = np.abs(height - plane) > CLEAR_M
+    return is_off
+
+
+CLEAR_M = 0.3
+"""Height above the plane of most points from which on a point begins off the ground."""
 
 ANYWHERE_M = 3.0
 """Sigma of the height of a point above the ground, of which nothing is known."""
@@ -390,7 +408,7 @@ def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
     best, *others = agreed
     robust = _adjusted_without(best)
     if robust is None:
-        return None
+        return _without_outliers(others)
     picks, refined, rivals = int(best.taking.keep.sum()), robust.refined, set[str]()
     minima = [*refined.alternatives]
     for other in others:
@@ -439,12 +457,31 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     left = replace(
         taking, survey=rest, line_removed=removed, known_removed=taking.known_removed | known
     )
+    left = left.without_picks(reason)
     try:
-        refined = best_minima(left.without_picks(reason))
-    except GeometryError:
-        return None
+        refined = best_minima(left)
+    except GeometryError:  # first values want what was left out
+        try:
+            refined = minima_from(left, lambda survey: [_first_values(found, survey)])
+        except GeometryError:
+            return None
     contradicting = tuple(reduced.label[k] for k in np.unique(reduced.pick_label[lost]))
     return Robust(rest, refined, np.flatnonzero(is_wrong), names, contradicting)
+
+
+def _first_values(found: Annealed, survey: Survey) -> FirstValues:
+    """First values of a survey from a robust adjustment of the same labels and frames."""
+    state, reduced = found.minimum.state, found.problem.survey
+    frame = [reduced.frame_id.index(name) for name in survey.frame_id]
+    label = [reduced.row_of_label[name] for name in survey.label]
+    free = survey.is_free | (survey.height_sigma_m > 0)
+    return FirstValues(
+        point_m=state.point[label, :2],
+        center=state.center[frame],
+        rotation=state.rotation[frame],
+        height_m=float(state.plane[0]),
+        departure_m=np.where(free, state.point[label, 2], 0.0),
+    )
 
 
 def _of_contradicting(survey: Survey, gross: Ints) -> Ints:

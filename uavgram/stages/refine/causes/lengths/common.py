@@ -39,6 +39,9 @@ CHECKED = 1e-5
 """Share of what is common to all lengths that has to show in the residuals: that of a factor is
 small where only a log speaks of the scale, as lengths are so much better."""
 
+LEVEL = float(np.log(20.0))
+"""Logarithm of the odds that lengths were taped along a slope, where nobody wrote how."""
+
 NOT_CHANCE = 4.0
 """Sigmas from which on something that all lengths have in common is told, and asks for a cause by
 itself: who is told that all his lengths are wrong can use none of them."""
@@ -90,6 +93,43 @@ def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
             ),
             settles=frozenset(_names(standing, one.tape.rows)),
         )
+
+
+def taped_level(standing: Standing) -> Iterator[Hypothesis]:
+    """All lengths were taped level, as on a slope, and that was not written."""
+    adjustment = standing.adjustment
+    if "lengths" not in adjustment.minimum.blocks or not adjustment.minimum.converged:
+        return
+    survey, line = adjustment.survey, adjustment.problem.line_index
+    taped = taped_lines(survey, line)
+    if taped.level.all():
+        return
+    level = taped._replace(level=np.ones_like(taped.level))
+    reading, *_ = adjustment.problem.readings(adjustment.state, taped)
+    shorter = adjustment.problem.readings(adjustment.state, level)[0] - reading
+    along = (shorter / survey.length_sigma_m[line])[:, None, None]
+    rows = np.arange(len(line))
+    lines = frozenset(_lines(standing, rows).tolist())
+    yield Hypothesis(
+        tell=partial(_taped_level, standing, _names(standing, rows)),
+        mend=Mend(level=lines),
+        moved=(Moved("lengths", rows, along),),
+        amount=1.0,
+        checked=CHECKED,
+        price=LEVEL,
+        settles=frozenset(_names(standing, rows)),
+    )
+
+
+def _taped_level(standing: Standing, names: tuple[str, ...], _: Explained | None) -> Message:
+    """The message on lengths that were taped level."""
+    slope = float(np.degrees(np.arctan(np.hypot(*standing.adjustment.state.plane[1:3]))))
+    text = (
+        f"All lengths seem to have been taped level on a ground that slopes by {slope:.0f} "
+        "degrees: they fit as horizontal distances, and not along the slope. Ask how the tape was "
+        "held, and write 'horizontal' into the column along of the lengths if it was level."
+    )
+    return Message("warning", "lengths-level", text, lengths=names)
 
 
 def _is_common(adjustment: Adjustment, one: _Common) -> bool:
