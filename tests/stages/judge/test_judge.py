@@ -327,13 +327,13 @@ def test_a_boresight_and_a_frame_far_from_their_priors_are_named(
     survey = scene_factory(6, frames=6, control=6).survey
     prior = survey.telemetry
     assert prior is not None
-    sure = replace(prior, boresight_sigma_rad=1e-5)
-    turned = prior.gimbal_from_camera @ np.array(
-        [[1, 0, 0], [0, 0.9801, -0.1987], [0, 0.1987, 0.9801]]
-    )
-    strained = replace(survey, telemetry=replace(sure, gimbal_from_camera=turned))
-    messages = judge_suspects(examined(solve(strained)))
-    assert any("boresight x" in m.text for m in messages)
+    for angle, sigma in ((0.05, 1e-5), (0.2, 1e-3)):
+        cos, sin = np.cos(angle), np.sin(angle)
+        turn = np.array([[1.0, 0.0, 0.0], [0.0, cos, -sin], [0.0, sin, cos]])
+        turned = prior.gimbal_from_camera @ turn
+        sure = replace(prior, boresight_sigma_rad=sigma, gimbal_from_camera=turned)
+        messages = judge_suspects(examined(solve(replace(survey, telemetry=sure))))
+        assert any("boresight x" in m.text for m in messages)
 
     late = np.array(prior.time_s)
     late[2] += 0.9
