@@ -134,8 +134,8 @@ def test_two_of_five_in_feet_are_left_out_and_not_the_innocent_third(
     assert {"line-wrong-unit", "three-lengths"} <= {m.code for m in messages}
     right, _ = refine(scene.survey, REPORT)
     found, given = (one.adjustment.points()[0] for one in (refined, right))
-    apart = [np.linalg.norm(one[:, None] - one[None], axis=2) for one in (found, given)]
-    np.testing.assert_allclose(*apart, rtol=0.02, atol=0.05)
+    ours, true = (np.linalg.norm(one[:, None] - one[None], axis=2) for one in (found, given))
+    np.testing.assert_allclose(ours, true, rtol=0.02, atol=0.05)
 
 
 def test_all_lengths_in_a_wrong_unit_yield_to_the_log(scene_factory: Callable[..., Scene]) -> None:
