@@ -123,13 +123,19 @@ def test_two_of_six_in_feet_are_found_by_leaving_out_pairs_without_log(
     assert left_out(refined) == {0: None, 4: None}
 
 
-def test_an_innocent_length_is_not_left_out_where_the_rest_does_not_fit(
+def test_two_of_five_in_feet_are_left_out_and_not_the_innocent_third(
     scene_factory: Callable[..., Scene],
 ) -> None:
     # Without the third, the others agree in a pose that the camera and the picks contradict.
     scene = scene_factory(2, frames=3, ends=PAIRS[:5], **NO_LOG)
-    refined, _ = refine(times(scene.survey, {0: 1 / 0.3048, 4: 1 / 0.3048}), REPORT)
-    assert left_out(refined) == {}
+    refined, messages = refine(times(scene.survey, {0: 1 / 0.3048, 4: 1 / 0.3048}), REPORT)
+    assert left_out(refined) == {0: None, 4: None}
+    assert refined.pick_reason == {}
+    assert {"line-wrong-unit", "three-lengths"} <= {m.code for m in messages}
+    right, _ = refine(scene.survey, REPORT)
+    found, given = (one.adjustment.points()[0] for one in (refined, right))
+    ours, true = (np.linalg.norm(one[:, None] - one[None], axis=2) for one in (found, given))
+    np.testing.assert_allclose(ours, true, rtol=0.02, atol=0.05)
 
 
 def test_all_lengths_in_a_wrong_unit_yield_to_the_log(scene_factory: Callable[..., Scene]) -> None:
@@ -268,10 +274,25 @@ def test_a_control_point_of_another_place_is_left_out_by_name(
     assert refined.adjustment.survey.control_label.tolist() == [0, 1, 3]
 
 
-def test_control_points_that_all_lie_elsewhere_together_are_kept(
+def test_control_points_that_all_lie_elsewhere_together_bend_nothing(
     scene_factory: Callable[..., Scene],
 ) -> None:
     survey = logged(scene_factory(3, frames=4, control=4))
     world = survey.control_world_m + np.array([60.0, 0.0, 0.0])
-    refined, _ = refine(replace(survey, control_world_m=world), REPORT)
-    assert len(refined.adjustment.survey.control_label) == 4
+    refined, messages = refine(replace(survey, control_world_m=world), REPORT)
+    assert len(refined.adjustment.survey.control_label) == 0
+    assert [m.code for m in messages] == ["control-left-out"] * 4
+    assert not refined.line_removed.any()
+    assert refined.pick_reason == {}
+    assert refined.off_ground == frozenset()
+    none = np.zeros(0, dtype=np.int64)
+    without = replace(
+        survey,
+        control_label=none,
+        control_world_m=world[none],
+        control_sigma_m=survey.control_sigma_m[none],
+    )
+    expected, _ = refine(without, REPORT)
+    np.testing.assert_allclose(
+        refined.adjustment.state.point, expected.adjustment.state.point, atol=1e-6
+    )

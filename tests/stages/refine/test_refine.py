@@ -123,18 +123,22 @@ def test_a_wrong_pick_and_a_wrong_length_both_take_no_part(
     assert np.flatnonzero(refined.line_removed).tolist() == [4]
 
 
-def test_a_blunder_that_cannot_be_located_is_kept_and_reported(
+def test_a_blunder_that_cannot_be_located_is_reported_with_all_that_may_be_wrong(
     scene_factory: Callable[..., Scene],
 ) -> None:
     # Four lines seen by one frame: one redundancy, every standardised residual is the same.
     scene = scene_factory(5, labels=8, frames=1, ends=((0, 4), (1, 5), (2, 6), (3, 7)), **NO_LOG)
-    survey = changed(scene.survey, "length_m", 1, 1.0)
-    refined, messages = refine(survey, REMOVE)
-
-    assert refined.removals == ()
-    assert "blunder-not-located" in codes(messages)
-    _, messages = refine(scene.survey, REMOVE)
-    assert "blunder-not-located" not in codes(messages)
+    given = replace(scene.survey, line_name=("a", "b", "c", "d"))
+    for options in (REPORT, REMOVE):
+        refined, _ = refine(changed(given, "length_m", 1, 1.0), options)
+        out = {given.line_name[k] for k in np.flatnonzero(refined.line_removed)}
+        assert len(out) == 1
+        # Without the first, two poses merge and nothing determines the photo.
+        assert out | refined.rival_lines == {"b", "c", "d"}
+        assert refined.pick_reason == {}
+        refined, _ = refine(given, options)
+        assert not refined.line_removed.any()
+        assert refined.rival_lines == frozenset()
 
 
 def test_telemetry_alone_without_any_line(scene_factory: Callable[..., Scene]) -> None:

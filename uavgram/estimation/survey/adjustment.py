@@ -217,7 +217,6 @@ class LeftOutCause(Enum):
     NOT_JOINED = "not-joined"
     UNDETERMINED = "undetermined"
     MISPLACED_FRAME = "misplaced-frame"
-    CONTRADICTED = "contradicted"
     GROSS = "gross"
 
     @property

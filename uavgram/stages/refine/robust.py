@@ -17,8 +17,9 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.reliability.test_statistics import NOT_OBSERVED, cofactors
 from uavgram.estimation.solver.normal_equations import SingularError
-from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
+from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.selection import select_picks, without_known
 from uavgram.geometry.ground.plane_of_most import plane_of_most
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
@@ -207,6 +208,8 @@ class Candidate:
         gross = sum(len(self.annealed.gross(name)) for name in misfit if name != "roughness")
         if gross > max(1, FEW_GROSS * sum(map(len, misfit.values()))):
             return False
+        if gross and not misfit.get("lengths", np.ones(1)).all():
+            return False  # nothing checks a length any more: it could be wrong instead
         if any(_has_rival(self.annealed, row) for row in self.annealed.gross("lengths")):
             return False
         return len(self.first.pick_index) == picks and not self._strains_a_prior()
@@ -224,7 +227,7 @@ class Candidate:
 def _most_agreed(taking: Participants) -> list[Candidate]:
     """Robust adjustments from all first values, that of least cost first."""
     picks, found = int(taking.keep.sum()), list[Candidate]()
-    for candidates in (_from_softened, _without_lengths, _without_frames):
+    for candidates in (_from_softened, _without_known, _without_lengths, _without_frames):
         found = sorted([*found, *candidates(taking)], key=lambda one: one.cost(picks))
         if found and found[0].is_agreed(picks):
             return found[:1]
@@ -254,7 +257,21 @@ def _without_lengths(taking: Participants) -> Iterator[Candidate]:
     if taking.survey.telemetry is None and 4 < len(lines) <= MOST_IN_PAIRS:
         sets += combinations(lines, 2)
     for left_out in sets:
-        for candidate in _from_all_minima(rough.without_lines(left_out), left_out):
+        for candidate in _from_all_minima(rough.without_lines(left_out), rough):
+            yield replace(candidate, taking=taking)
+
+
+def _without_known(taking: Participants) -> Iterator[Candidate]:
+    """Robust adjustments from first values without one known thing, and without all control."""
+    rough = replace(taking, survey=_softer(taking.survey, 1.0))
+    things = [one.index for one in taking.survey.known if one.index not in taking.known_removed]
+    for thing in things if len(things) <= MOST_STARTS else []:
+        rest = replace(rough, known_removed=taking.known_removed | {thing})
+        for candidate in _from_all_minima(rest, rough):
+            yield replace(candidate, taking=taking)
+    if taking.survey.telemetry is not None and len(taking.survey.control_label):
+        rest = replace(rough, survey=_with_control_of(rough.survey, np.zeros(0, dtype=np.int64)))
+        for candidate in _from_all_minima(rest, rough):
             yield replace(candidate, taking=taking)
 
 
@@ -315,15 +332,18 @@ ANYWHERE_M = 3.0
 """Sigma of the height of a point above the ground, of which nothing is known."""
 
 
-def _from_all_minima(taking: Participants, left_out: tuple[int, ...] = ()) -> Iterator[Candidate]:
+def _from_all_minima(
+    taking: Participants, whole: Participants | None = None
+) -> Iterator[Candidate]:
     """Robust adjustments from each ordinary minimum of what takes part.
 
     Parameters
     ----------
     taking
-        What takes part, with hundredfold sigmas; or with those stated, but for some lengths.
-    left_out
-        These lengths: the robust adjustment decides on them.
+        What takes part, with hundredfold sigmas; or with those stated, but for some lengths,
+        known things or control.
+    whole
+        The same with these: the robust adjustment decides on them.
     """
     try:
         first = best_minima(taking)
@@ -331,22 +351,57 @@ def _from_all_minima(taking: Participants, left_out: tuple[int, ...] = ()) -> It
         return
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
         used, survey = lines_used(adjustment), adjustment.survey
-        if left_out:
-            used |= np.isin(first.line_index, left_out)
+        if whole:
+            used = ~whole.line_removed[first.line_index]
+            survey = _with_stated(survey, whole, first.pick_index)
         else:
             survey = _softer(survey, 1.0 / SCHEDULE[0])
         problem = SurveyProblem(survey, adjustment.problem.pivot_m, used)
         state = carried(adjustment, problem)
         try:
-            if left_out:
-                is_out = np.isin(first.line_index[problem.line_index], left_out)
-                weight = {"lengths": np.where(is_out, NEARLY_NONE, 1.0)}
+            if whole:
+                weight = _weights_without(problem, adjustment, first, taking)
                 annealed = decide(problem, weighted_minimum(problem, state, weight), weight)
             else:
                 annealed = anneal(problem, state)
         except (SingularError, ValueError):  # undetermined, or impossible with all of it
             continue
         yield Candidate(taking, first, annealed)
+
+
+def _with_stated(reduced: Survey, whole: Participants, pick_index: Ints) -> Survey:
+    """A reduced survey with all known things and control of its picks."""
+    keep = np.zeros(len(whole.keep), dtype=np.bool_)
+    keep[pick_index] = True
+    stated = select_picks(without_known(whole.survey, whole.known_removed), keep).survey
+    return replace(
+        reduced,
+        known=stated.known,
+        control_label=stated.control_label,
+        control_world_m=stated.control_world_m,
+        control_sigma_m=stated.control_sigma_m,
+    )
+
+
+def _weights_without(
+    problem: SurveyProblem, adjustment: Adjustment, first: Refined, taking: Participants
+) -> dict[str, Floats]:
+    """Weights, by group, with nearly none for what took no part in the first adjustment."""
+    lines = taking.line_removed[first.line_index[problem.line_index]]
+    known = [problem.known[k].index in taking.known_removed for k in problem.known_thing]
+    control = ~np.isin(problem.survey.control_label, adjustment.survey.control_label)
+    is_out = {"lengths": lines, "known": np.array(known, dtype=np.bool_), "control": control}
+    return {name: np.where(rows, NEARLY_NONE, 1.0) for name, rows in is_out.items() if len(rows)}
+
+
+def _with_control_of(survey: Survey, rows: Ints) -> Survey:
+    """The survey with some rows of its control alone."""
+    return replace(
+        survey,
+        control_label=survey.control_label[rows],
+        control_world_m=survey.control_world_m[rows],
+        control_sigma_m=survey.control_sigma_m[rows],
+    )
 
 
 def _softened(taking: Participants) -> Participants:
@@ -399,24 +454,25 @@ def _has_rival(found: Annealed, row: int) -> bool:
 
 
 def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
-    """Adjust without the gross errors of the first candidate; None where that has no result.
+    """Adjust without the gross errors of the best candidate; None where that has no result.
 
-    Others that explain as much without other lengths are alternatives of the result.
+    Of candidates that explain as much, one that keeps all picks comes first, and one that comes to
+    rest. Others without other lengths are alternatives of the result.
     """
     if not agreed:
         return None
-    best, *others = agreed
-    robust = _adjusted_without(best)
-    if robust is None:
-        return _without_outliers(others)
-    picks, refined, rivals = int(best.taking.keep.sum()), robust.refined, set[str]()
+    picks = int(agreed[0].taking.keep.sum())
+    least = agreed[0].cost(picks)
+    near = [one for one in agreed if one.cost(picks) <= least + RIVAL]
+    near.sort(key=lambda one: len(one.annealed.gross("pixels")))
+    found = [one for candidate in near if (one := _adjusted_without(candidate)) is not None]
+    found.sort(key=lambda one: not one.refined.adjustment.minimum.converged)
+    if not found:
+        return _without_outliers([one for one in agreed if one not in near])
+    robust, *others = found
+    refined, rivals = robust.refined, set[str]()
     minima = [*refined.alternatives]
-    for other in others:
-        if other.cost(picks) > best.cost(picks) + RIVAL:
-            break
-        rival = _adjusted_without(other)
-        if rival is None:
-            continue
+    for rival in others:
         lines = np.flatnonzero(rival.refined.line_removed & ~refined.line_removed)
         rivals |= {robust.survey.line_name[k] for k in lines if robust.survey.line_name}
         same = rival.refined.adjustment.survey.label == refined.adjustment.survey.label

@@ -27,11 +27,7 @@ PRICE = 6.0
 """Logarithm of the odds that an observed number that may have any value is where it is: of the
 range of values that gross errors take over the sigma of the number."""
 
-SPOILT = (
-    LeftOutCause.MISPLACED_FRAME,
-    LeftOutCause.CONTRADICTED,
-    LeftOutCause.GROSS,
-)
+SPOILT = (LeftOutCause.MISPLACED_FRAME, LeftOutCause.GROSS)
 """Why picks are left out that somebody should look at."""
 
 

@@ -182,7 +182,8 @@ def _common(adjustment: Adjustment) -> list[_Common]:
 
 def _tapes(tape_of_line: tuple[str, ...]) -> list[_Tape]:
     tapes = dict.fromkeys(tape_of_line)
-    found = [_Tape(np.arange(len(tape_of_line)), "All lengths")]
+    only = f" of the tape {tape_of_line[0]!r}" if len(tapes) == 1 and tape_of_line[0] else ""
+    found = [_Tape(np.arange(len(tape_of_line)), f"All lengths{only}")]
     if len(tapes) > 1:
         own = {tape: [k for k, one in enumerate(tape_of_line) if one == tape] for tape in tapes}
         found += [
