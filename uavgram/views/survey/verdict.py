@@ -99,7 +99,7 @@ def reason_sentence(reason: Reason) -> str:
 def headline(result: Result) -> str:
     """``Check: 3 of 4 measurements are in order.``: what is known, beside the light."""
     level = result.verdict.level
-    if level is None:
+    if level is None or not result.measurements.name:
         return "Nothing is measured yet"
     if level == "red":
         return "Do not use: it does not fit together"
