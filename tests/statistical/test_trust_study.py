@@ -1,0 +1,115 @@
+"""The worlds of the study of trust: their mathematics by other programs, their surveys by a run."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from pyproj import Transformer
+from scipy.spatial.transform import Rotation
+from trust_conditions import CONDITIONS
+from trust_faults import FAULTS, accepts, accused_rightly, is_accusation
+from trust_oracle import oracle_sigmas
+from trust_world import (
+    HOME,
+    UNDULATION_M,
+    Pose,
+    body_turn,
+    draw_lens,
+    geodetic_from_enu,
+    mount_turn,
+    project,
+    turn_of,
+)
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
+
+from study_trust import drawn, judged, rms, zs
+
+
+def test_projections_are_those_of_opencv() -> None:
+    rng = np.random.default_rng(1)
+    lens = draw_lens(rng).true
+    pose = Pose(center=np.array([3.0, -2.0, 30.0]), rotation=turn_of(np.array([3.0, 0.2, -0.3])))
+    world = np.column_stack([rng.uniform(-12, 12, (40, 2)), rng.uniform(-1, 1, 40)])
+    matrix = np.array([[lens[0], 0, lens[2]], [0, lens[1], lens[3]], [0, 0, 1.0]])
+    turn = pose.rotation.T
+    expected, _ = cv2.projectPoints(
+        world, cv2.Rodrigues(turn)[0], -turn @ pose.center, matrix, lens[4:]
+    )
+    pixels, depth = project(lens, pose, world)
+    assert (depth > 20).all()
+    assert np.abs(pixels - expected[:, 0]).max() < 1e-8
+
+
+def test_turns_are_those_of_scipy() -> None:
+    roll, pitch, yaw = 0.1, -0.2, 2.0
+    ned = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix()
+    enu = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]]) @ ned
+    assert np.allclose(body_turn(roll, pitch, yaw), enu)
+    vector = np.array([0.3, -0.1, 0.7])
+    assert np.allclose(turn_of(vector), Rotation.from_rotvec(vector).as_matrix())
+
+
+def test_a_camera_that_looks_down_has_the_nose_at_the_top_of_the_picture() -> None:
+    axes = mount_turn(-np.pi / 2)  # columns: right, down, forward of the picture, in body axes
+    assert np.allclose(axes, np.column_stack([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]))
+
+
+def test_places_are_those_of_pyproj() -> None:
+    world = np.random.default_rng(2).uniform(-300, 300, (20, 3))
+    transformer = Transformer.from_pipeline(
+        "+proj=pipeline +step +proj=cart +ellps=WGS84 +step +proj=topocentric +ellps=WGS84 "
+        f"+lat_0={HOME[0]} +lon_0={HOME[1]} +h_0={HOME[2] + UNDULATION_M}"
+    )
+    east, north, up = world.T
+    longitude, latitude, height = transformer.transform(east, north, up, direction="INVERSE")
+    found = geodetic_from_enu(world)
+    assert np.allclose(found[:, 0], latitude, atol=1e-11)
+    assert np.allclose(found[:, 1], longitude, atol=1e-11)
+    assert np.allclose(found[:, 2], height - UNDULATION_M, atol=1e-5)
+
+
+@pytest.mark.parametrize("world", ["exact", "strip_no_log", "nadir_log"])
+def test_a_run_agrees_with_the_truth_of_an_ordinary_survey(world: str) -> None:
+    row = judged(drawn(world, "", 5), {"world": world, "fault": "", "seed": 5})
+    assert len(row["values"]) > 8
+    assert 0.2 < rms(zs(row)) < 2.5
+
+
+def test_the_oracle_is_less_sure_where_observations_are_worse() -> None:
+    survey = drawn("strip_log", "", 5)
+    world = CONDITIONS["strip_log"]
+    sigmas = np.array(oracle_sigmas(survey, world))
+    assert (sigmas > 0).all()
+    other = {"pick_px": 10 * world.pick_px, "identified_m": 0.05, "own_m": 0.05}
+    worse = oracle_sigmas(survey, type(world)(**(vars(world) | other)))
+    assert (np.array(worse) > 3 * sigmas).all()
+
+
+def test_the_same_seed_gives_the_same_survey() -> None:
+    one, two = (drawn("strip", "swapped_once", 3) for _ in range(2))
+    assert [(p.label, *p.at) for p in one.picks] == [(p.label, *p.at) for p in two.picks]
+    assert one.wrong == two.wrong
+    other = drawn("strip", "swapped_once", 4)
+    assert one.lines[0].length != other.lines[0].length
+
+
+def test_who_is_accused() -> None:
+    wrong = {"lengths": {"L2"}}
+    reason = {"cause": "line-suspect", "labels": ["R1"], "frames": []}
+    assert is_accusation("line-suspect")
+    assert not is_accusation("nothing-checks")
+    assert accused_rightly(reason | {"lengths": ["L2"]}, wrong)
+    assert not accused_rightly(reason | {"lengths": ["L1"]}, wrong)
+    assert not accused_rightly(reason | {"lengths": ["L1"]}, {})
+    assert not accused_rightly(reason | {"lengths": ["L1"]}, {"labels": {"R1"}})
+
+
+def test_causes_by_their_codes() -> None:
+    assert accepts("length_in_feet", "line-wrong-unit")
+    assert not accepts("length_in_feet", "lengths-factor")
+    assert len(FAULTS) >= 16
