@@ -24,7 +24,8 @@ Change = dict[str, Any]
 PHOTO = "IMG_0006.jpg"
 
 ANOTHER_TAB = """(change) => new Promise((done) => {
-    const socket = new WebSocket(`ws://${location.host}/socket`);
+    const key = sessionStorage.getItem("uavgram-key");
+    const socket = new WebSocket(`ws://${location.host}/socket?tab=${key}`);
     socket.onopen = () => socket.send(JSON.stringify({...change, seq: 1}));
     socket.onmessage = ({data}) => {
         const answer = JSON.parse(data);

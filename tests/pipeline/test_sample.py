@@ -13,7 +13,8 @@ from uavgram.errors import InputError
 from uavgram.model.scenario.simulated import SimulatedSurvey
 from uavgram.pipeline import sample
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.sample import TAPED, make_sample
+from uavgram.pipeline.sample import make_sample
+from uavgram.pipeline.sample_scene import TAPED
 
 
 def grey(survey: SimulatedSurvey) -> Iterator[NDArray[np.uint8]]:
