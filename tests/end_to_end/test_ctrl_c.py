@@ -52,6 +52,10 @@ def start(*command: object, code: str = BEGIN) -> subprocess.Popen[str]:
     return process
 
 
+ENDING_S = 0.1
+"""Within so long of a strike, a process that ends well and silently had ended before."""
+
+
 def struck(process: subprocess.Popen[str], after_s: float) -> Ended | None:
     """How it ended when Ctrl+C came so late; None where it had ended before."""
     with process:
@@ -59,8 +63,11 @@ def struck(process: subprocess.Popen[str], after_s: float) -> Ended | None:
             process.wait(after_s)
         except subprocess.TimeoutExpired:
             os.killpg(process.pid, signal.SIGINT)  # as a terminal does: workers get it too
+            struck_at = time.monotonic()
             _, said = process.communicate(timeout=LONGEST_WAIT_S)
-            return Ended(process.returncode, said)
+            is_over = time.monotonic() - struck_at < ENDING_S
+            if not (is_over and process.returncode == 0 and not said):
+                return Ended(process.returncode, said)
         return None
 
 

@@ -26,6 +26,6 @@ def main(arguments: "Sequence[str] | None" = None) -> int:
 
         return begin(arguments)
     except KeyboardInterrupt:
-        from uavgram.cli.interrupt import told
+        from uavgram.cli.interrupt import report_interruption
 
-        return told()
+        return report_interruption()

@@ -36,7 +36,7 @@ def watch() -> None:
         atexit.register(_leave)  # the first to be registered is the last to be called
 
 
-def told() -> int:
+def report_interruption() -> int:
     """Say that the command was interrupted; the status with which the process ends."""
     sys.stderr.write("uavgram: interrupted; earlier results are as they were\n")
     return ending(INTERRUPTED)
