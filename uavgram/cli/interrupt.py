@@ -21,7 +21,7 @@ _status: int | None = None  # with which this process ends, once it is known
 
 
 def has_come() -> bool:
-    """Whether Ctrl+C came while this process was watched, whatever became of its exception."""
+    """Tell whether Ctrl+C came while this process was watched."""
     return _came
 
 
@@ -37,13 +37,13 @@ def watch() -> None:
 
 
 def report_interruption() -> int:
-    """Say that the command was interrupted; the status with which the process ends."""
+    """Report that the command was interrupted; return the status of the process."""
     sys.stderr.write("uavgram: interrupted; earlier results are as they were\n")
     return ending(INTERRUPTED)
 
 
 def ending(status: int) -> int:
-    """The status with which this process ends: from now on nothing is broken off."""
+    """Set the status with which this process ends: from now on nothing is interrupted."""
     global _status  # noqa: PLW0603  (a process has one)
     _status = status
     return status

@@ -89,9 +89,11 @@ def test_the_plan_marks_points_off_the_ground_and_writes_their_heights() -> None
     np.testing.assert_allclose(np.ptp(marks, axis=1), 2 * DIAMOND, atol=0.11)
     written = {text.text: (text.x, text.y) for text in view.texts if text.kind == "off_ground"}
     assert set(written) == {"+1.402 m", "+0.50 m", "+2.250 m", "-0.800 m"}
-    x, y = view.dots[rows[0]]
-    beside = np.array(written["+1.402 m"]) - (x, y)
-    assert 0 < np.hypot(*beside) < 45  # in the picture's units: half the text's width away
+    for row in rows:  # below its mark, where its nearer end is
+        label, (x, y) = result.points.label[row], view.dots[row]
+        at = next(place for text, place in written.items() if float(text[:-2]) == RAISED[label][0])
+        assert 0 < at[1] - y < 20
+        assert abs(at[0] - x) < 35  # half of its width
     assert "a point off the ground" in render_report(result)
 
 

@@ -1,4 +1,4 @@
-"""Whether all that surrounds a match is alike, and not only most of it.
+"""Compare all that surrounds a match with what surrounds its pick, quarter by quarter.
 
 The corner of a car hides other ground in each photo: the ground behind it may match on its own, as
 if the corner were there. Then one quarter of what is compared is alike, and another one is not.
@@ -22,7 +22,7 @@ EVEN = 4.0
 def least_likeness(
     source: Image, target: Image, source_px: Floats, target_px: Floats, affine: Floats
 ) -> float:
-    """Correlation, -1 to 1, of the quarter that is least alike; -1 where all are too even.
+    """Correlate the quarter that is least alike, -1 to 1; -1 where all are too even.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Whether two files show one exposure, however they were saved."""
+"""Compare two photos that may show one exposure, however they were saved."""
 
 from __future__ import annotations
 
