@@ -15,6 +15,9 @@ Then the same with 0.8 px of noise in every pick: distances between the things m
 `--shared DRAW` takes the three rendered streets of the data folder (UAVGRAM_DATA, else
 ../shared/data) instead, each point picked exactly in its best photo (0), or in one drawn by chance
 (1, 2...). The gimbal of street_rolling is logged wrong by 15 degrees: it has tie points.
+
+`--blank` leaves the heights of corners of cars and walls blank, as a person may who does not know
+that they matter; otherwise they are `free`.
 """
 
 from __future__ import annotations
@@ -86,7 +89,7 @@ def study_street(index: int, seed: int) -> Street:
     return draw_street(seed + index, wish)
 
 
-def run(index: int, seed: int, kept: str | None) -> dict[str, Any]:
+def run(index: int, seed: int, kept: str | None, height: str) -> dict[str, Any]:
     """One flight: pairs of the exact picks, distances of the noisy ones, seconds."""
     cv2.setNumThreads(1)
     street = study_street(index, seed)
@@ -95,13 +98,13 @@ def run(index: int, seed: int, kept: str | None) -> dict[str, Any]:
     with TemporaryDirectory(prefix="matching") as temporary:
         folder = Path(kept or temporary) / f"m{index}"
         start = time.process_time()
-        pairs = _matched(street, folder, 0.0, name)
+        pairs = _matched(street, folder, 0.0, name, height)
         spent = time.process_time() - start
-        distances = _distances(street, folder, name)
+        distances = _distances(street, folder, name, height)
     return {"flight": name, "pairs": pairs, "distances": distances, "seconds": spent}
 
 
-def _write(street: Street, folder: Path, noise_px: float) -> Path:
+def _write(street: Street, folder: Path, noise_px: float, height: str) -> Path:
     """The project: every point in one photo, lengths between discs."""
     rng = np.random.default_rng((3, street.seed))
     # A person's sigma in any case: that a pick is exact is not known to the program.
@@ -125,13 +128,13 @@ def _write(street: Street, folder: Path, noise_px: float) -> Path:
         writer = csv.DictWriter(file, [*rows[0], "height_m"])
         writer.writeheader()
         for row in rows:
-            free_height = "free" if row["label"] in free else ""
-            writer.writerow(row | {"sigma_px": str(NOISE_PX), "height_m": free_height})
+            own = height if row["label"] in free else ""
+            writer.writerow(row | {"sigma_px": str(NOISE_PX), "height_m": own})
     return project
 
 
-def _matched(street: Street, folder: Path, noise_px: float, flight: str) -> list[Pair]:
-    return _found(_write(street, folder, noise_px), truth(street)["pixels"], flight)
+def _matched(street: Street, folder: Path, noise_px: float, flight: str, height: str) -> list[Pair]:
+    return _found(_write(street, folder, noise_px, height), truth(street)["pixels"], flight)
 
 
 def _found(project: Path, true_pixels: Mapping[str, Any], flight: str) -> list[Pair]:
@@ -169,7 +172,7 @@ def _pair(
     return Pair(flight, *of, bool(true[2]), u - true[0], v - true[1], sigma)
 
 
-def shared_street(name: str, draw: int, folder: Path) -> list[Pair]:
+def shared_street(name: str, draw: int, folder: Path, height: str) -> list[Pair]:
     """Pairs of a street of the data folder."""
     data = Path(os.environ.get("UAVGRAM_DATA", Path(__file__).parents[3] / "shared" / "data"))
     told = json.loads((data / "truth" / f"{name}.json").read_text(encoding="utf-8"))
@@ -188,8 +191,8 @@ def shared_street(name: str, draw: int, folder: Path) -> list[Pair]:
         if draw or photo not in shows[label]:
             photo = shows[label][int(rng.integers(len(shows[label])))]
         u, v, _ = told["pixels"][photo][label]
-        free = "free" if is_raised else ""
-        rows.append([photo, label, f"{u:.3f}", f"{v:.3f}", str(NOISE_PX), free])
+        own = height if is_raised else ""
+        rows.append([photo, label, f"{u:.3f}", f"{v:.3f}", str(NOISE_PX), own])
     folder.mkdir(parents=True)
     natural = [row[1] for row in rows[1:] if row[1].startswith("P")]
     measures = [["name", "kind", "points"], ["D0", "distance", ";".join(natural[:2])]]
@@ -197,17 +200,17 @@ def shared_street(name: str, draw: int, folder: Path) -> list[Pair]:
     for table, content in tables.items():
         with (folder / f"{table}.csv").open("w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows(content)
-    own: dict[str, object] = {table: str(folder / f"{table}.csv") for table in tables}
-    project = copy_project(data / name, folder, **own)
+    files: dict[str, object] = {table: str(folder / f"{table}.csv") for table in tables}
+    project = copy_project(data / name, folder, **files)
     if name == "street_rolling":
         write_ties(project)
-        project = copy_project(data / name, folder, **own, ties=str(folder / "ties.csv"))
+        project = copy_project(data / name, folder, **files, ties=str(folder / "ties.csv"))
     return _found(project, told["pixels"], name)
 
 
-def _distances(street: Street, folder: Path, flight: str) -> dict[str, Any]:
+def _distances(street: Street, folder: Path, flight: str, height: str) -> dict[str, Any]:
     """Errors and sigmas of distances between natural points, all picked with noise, matched."""
-    _matched(street, folder, NOISE_PX, flight)
+    _matched(street, folder, NOISE_PX, flight, height)
     result = compute(read_inputs(folder / "project.yaml"), curved=False).result
     place = dict(zip(street.label, street.point, strict=True))
     measured = result.measurements
@@ -292,17 +295,19 @@ def main() -> None:
     )
     parser.add_argument("--worst", type=int, default=10, help="so many, by name")
     parser.add_argument("--shared", type=int, metavar="DRAW", help="the data folder's streets")
+    parser.add_argument("--blank", action="store_true", help="heights of corners, instead of free")
     given = parser.parse_args()
+    height = "" if given.blank else "free"
     if given.shared is not None:
         cv2.setNumThreads(1)
         with TemporaryDirectory(prefix="matching") as temporary:
-            found = [shared_street(n, given.shared, Path(temporary) / n) for n in SHARED]
+            found = [shared_street(n, given.shared, Path(temporary) / n, height) for n in SHARED]
         tell([{"pairs": pairs, "distances": None} for pairs in found], given.worst)
         return
     which = given.only if given.only is not None else range(given.flights)
     done = []
     with ProcessPoolExecutor(given.workers) as pool:
-        for job in [pool.submit(run, k, given.seed, given.folder) for k in which]:
+        for job in [pool.submit(run, k, given.seed, given.folder, height) for k in which]:
             try:
                 done.append(job.result())
             except UavgramError as fault:

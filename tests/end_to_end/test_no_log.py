@@ -54,7 +54,8 @@ def test_the_frame_is_refined_in_a_gauge_of_its_own(run: Run) -> None:
     up_of_image = -result.frames.refined.world_from_camera[0][:, 1]
     assert up_of_image[0] == pytest.approx(0, abs=1e-9)
     assert up_of_image[1] > 0
-    np.testing.assert_allclose(result.points.position_world_m[:, 2], 0, atol=1e-9)
+    # On z = 0 up to the ground's own roughness.
+    np.testing.assert_allclose(result.points.position_world_m[:, 2], 0, atol=0.02)
 
 
 def test_distances_are_right_within_three_sigma(run: Run) -> None:

@@ -24,6 +24,7 @@ import scenes
 from numpy.typing import ArrayLike
 from scenes import make_scene
 from scipy.stats import binom, chi2, norm
+from whole_surveys import with_all
 
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.reliability import test_statistics as module
@@ -46,8 +47,7 @@ from uavgram.model.survey.mend import Mend
 from uavgram.model.survey.survey import Ground, Survey
 from uavgram.stages.refine import minima, refine
 from uavgram.stages.refine.begin.starts import first_values
-from uavgram.stages.refine.minima import Participants
-from uavgram.stages.refine.robust_adjustment import adjust_survey
+from uavgram.stages.refine.minima import Participants, best_minima
 
 pytestmark = pytest.mark.statistical
 
@@ -183,7 +183,7 @@ def statistics(
     found = []
     for _ in range(repetitions):
         given = noisy(survey, rng, wrong, by)
-        adjustment = adjust_survey(Participants(given, EVERY_PICK, NO_LINE, {})).adjustment
+        adjustment = best_minima(Participants(given, EVERY_PICK, NO_LINE, {})).adjustment
         found.append(observed(adjustment)["lengths"].w[:, 0])
     return np.array(found)
 
@@ -242,7 +242,7 @@ def test_a_wrong_length_is_flagged_and_its_group_named(
     flagged, expected, named = [], [], []
     for _ in range(NAMED):
         given, wrong, by = blundered(survey, rng)
-        adjustment = adjust_survey(Participants(given, EVERY_PICK, NO_LINE, {})).adjustment
+        adjustment = best_minima(Participants(given, EVERY_PICK, NO_LINE, {})).adjustment
         first = next(suspicions(adjustment, observed(adjustment), ALPHA), None)
         flagged.append(first is not None)
         expected.append(chance_of(wrong, by) >= 0.95)
@@ -275,7 +275,7 @@ def test_a_wrong_length_is_taken_out_without_harm(
         right += removed[:1] == [("line", wrong)] or put_right
         after.append(check_errors(refined))
         if removed != [("line", wrong)]:
-            refined = adjust_survey(Participants(given, EVERY_PICK, np.arange(6) == wrong, {}))
+            refined = best_minima(Participants(given, EVERY_PICK, np.arange(6) == wrong, {}))
         without.append(check_errors(refined))
     record_property("taken out first", float(right / TAKEN_OUT))
     record_property("RMSE over that without the line", float(rms(after) / rms(without)))
@@ -297,13 +297,12 @@ def test_a_length_is_named_where_its_error_leads_to_another_pose(
     length = np.array(survey.length_m)
     length[0] -= 0.76
     wrong = replace(survey, length_m=length)
-    refined, _ = solved(wrong)
-    w = np.abs(observed(refined.adjustment)["lengths"].w[:, 0])
+    every = best_minima(Participants(wrong, EVERY_PICK, NO_LINE, {})).adjustment
+    w = np.abs(observed(every)["lengths"].w[:, 0])
     assert w.argmax() == 2
-    assert refined.accused is not None
-    assert refined.accused.row == 0
-    refined, _ = solved(wrong, "remove")
-    assert [(r.kind, r.index) for r in refined.removals] == [("line", 0)]
+    for outliers in ("report", "remove"):
+        refined, _ = solved(wrong, outliers)
+        assert [(r.kind, r.index) for r in refined.removals] == [("line", 0)]
 
 
 def seen(truth: Truth, points: Floats) -> Truth:
@@ -332,8 +331,7 @@ def test_a_pick_15_px_off_is_located_where_three_frames_see_every_point(
         pick, angle = int(rng.integers(len(survey.pick_frame))), rng.uniform(0, 2 * np.pi)
         pixel = np.array(survey.pixel_px)
         pixel[pick] += 15.0 * np.array([np.cos(angle), np.sin(angle)])
-        # Tests are made with every pick at its full weight; in the result it has little.
-        adjustment = solved(replace(survey, pixel_px=pixel))[0].tested
+        adjustment = with_all(replace(survey, pixel_px=pixel)).adjustment
         first = next(suspicions(adjustment, observed(adjustment), ALPHA))
         located += (first.accused.kind, first.accused.row) == ("pixels", pick)
     record_property("located", float(located / SEVERAL))

@@ -394,6 +394,7 @@ def ends_apart(scene: Scene) -> Scene:
         height_above_m=np.append(survey.height_above_m, survey.height_above_m[old]),
         height_sigma_m=np.append(survey.height_sigma_m, survey.height_sigma_m[old]),
         is_free=np.append(survey.is_free, survey.is_free[old]),
+        identification_sigma_m=np.zeros(0),
         area=np.append(survey.area, survey.area[old]),
         pick_frame=survey.pick_frame[picks],
         pick_label=np.append(survey.pick_label, copies),

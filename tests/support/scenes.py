@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -264,6 +264,22 @@ def make_scene(
         telemetry=shared,
     )
     return Scene(survey, truth, pivot, world)
+
+
+def picked_beside(scene: Scene, size_m: float, seed: int) -> Scene:
+    """A scene whose labels were picked beside what was meant, alike in all photos."""
+    survey, truth = scene.survey, scene.truth
+    off = np.zeros_like(scene.world)
+    off[:, :2] = size_m * np.random.default_rng(seed).normal(size=(len(off), 2))
+    pixel = np.array(survey.pixel_px)
+    for frame in range(len(survey.frame_id)):
+        rows = np.flatnonzero(survey.pick_frame == frame)
+        seen = [
+            cv_pixels(INTRINSICS, truth.center[frame], truth.rotation[frame], world)[0]
+            for world in (scene.world + off, scene.world)
+        ]
+        pixel[rows] += (seen[0] - seen[1])[survey.pick_label[rows]]
+    return replace(scene, survey=replace(survey, pixel_px=pixel))
 
 
 def _ground(source: Sources, name: str, height: float, roughness: float) -> Ground:

@@ -157,7 +157,13 @@ class StreetTruth:
             columns.append((mapped(place, first, second + step, 0.0) - here) * scale)
         by = np.stack(columns, axis=-1)
         covariance = by @ np.swapaxes(by, 1, 2)
-        return Sought(source_px=place, target_px=here, covariance_px2=covariance, affine=affine)
+        return Sought(
+            source_px=place,
+            target_px=here,
+            covariance_px2=covariance,
+            affine=affine,
+            rise=by[:, :, 0] / GROUND_SIGMA_M,
+        )
 
     def _poses(self, frame: str, row: Floats, off: Floats) -> tuple[Floats, Floats]:
         """Centres (n, 3) and world-from-camera (n, 3, 3) at rows, wrong by a 6-vector."""

@@ -372,7 +372,9 @@ FAULTS: dict[str, Fault] = {
     "photo_mirrored": Fault(
         plant=_changed_photo(_mirror, all_photos=False), causes=_PHOTO, bases=SEVERAL_PHOTOS
     ),
-    "all_mirrored": Fault(plant=_changed_photo(_mirror, all_photos=True), causes=_PHOTO),
+    "all_mirrored": Fault(
+        plant=_changed_photo(_mirror, all_photos=True), causes=(*_PHOTO, "photos-mirrored")
+    ),
     "photo_turned": Fault(
         plant=_changed_photo(_half_turn, all_photos=False), causes=_PHOTO, bases=SEVERAL_PHOTOS
     ),

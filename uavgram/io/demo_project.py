@@ -22,6 +22,8 @@ def project_yaml(survey: SimulatedSurvey) -> str:
     errors, stated = survey.scenario.errors, survey.scenario.stated
     arm = ", ".join(number_text(v) for v in errors.lever_arm_m)
     height = number_text(stated.ground_height_sigma_m)
+    beside = number_text(stated.picks_identification_sigma_m)
+    rough = number_text(stated.roughness_sigma_m)
     text = f"""\
 # A simulated survey of a road accident; truth.json says what really was.
 name: {survey.scenario.name}
@@ -35,6 +37,7 @@ check: check.csv           # surveyed points, only to judge the result
 output: out
 ground:
   height_sigma_m: {height}      # the scene lies a little below the place of take-off
+  roughness_sigma_m: {rough}     # it is a plane; leave this out for a road
 mount:
   gimbal: auto             # the log has the gimbal's attitude
   boresight_sigma_deg: {number_text(stated.boresight_sigma_deg)}
@@ -44,6 +47,7 @@ time:
   offset_s: auto           # the camera's clock is wrong; the log's camera events tell by how much
   offset_sigma_s: {number_text(stated.clock_sigma_s)}
 picks_sigma_px: {number_text(errors.pick_px)}
+picks_identification_sigma_m: {beside}  # nothing is picked beside; leave this out for photos
 """
     return _as_the_scenario(text, survey.scenario)
 
@@ -67,7 +71,6 @@ def _as_the_scenario(text: str, scenario: Scenario) -> str:
     inner: dict[str, dict[str, tuple[_Value, _Value]]] = {
         "ground": {
             "slope_sigma_deg": (stated.ground_slope_sigma_deg, usual.ground_slope_sigma_deg),
-            "roughness_sigma_m": (stated.roughness_sigma_m, usual.roughness_sigma_m),
         },
         "telemetry": {
             "position_sigma_m": (stated.position_sigma_m, usual.position_sigma_m),

@@ -76,6 +76,11 @@ def _sigma(value: float | tuple[float, ...] | Auto | None) -> tuple[bool, str]:
     return not fault, fault
 
 
+def _size(value: float | None) -> tuple[bool, str]:
+    """Rule of a standard deviation that may be 0: there is no such error."""
+    return (False, "must not be negative") if (value or 0.0) < 0 else _sigma(value or None)
+
+
 @dataclass(frozen=True, kw_only=True)
 class GeodeticOrigin(_Options):
     """A stated origin of the world: WGS 84, height above the datum that `heights` names."""
@@ -117,9 +122,7 @@ _AREA_KEYS = tuple(field_.name for field_ in fields(AreaOptions))
 
 def _ground_rules(options: AreaOptions | GroundOptions) -> dict[str, tuple[bool, str]]:
     slope, roughness = options.slope_sigma_deg, options.roughness_sigma_m
-    rules = {"roughness_sigma_m": _sigma(roughness or None)}
-    if roughness is not None and roughness < 0:
-        rules["roughness_sigma_m"] = False, "must not be negative"
+    rules = {"roughness_sigma_m": _size(roughness)}
     if slope is not None and not 0 < slope < 45:
         rules["slope_sigma_deg"] = False, "must lie between 0 and 45"
     return rules
@@ -136,7 +139,7 @@ class GroundOptions(_Options):
     height_m: float = 0.0
     height_sigma_m: float = 0.3
     slope_sigma_deg: float = 3.0
-    roughness_sigma_m: float = 0.0
+    roughness_sigma_m: float = 0.02
     areas: Mapping[str, AreaOptions] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -345,7 +348,8 @@ class Project(_Options):
     `operator` is who answers for the survey; ``auto``: the account that runs it. `ties` is
     ``auto`` or a path. `plan` is what was planned before the flight. `units` are those in which
     people read; files keep metres. `case` is what
-    the head of the report says.
+    the head of the report says. `picks_identification_sigma_m` is how far people pick beside what
+    was meant, alike in all photos.
     """
 
     name: str
@@ -371,6 +375,7 @@ class Project(_Options):
     time: TimeOptions = field(default_factory=TimeOptions)
     telemetry: TelemetryOptions = field(default_factory=TelemetryOptions)
     picks_sigma_px: float = 1.0
+    picks_identification_sigma_m: float = 0.01
     solve: SolveOptions = field(default_factory=SolveOptions)
     tape: TapeOptions = field(default_factory=TapeOptions)
     targets: TargetOptions | None = None
@@ -400,6 +405,7 @@ class Project(_Options):
             **{key: (getattr(self, key) != "", "must not be empty") for key in texts},
             **self._pose_rules(),
             "images": (named, "must name at least one file or pattern"),
+            "picks_identification_sigma_m": _size(self.picks_identification_sigma_m),
         }
 
     @property

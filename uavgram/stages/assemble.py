@@ -24,6 +24,7 @@ from uavgram.model.survey.known import NO_KNOWN, KnownThing, KnownThings, lines_
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
 from uavgram.model.survey.ties import NO_TIES, TiePicks
+from uavgram.stages.control_heights import with_own_heights
 from uavgram.stages.tied import matches_of, ties_of
 
 NO_CONTROL = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
@@ -76,6 +77,8 @@ class Observations:
         What is known of the ground's planes.
     picks_sigma_px
         Standard deviation of picks that state none [px].
+    picks_identification_sigma_m
+        How far people pick beside what was meant, alike in all photos; 0: not at all.
     tape, own_scale_sigma
         How good the tapes are; names and priors of the scale of those that are other than that.
     photos
@@ -95,6 +98,7 @@ class Observations:
     telemetry: Telemetry | None = None
     ground: GroundOptions
     picks_sigma_px: float
+    picks_identification_sigma_m: float = 0.0
     tape: TapeOptions = field(default_factory=TapeOptions)
     own_scale_sigma: tuple[tuple[str, float], ...] = ()
     photos: Sequence[str] = ()
@@ -158,6 +162,7 @@ def assemble(observed: Observations) -> Assembled:
         height_above_m=_of_labels(picks, picks.height_m, label_at),
         height_sigma_m=_of_labels(picks, picks.height_sigma_m, label_at),
         is_free=np.isin(list(label_at), np.array(picks.label)[picks.is_free]),
+        identification_sigma_m=np.full(len(label_at), observed.picks_identification_sigma_m),
         pick_frame=np.array([shown_at[picks.image[i]] for i in chosen]),
         pick_label=np.array([label_at[picks.label[i]] for i in chosen]),
         pixel_px=picks.pixel_px[chosen],
@@ -182,6 +187,7 @@ def assemble(observed: Observations) -> Assembled:
         area=np.array([area_at[name] for name in areas]),
         gauge=gauge,
     )
+    survey = with_own_heights(survey)
     if survey.telemetry is not None:
         nominal = np.zeros(SHARED_SIZE)
         nominal[LEVER_ARM] = survey.telemetry.lever_arm_m
@@ -206,7 +212,7 @@ def _usable_picks(observed: Observations) -> Ints:
     """Indices of the picks, but for matches, in photos that take part."""
     picks, posed = observed.picks, _posed(observed)
     used = np.flatnonzero([image in posed for image in picks.image])
-    used = used[~picks.of_source("match")[used]]
+    used = used[~(picks.of_source("match") | picks.is_copy)[used]]
     if observed.copies:  # what was clicked again counts, what was copied with the photo does not
         shown = [observed.copies.get(name, name) for name in picks.image]
         places = zip(shown, picks.label, *picks.pixel_px.T.tolist(), strict=True)

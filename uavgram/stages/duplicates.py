@@ -87,6 +87,7 @@ def find_duplicates(
         messages=(
             *_photo_message("photo-duplicate", "the same file as", same_file),
             *_photo_message("photo-saved-anew", "the same exposure as", saved_anew),
+            *_pick_message(picks),
             *_line_messages(lines, same_lines),
             *_known_messages(known, same_known),
             *_alike_messages(picks),
@@ -194,6 +195,20 @@ def _photo_message(code: str, what: str, copies: Mapping[str, str]) -> tuple[Mes
         "observation. Take the copies out of `images`."
     )
     return (Message("warning", code, text, frames=tuple(copies)),)
+
+
+def _pick_message(picks: Picks) -> tuple[Message, ...]:
+    """One message on all rows of picks that repeat another one."""
+    copies = np.flatnonzero(picks.is_copy).tolist()
+    if not copies:
+        return ()
+    parts = [f"{picks.label[i]!r} in {picks.image[i]}" for i in copies]
+    text = (
+        "The same click with the same pixel, to the last digit, was counted once: "
+        f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. Remove the copies; a second click checks "
+        "the first only where it was made anew."
+    )
+    return (Message("warning", "pick-duplicate", text),)
 
 
 def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message, ...]:

@@ -19,8 +19,10 @@ LEVELS = ("error", "warning", "info")
 
 IDENTIFIED = (
     (
-        *("lengths-wrong-unit", "lengths-factor", "lengths-offset", "labels-swapped-everywhere"),
-        *("other-zoom", "mount-turned", "gimbal-off", "clock-off"),
+        *("lengths-wrong-unit", "lengths-factor", "lengths-offset", "lengths-level"),
+        *("labels-swapped-everywhere", "control-shifted", "other-zoom"),
+        *("photos-mirrored",),
+        *("mount-turned", "gimbal-off", "clock-off"),
     ),
     (
         *("other-camera", "photo-elsewhere", "photo-mirrored", "photo-turned"),
@@ -36,15 +38,15 @@ CAUSES = (
     ("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
     ("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
     ("line-left-out", "known-left-out", "control-left-out", "point-off-ground"),
-    ("photo-duplicate", "line-duplicate", "known-duplicate"),
+    ("photo-duplicate", "pick-duplicate", "line-duplicate", "known-duplicate"),
     ("line-removed", "known-removed", "pick-removed", "blunder-not-located", "blunder-kept"),
     (
-        *("pick-suspect", "line-suspect", "known-suspect", "control-suspect"),
+        *("pick-suspect", "picks-contradict", "line-suspect", "known-suspect", "control-suspect"),
         *("telemetry-strained", "prior-strained"),
     ),
     ("check-suspect", "lengths-contradict", "odd-height"),
     ("misfit",),
-    ("ground-not-plane", "picks-less-exact"),
+    ("ground-not-plane", "picks-less-exact", "lengths-less-exact"),
     ("ambiguous-pose", "three-lengths", "three-known"),
     ("nothing-checks",),
 )
@@ -64,7 +66,7 @@ _RANK = {code: k - len(CAUSES) for k, codes in enumerate(CAUSES) for code in cod
 
 ACCUSING = (
     *("line-left-out", "line-suspect", "line-removed", "lengths-contradict"),
-    *("pick-suspect", "pick-left-out", "pick-removed", "frame-left-out"),
+    *("pick-suspect", "picks-contradict", "pick-left-out", "pick-removed", "frame-left-out"),
 )
 """Codes of messages that accuse an observation."""
 

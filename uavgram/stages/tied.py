@@ -46,18 +46,14 @@ def matches_of(
     found = np.flatnonzero(picks.of_source("match"))
     if not len(found):
         return NO_SIGHTINGS, []
-    at = {
-        (picks.image[i], picks.label[i]): i
-        for i in np.flatnonzero(~picks.of_source("match")).tolist()
-    }
+    at = picks.clicks
     chains: dict[int, list[int]] = {}
     stale: list[int] = []
     for i in found.tolist():
-        origin = at.get((picks.from_image[i] if picks.from_image else "", picks.label[i]), -1)
-        away = np.inf
-        if origin >= 0:
-            away = float(np.abs(picks.pixel_px[origin] - picks.from_px[i]).max())
-        if not away <= SAME_PX:
+        clicks = at.get((picks.from_image[i] if picks.from_image else "", picks.label[i]), [])
+        near = np.abs(picks.pixel_px[clicks] - picks.from_px[i]).max(axis=1) <= SAME_PX
+        origin = clicks[int(near.argmax())] if near.any() else -1
+        if origin < 0:
             stale.append(i)
         elif pick_index[origin] >= 0 and picks.image[i] in frame_at:
             chains.setdefault(origin, []).append(i)

@@ -100,7 +100,7 @@ def survey_line(row: SurveyRow) -> str:
     if row.status == "failed":
         return f"{told_name(row)}: failed. {row.message}"
     again = " (unchanged, not measured again)" if row.status == "unchanged" else ""
-    return f"{told_name(row)}: {row.level}{again}"
+    return f"{told_name(row)}: {row.level or 'no verdict'}{again}"
 
 
 def time_left(seconds: float) -> str:

@@ -43,7 +43,12 @@ MEASURED_COLOURS: dict[MeasurementStatus, Rgb] = {
     "contradicted": QUIET,
 }
 """What is contradicted is dashed too."""
-LEVEL_COLOURS: dict[VerdictLevel, Rgb] = {"green": GOOD, "amber": WARNING, "red": BAD}
+LEVEL_COLOURS: dict[VerdictLevel | None, Rgb] = {
+    "green": GOOD,
+    "amber": WARNING,
+    "red": BAD,
+    None: QUIET,
+}
 HEIGHT_COLOURS: dict[str, Rgb] = {"free": FREE, "stated": REFERENCE, "found": UNASKED}
 FRAME_COLOURS: dict[str, Rgb] = {
     "refined": GOOD,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scenes import make_scene
 from scipy.spatial.transform import Rotation
+from whole_surveys import with_all
 
 from uavgram.estimation.reliability.data_snooping import suspicions
 from uavgram.estimation.reliability.redundancy import critical_value
@@ -18,9 +19,7 @@ from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Track
-from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine import refine
 
 ALPHA = 0.001
 PAIRS = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))
@@ -33,15 +32,10 @@ ALONE: dict[str, Any] = {
 }
 
 
-LEARNT, STATED = SolveOptions(), SolveOptions(noise="stated")
-
-
-def suspected(
-    survey: Survey, first: Member | None = None, options: SolveOptions = LEARNT
-) -> tuple[Adjustment, list[Suspicion]]:
-    refined, _ = refine(survey, options)
-    adjustment, first = refined.tested, first or refined.accused
-    return adjustment, list(suspicions(adjustment, observed(adjustment), ALPHA, first))
+def suspected(survey: Survey) -> tuple[Adjustment, list[Suspicion]]:
+    """The adjustment of every observation, gross errors among them, and what it suspects."""
+    adjustment = with_all(survey).adjustment
+    return adjustment, list(suspicions(adjustment, observed(adjustment), ALPHA))
 
 
 def changed(survey: Survey, name: str, index: int, by: Floats | float) -> Survey:
@@ -88,7 +82,7 @@ def test_once_one_is_suspected_the_rest_is_tested_without_it() -> None:
     # The statistics given the first suspicion are those of an adjustment without it.
     survey = make_scene(6, frames=3, lines=8).survey
     wrong = changed(changed(survey, "length_m", 2, 0.3), "length_m", 5, -0.2)
-    adjustment, found = suspected(wrong, options=STATED)
+    adjustment, found = suspected(wrong)
     w = np.abs(observed(adjustment)["lengths"].w[:, 0])
     assert [s.accused for s in found[:2]] == [Member("lengths", 2, 0), Member("lengths", 5, 0)]
     without = replace(
@@ -98,7 +92,7 @@ def test_once_one_is_suspected_the_rest_is_tested_without_it() -> None:
         length_m=np.delete(wrong.length_m, 2),
         length_sigma_m=np.delete(wrong.length_sigma_m, 2),
     )
-    again = refine(without, STATED)[0].adjustment
+    again = with_all(without).adjustment
     assert found[1].w == pytest.approx(observed(again)["lengths"].w[4, 0], rel=0.02)
     assert w[2] == pytest.approx(abs(found[0].w))
 
@@ -124,10 +118,3 @@ def test_a_gimbal_six_sigma_off_in_one_frame_is_flagged_not_absorbed() -> None:
 
 def test_a_clean_survey_is_not_suspected() -> None:
     assert suspected(make_scene(9, frames=6, noise=0.5).survey)[1] == []
-
-
-def test_what_is_known_to_be_wrong_comes_first() -> None:
-    survey = make_scene(3, sources=("pixels", "lengths"), **ALONE).survey
-    wrong = changed(survey, "length_m", 1, 0.5)
-    _, (found, *_) = suspected(wrong, Member("lengths", 3, 0))
-    assert found.accused == Member("lengths", 3, 0)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scenes import Scene, make_scene
 from scipy.stats import binom, kstest, norm
+from whole_surveys import with_all
 
 from uavgram.estimation.reliability import redundancy as module
 from uavgram.estimation.reliability.redundancy import (
@@ -59,7 +60,7 @@ def test_the_largest_w_is_that_of_a_planted_blunder(kind: str, index: int) -> No
         pixel = np.array(survey.pixel_px)
         pixel[7 * index, 1] += 15
         survey = replace(survey, pixel_px=pixel)
-    adjustment = refine(survey, SolveOptions())[0].tested
+    adjustment = with_all(survey).adjustment
     largest = {
         name: np.abs(reliability(block, adjustment.covariance).w)
         for name, block in adjustment.minimum.blocks.items()

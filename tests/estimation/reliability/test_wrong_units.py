@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavgram.estimation.reliability.coordinate_faults import displaced, likely_fault
-from uavgram.estimation.reliability.wrong_units import likely_mistake, likely_unit_of_height
+from uavgram.estimation.reliability.wrong_units import likely_mistake
 
 
 @pytest.mark.parametrize(
@@ -34,24 +34,6 @@ def test_a_ratio_of_units_is_named_if_it_is_near_enough(ratio: float, words: str
 def test_another_ratio_has_no_name() -> None:
     assert likely_mistake(2.3, 0.01) == ""
     assert likely_mistake(1.0, 0.01) == ""
-
-
-def test_an_odd_height_is_told_by_the_unit_that_makes_it_ordinary() -> None:
-    unit, height = likely_unit_of_height(31_700.0)
-    assert unit == "in millimetres"
-    assert height == pytest.approx(31.7)
-    unit, height = likely_unit_of_height(3170.0)
-    assert unit == "in centimetres"
-    assert height == pytest.approx(31.7)
-    unit, height = likely_unit_of_height(0.0317)
-    assert unit == "in kilometres"
-    assert height == pytest.approx(31.7)
-    unit, height = likely_unit_of_height(197.0)
-    assert unit == "in feet"
-    assert height == pytest.approx(60.0, abs=0.1)
-    unit, height = likely_unit_of_height(2.5)
-    assert unit == "turned from feet into metres twice"
-    assert height == pytest.approx(8.2, abs=0.01)
 
 
 def test_where_coordinates_lie_is_told_by_distance_sigma_and_side() -> None:

@@ -60,6 +60,7 @@ def test_a_far_point_that_one_photo_shows_changes_no_other_points_rating() -> No
         height_above_m=np.append(survey.height_above_m, 0.0),
         height_sigma_m=np.zeros(0),
         is_free=np.zeros(0, np.bool_),
+        identification_sigma_m=np.zeros(0),
         area=np.append(survey.area, 0),
         pick_frame=np.append(survey.pick_frame, 0),
         pick_label=np.append(survey.pick_label, len(survey.label)),

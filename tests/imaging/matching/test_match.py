@@ -50,6 +50,7 @@ def sought(source: Floats, affine: Floats, sigma: float = 2.0, off: ArrayLike = 
         target_px=truth(source, affine) + np.asarray(off),
         covariance_px2=np.tile(sigma**2 * np.eye(2), (n, 1, 1)),
         affine=np.tile(affine, (n, 1, 1)),
+        rise=np.zeros((n, 2)),
     )
 
 
@@ -227,7 +228,9 @@ def test_outside_and_too_far() -> None:
     one = sought(at, LEVEL)
     target = one.target_px + np.array([[0, 0], [400, 0], [0, 0]])
     covariance = one.covariance_px2 * np.array([1, 1, 1e5])[:, None, None]
-    asked = Sought(source_px=at, target_px=target, covariance_px2=covariance, affine=one.affine)
+    asked = Sought(
+        source_px=at, target_px=target, covariance_px2=covariance, affine=one.affine, rise=one.rise
+    )
     found = matched(near, far, asked)
     assert found.refused.tolist() == [Refused.OUTSIDE, Refused.OUTSIDE, Refused.TOO_FAR]
 

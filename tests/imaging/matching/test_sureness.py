@@ -101,6 +101,7 @@ def test_sigmas_hold_in_compressed_photos_of_much_and_of_little_contrast(contras
         target_px=true,
         covariance_px2=np.tile(4.0 * np.eye(2), (12, 1, 1)),
         affine=np.tile(turn, (12, 1, 1)),
+        rise=np.zeros((12, 2)),
     )
     squared = []
     for seed in range(12):

@@ -120,9 +120,10 @@ def test_a_header_alone_is_a_table_without_rows(write: Write) -> None:
         (read_picks, PICKS + "a.jpg,P;Q,1,2,,\n", 2, "semicolon"),
         (
             read_picks,
-            PICKS + "a.jpg,P,1,2,,\na.jpg,Q,1,2,,\na.jpg,P,3,4,,\n",
+            "image,label,u_px,v_px,source\n"
+            "a.jpg,P,1,2,match\na.jpg,Q,1,2,match\na.jpg,P,3,4,match\n",
             4,
-            "label 'P' is picked twice in image 'a.jpg', first in line 2",
+            "label 'P' is found twice in image 'a.jpg' (source match), first in line 2",
         ),
         (read_picks, PICKS + "a.jpg,P,1,2,0,\n", 2, "sigma_px must be greater than 0 (got 0)"),
         (read_picks, PICKS + "a.jpg,P,1,2,-1,\n", 2, "sigma_px must be greater than 0 (got -1)"),

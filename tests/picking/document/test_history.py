@@ -21,6 +21,7 @@ NAMES = st.sampled_from(["L1", "L2"])
 PIXELS = st.floats(0, 100)
 CHANGES = st.one_of(
     st.builds(c.Place, image=IMAGES, label=LABELS, u_px=PIXELS, v_px=PIXELS),
+    st.builds(c.Repeat, image=IMAGES, label=LABELS, u_px=PIXELS, v_px=PIXELS),
     st.builds(c.Unpick, image=IMAGES, label=LABELS),
     st.builds(c.Forget, label=LABELS),
     st.builds(c.Rename, label=LABELS, new=LABELS),
@@ -291,3 +292,22 @@ def test_several_changes_are_one_step_and_where_one_does_not_fit_none_is_made() 
     assert apply(after, c.Undo()).state == before.state
     with pytest.raises(RefusedError, match="not picked"):
         apply(before, c.All(changes=(*moves, c.Unpick(image="1.jpg", label="B"))))
+
+
+def test_a_click_that_is_made_again_stands_beside_the_first_and_goes_with_it() -> None:
+    session = place(place(Session(state=State()), "A", 10.0), "B", 30.0)
+    session = apply(session, c.SetHeight(label="A", height_m=0.5))
+    session = apply(session, c.Repeat(image="1.jpg", label="A", u_px=11.0, v_px=12.0))
+    first, _, again = session.state.picks
+    assert (again.key, again.u_px, again.height_m, again.again) == (first.key, 11.0, 0.5, 1)
+    assert session.state.pick("1.jpg", "A") is first
+    assert state_of(*observations_of(session.state), ()).picks == session.state.picks
+
+    swapped = apply(session, c.Swap(image="1.jpg", label="A", other="B")).state.picks
+    assert [(pick.label, pick.u_px) for pick in swapped] == [("B", 10.0), ("A", 30.0), ("B", 11.0)]
+    assert [
+        pick.label for pick in apply(session, c.Unpick(image="1.jpg", label="A")).state.picks
+    ] == ["B"]
+    assert len(apply(session, c.Undo()).state.picks) == 2
+    with pytest.raises(RefusedError, match="'C' is not picked in"):
+        apply(session, c.Repeat(image="1.jpg", label="C", u_px=1.0, v_px=1.0))

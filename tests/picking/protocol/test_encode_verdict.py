@@ -58,16 +58,16 @@ def test_what_the_first_reason_says_already_is_not_said_again() -> None:
 def test_green_has_words_and_no_reason() -> None:
     told = told_of(replace(survey.build(clean=True), messages=()))
 
-    assert told["words"] == "In order: everything fits"
+    assert told["words"] == "In order: all 9 measurements fit and are checked."
     assert (told["first"]["text"], told["why"]) == ("", [])
 
 
-def test_nothing_checked_is_said_of_what() -> None:
+def test_what_is_known_stands_beside_an_amber_light() -> None:
     made = with_status(survey.build(), "not-checked", "not-checked", "ok")
     verdict = Verdict(level="amber", reasons=(Reason(cause="nothing-checks", text="Tape more."),))
 
     words = told_of(replace(made, verdict=verdict))["words"]
-    assert words == "Check: nothing would show an error in 'skid left' and 'skid right'"
+    assert words == "Check: 8 of 10 measurements are in order."
 
 
 def test_each_measurement_has_its_own_reason() -> None:

@@ -83,7 +83,12 @@ class World:
         n, pick = len(rows), np.array([i for i, _ in rows], dtype=np.int64)
         image = tuple(image for _, image in rows)
         both = np.tile(np.eye(2), (n, 1, 1))
-        nothing = np.zeros((n, 2, 0)), np.zeros((n, 0), np.int64), np.zeros((n, 2, 6))
+        nothing = (
+            np.zeros((n, 2)),
+            np.zeros((n, 2, 0)),
+            np.zeros((n, 0), np.int64),
+            np.zeros((n, 2, 6)),
+        )
         found = Transferred(pick, image, np.full((n, 2), 50.0), both, both, *nothing)
         label = tuple(picks.label[i] for i in pick)
         radius, row = np.full(n, self.radius_px), np.arange(n)

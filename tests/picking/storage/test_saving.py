@@ -72,7 +72,11 @@ class Working:
 def every_command() -> Iterator[Command]:
     yield c.Place(image="P1.jpg", label="A", u_px=11.0, v_px=20.5)
     yield c.Place(image="P2.jpg", label="C", u_px=1.0, v_px=2.0, sigma_px=0.25)
+    yield c.Repeat(image="P1.jpg", label="A", u_px=11.5, v_px=20.0)
+    yield c.Repeat(image="P2.jpg", label="C", u_px=1.5, v_px=2.5)
     yield c.Unpick(image="P1.jpg", label="B")
+    yield c.Unpick(image="P2.jpg", label="C")
+    yield c.Place(image="P2.jpg", label="C", u_px=1.0, v_px=2.0, sigma_px=0.25)
     yield c.Rename(label="A", new="kerb; no".replace(";", ","))
     yield c.SetSigma(image="P2.jpg", label="C", sigma_px=0.5)
     yield c.SetHeight(label="C", height_m=0.15)

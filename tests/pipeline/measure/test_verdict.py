@@ -13,6 +13,7 @@ from hostile_surveys import make_survey
 
 from uavgram.io.results.results_json import load_results, write_results
 from uavgram.model.result.result import Result
+from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 
@@ -79,13 +80,97 @@ def test_one_photo_leaves_what_it_alone_shows_unchecked(tmp_path: Path) -> None:
     assert set(status) <= {"not-checked", "ok"}
 
 
-def test_a_flight_with_one_length_is_amber_and_says_what_to_tape_next(data_dir: Path) -> None:
-    result = result_of(read_inputs(data_dir / "cuav" / "project.yaml"))
-    (reason,) = result.verdict.reasons
+def test_a_flight_with_one_length_is_checked_as_far_as_the_log_is_exact(data_dir: Path) -> None:
+    """An error in the length shows once it moves a measurement by seven sigmas; ten are allowed."""
+    flight = read_inputs(data_dir / "cuav" / "project.yaml")
+    result = result_of(flight)
+    assert result.verdict.level == "green"
+    assert set(result.measurements.status) == {"ok"}
 
+    exact = replace(flight.lines, sigma_m=0.2 * flight.lines.sigma_m)
+    result = result_of(replace(flight, lines=exact))
+    (reason,) = result.verdict.reasons
     assert result.verdict.level == "amber"
     assert reason.cause == "nothing-checks"
-    assert set(reason.measurements) == {"south", "whole"}
-    assert "an error in the length 'north' ('barrel0' to 'barrel1') shows only from" in reason.text
-    assert reason.text.endswith("Tape next from 'barrel2' to 'barrel0', about 39.9 m.")
-    assert set(result.measurements.status) == {"not-checked"}
+    assert "an error in the length 'north' ('barrel0' to 'barrel1') would not" in reason.text
+    assert reason.plain == (
+        "Not checked: an error in the length 'north' ('barrel0' to 'barrel1') would not be noticed."
+    )
+    assert reason.mend is not None
+    assert reason.mend.action == "tape"
+
+
+def clicked_again(inputs: Inputs, off_px: dict[str, float] | None = None) -> Inputs:
+    """Every click made twice: the second a pixel beside the first, or so far from it."""
+    picks, rng = inputs.picks, np.random.default_rng(3)
+    count = len(picks.image)
+    away = np.array([(off_px or {}).get(label, 0.0) for label in picks.label])
+    again = picks.pixel_px + rng.normal(0.0, 1.0, (count, 2)) + away[:, None]
+    twice = Picks(
+        image=picks.image * 2,
+        label=picks.label * 2,
+        area=picks.area * 2,
+        source=picks.source * 2,
+        pixel_px=np.concatenate([picks.pixel_px, again]),
+        sigma_px=np.tile(picks.sigma_px, 2),
+        height_m=np.tile(picks.height_m, 2),
+    )
+    return replace(inputs, picks=twice)
+
+
+@pytest.fixture(scope="module")
+def single(tmp_path_factory: pytest.TempPathFactory) -> Inputs:
+    return surveyed(replace(SMALL, single=True), tmp_path_factory.mktemp("single"), seed=1)
+
+
+def test_clicks_that_were_made_again_check_each_other(single: Inputs) -> None:
+    once, twice = result_of(single), result_of(clicked_again(single))
+
+    clicks = "a wrong click"
+    assert any(clicks in reason.text for reason in once.verdict.reasons)
+    assert not any(clicks in reason.text for reason in twice.verdict.reasons)
+    assert sum(status == "ok" for status in twice.measurements.status) > sum(
+        status == "ok" for status in once.measurements.status
+    )
+    assert len(twice.picks.image) == 2 * len(once.picks.image)
+    assert np.nanmean(twice.picks.redundancy) > 0.4
+    sigma = twice.measurements.sigma / once.measurements.sigma
+    assert 0.6 < np.nanmedian(sigma) < 1.0
+
+
+def test_of_two_clicks_far_from_each_other_nothing_is_in_order(single: Inputs) -> None:
+    """Of a point at the end of no length: nothing shows which of the two is right."""
+    taped = {*single.lines.start, *single.lines.end}
+    label = next(one for one in single.picks.label if one not in taped)
+    result = result_of(clicked_again(single, {label: 150.0}))
+    of_label = [label in points for points in result.measurements.points]
+    status = np.array(result.measurements.status)
+
+    assert result.verdict.level in ("amber", "red")
+    assert "ok" not in status[of_label]
+
+
+def test_a_row_that_was_copied_counts_once(single: Inputs) -> None:
+    picks = single.picks
+    rows = [*range(len(picks.image)), 0, 1]
+    copied = Picks(
+        image=tuple(picks.image[i] for i in rows),
+        label=tuple(picks.label[i] for i in rows),
+        pixel_px=picks.pixel_px[rows],
+        sigma_px=picks.sigma_px[rows],
+        height_m=picks.height_m[rows],
+    )
+    once, twice = result_of(single), result_of(replace(single, picks=copied))
+
+    np.testing.assert_array_equal(twice.measurements.sigma, once.measurements.sigma)
+    assert twice.measurements.status == once.measurements.status
+    assert twice.picks.status[-2:] == ("unused", "unused")
+    (message,) = (one for one in twice.messages if one.code == "pick-duplicate")
+    assert repr(picks.label[0]) in message.text
+
+
+def test_what_does_not_fit_is_no_verdict_where_nothing_is_measured(small: Inputs) -> None:
+    result = result_of(replace(small, requests=()))
+
+    assert result.verdict.level is None
+    assert result.measurements.status == ()

@@ -18,6 +18,7 @@ from uavgram.model.survey.ties import TiePicks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.simulate.in_memory import inputs_of
+from uavgram.pipeline.simulate.observed_again import picked_again
 from uavgram.pipeline.simulate.project_world import ProjectWorld, project_world
 from uavgram.stages.simulate.survey import simulate
 
@@ -149,3 +150,17 @@ def test_a_match_repeats_the_error_of_its_pick(world: ProjectWorld) -> None:
     assert all(
         one.from_px[match] == pytest.approx(one.pixel_px[origin], abs=1e-12) for one in draws
     )
+
+
+def test_hand_picks_are_beside_what_is_meant_alike_in_all_photos(world: ProjectWorld) -> None:
+    inputs = world.inputs
+    far = replace(inputs, project=replace(inputs.project, picks_identification_sigma_m=0.5))
+    apart = [picked_again(given, world.truth, np.random.default_rng(3)) for given in (far, inputs)]
+    moved = apart[0].pixel_px - apart[1].pixel_px
+    label, source = np.array(apart[0].label), np.array(apart[0].source)
+    own = moved[(label == "P6") & (source == "hand")]
+
+    assert len(own) > 3
+    size = np.linalg.norm(own, axis=1)
+    assert size.min() > 1.0  # px; photos differ in height and heading, and by no draw of their own
+    assert size.max() < 1.3 * size.min()

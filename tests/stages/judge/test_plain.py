@@ -6,12 +6,12 @@ import pytest
 
 from uavgram.model.message import Message
 from uavgram.stages.judge.plain import ONE_OR_MORE, plain_sentence
-from uavgram.stages.judge.verdict import BENDING, NOT_FITTING, TAKING_PART, UNCHECKED
+from uavgram.stages.judge.verdict import CONTRADICTING, NOT_FITTING, TAKING_PART, UNCHECKED
 
 STATISTICS = ("w =", "sigma", "chi-square", "probability", "variance", "±", "(")
 
 
-@pytest.mark.parametrize("code", sorted(BENDING | NOT_FITTING | TAKING_PART | UNCHECKED))
+@pytest.mark.parametrize("code", sorted(CONTRADICTING | NOT_FITTING | TAKING_PART | UNCHECKED))
 @pytest.mark.parametrize("count", [1, 9])
 def test_every_reason_is_one_sentence_without_statistics(code: str, count: int) -> None:
     """Where nothing is written for a code, the message's own words before its numbers."""
@@ -51,5 +51,13 @@ def test_what_names_nothing_is_told_by_its_own_words() -> None:
 
 
 def test_no_sentence_is_of_a_code_that_is_no_reason() -> None:
-    reasons = BENDING | NOT_FITTING | TAKING_PART | UNCHECKED
-    assert set(ONE_OR_MORE) - reasons == {"ground-not-plane", "picks-less-exact"}
+    reasons = CONTRADICTING | NOT_FITTING | TAKING_PART | UNCHECKED
+    assert set(ONE_OR_MORE) - reasons == {
+        *(
+            "ground-not-plane",
+            "picks-less-exact",
+            "lengths-less-exact",
+            "odd-height",
+            "line-duplicate",
+        )
+    }

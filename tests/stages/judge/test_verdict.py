@@ -11,18 +11,20 @@ import pytest
 from scenes import NO_TIMES, make_scene
 
 from uavgram.estimation.measuring.propagation import propagate
+from uavgram.estimation.reliability.external import LARGEST_SIGMAS, UNSEEN_SIGMAS
+from uavgram.model.arrays import Ints
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.remedy import Remedy
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Verdict
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.stages.judge import Fit, pass_verdict, run_tests, tested_survey
+from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, MeasurementRequest
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.judge import Fit, pass_verdict, run_tests, tested_survey, withheld_values
 from uavgram.stages.judge.statuses import is_moved
-from uavgram.stages.judge.unchecked import FAR, is_unchecked, judge_unchecked
+from uavgram.stages.judge.unchecked import is_unchecked, judge_unchecked
 from uavgram.stages.judge.verdict import (
-    BENDING,
-    LEARNT,
+    CONTRADICTING,
     NOT_FITTING,
     TAKING_PART,
     UNCHECKED,
@@ -30,8 +32,7 @@ from uavgram.stages.judge.verdict import (
 )
 from uavgram.stages.measure import measurement_results
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.minima import Participants
-from uavgram.stages.refine.robust_adjustment import adjust_survey
+from uavgram.stages.refine.minima import Participants, best_minima
 
 REQUESTS = (
     MeasurementRequest(name="near", kind="distance", points=("P0", "P1")),
@@ -39,6 +40,9 @@ REQUESTS = (
     MeasurementRequest(name="nowhere", kind="distance", points=("P2", "ghost")),
 )
 """The last one has no value."""
+
+
+NO_POINTS = KnownWorldPoints(label=(), world_m=np.zeros((0, 3)), sigma_m=np.zeros((0, 3)))
 
 
 class Judged(NamedTuple):
@@ -77,7 +81,9 @@ def test_what_fits_and_is_checked_is_green(clean: Judged) -> None:
 
 def test_what_does_not_fit_is_told_before_what_nothing_checks(clean: Judged) -> None:
     """Of picks that were left out, too, for which no message has the cause."""
-    verdict, _ = clean.verdict(of("nothing-checks"), of("pick-left-out", "P0"), of("misfit"))
+    table = replace(clean.table, alternative_values=((), (3.0,)))
+    found = of("nothing-checks"), of("pick-left-out", "P0"), of("misfit")
+    verdict, _ = Judged(clean.examined, table).verdict(*found)
 
     causes = [reason.cause for reason in verdict.reasons]
     assert causes == ["pick-left-out", "misfit", "nothing-checks"]
@@ -92,7 +98,7 @@ def test_a_reason_carries_its_plain_sentence_and_what_would_put_it_right(clean: 
     assert (reason.mend, reason.instead) == (mend, (rival,))
 
 
-@pytest.mark.parametrize("code", sorted(BENDING))
+@pytest.mark.parametrize("code", sorted(CONTRADICTING))
 def test_what_bends_everything_is_red_and_contradicts_every_value(clean: Judged, code: str) -> None:
     verdict, status = clean.verdict(of(code))
     assert verdict.level == "red"
@@ -117,17 +123,41 @@ def test_what_takes_part_though_it_does_not_fit_puts_its_labels_in_doubt(
     assert status == ("doubtful", "ok")
 
 
-@pytest.mark.parametrize("code", sorted(NOT_FITTING | UNCHECKED))
+@pytest.mark.parametrize("code", sorted(NOT_FITTING))
 def test_what_does_not_fit_is_amber_and_no_more(clean: Judged, code: str) -> None:
     verdict, status = clean.verdict(of(code, "P0"))
     assert verdict.level == "amber"
     assert status == ("ok", "ok")
 
 
-def test_noise_that_is_learnt_as_a_precaution_is_no_misfit(clean: Judged) -> None:
-    for code in LEARNT:
-        assert clean.verdict(of(code), fit=Fit(stated=0.03))[0].level == "green"
-        assert clean.verdict(of(code), fit=Fit(stated=0.001))[0].level == "amber"
+@pytest.mark.parametrize("code", sorted(UNCHECKED))
+def test_what_is_not_decided_is_a_reason_only_where_a_measurement_hangs_on_it(
+    clean: Judged, code: str
+) -> None:
+    assert clean.verdict(of(code, "P0"))[0] == Verdict(level="green")
+    table = replace(clean.table, alternative_values=((), (3.0,)))
+    verdict, _ = Judged(clean.examined, table).verdict(of(code, "P0"))
+    assert verdict.level == "amber"
+    assert [reason.cause for reason in verdict.reasons] == [code]
+
+
+@pytest.mark.parametrize(
+    "code",
+    ["ground-not-plane", "picks-less-exact", "odd-height", "log-gimbal-gap"],
+)
+def test_what_is_no_misfit_of_a_measurement_is_no_reason(clean: Judged, code: str) -> None:
+    assert clean.verdict(of(code)) == (Verdict(level="green"), ("ok", "ok"))
+
+
+def test_without_a_measurement_there_is_no_verdict(clean: Judged) -> None:
+    refined = clean.examined.refined
+    nothing = propagate(refined.adjustment, (), NO_TIMES)
+    judged = Judged(run_tests(refined, nothing, 0.001), measurement_results(nothing)[0])
+    for messages in ((), (of("line-suspect"),), (of("not-converged"),)):
+        verdict, status = judged.verdict(*messages)
+        assert verdict.level is None
+        assert status == ()
+        assert len(verdict.reasons) == len(messages)
 
 
 def test_a_core_that_contradicts_itself_is_red_whatever_is_named(clean: Judged) -> None:
@@ -146,7 +176,7 @@ def test_a_check_that_is_contradicted_is_red_and_nothing_is_in_order(clean: Judg
 
 
 def test_reasons_are_the_messages_in_their_order_two_sentences_each(clean: Judged) -> None:
-    codes = "labels-swapped", "line-left-out", "nothing-checks"
+    codes = "labels-swapped", "line-left-out", "misfit"
     verdict, _ = clean.verdict(*(of(code) for code in codes))
     assert tuple(reason.cause for reason in verdict.reasons) == codes
     assert {reason.text for reason in verdict.reasons} == {"This is wrong. Look there."}
@@ -154,7 +184,7 @@ def test_reasons_are_the_messages_in_their_order_two_sentences_each(clean: Judge
 
 
 def test_no_code_has_two_meanings() -> None:
-    groups = BENDING, TAKING_PART, NOT_FITTING, LEARNT, UNCHECKED
+    groups = CONTRADICTING, TAKING_PART, NOT_FITTING, UNCHECKED
     together = list(chain.from_iterable(groups))
     assert len(together) == len(set(together))
 
@@ -179,7 +209,7 @@ def test_a_wrong_length_puts_what_it_moves_in_doubt_without_any_common_label() -
     wrong = replace(right, length_m=right.length_m + 20.0 * right.length_sigma_m * first)
     values = {}
     for out in (False, True):
-        refined = adjust_survey(
+        refined = best_minima(
             Participants(wrong, np.ones(len(right.pick_label), dtype=bool), first & out, {})
         )
         values[out] = propagate(refined.adjustment, REQUESTS[:2], NO_TIMES)
@@ -196,28 +226,90 @@ def test_an_error_that_no_test_finds_moves_nothing_of_a_clean_survey_far(clean: 
     assert list(judge_unchecked(clean.examined)) == []
 
 
-def test_a_point_in_one_photo_is_not_checked_however_small_its_sigma() -> None:
-    survey = make_scene(9, frames=6).survey
-    once = np.flatnonzero(survey.pick_label == survey.label.index("P0"))[1:]
-    keep = np.ones(len(survey.pick_label), dtype=bool)
-    keep[once] = False
-    few = replace(
+def _clicks(survey: Survey, rows: Ints) -> Survey:
+    """The survey with some rows of its picks, in this order; a row may be there twice."""
+    return replace(
         survey,
-        pick_label=survey.pick_label[keep],
-        pick_frame=survey.pick_frame[keep],
-        pixel_px=survey.pixel_px[keep],
-        pick_sigma_px=survey.pick_sigma_px[keep],
+        pick_label=survey.pick_label[rows],
+        pick_frame=survey.pick_frame[rows],
+        pixel_px=survey.pixel_px[rows],
+        pick_sigma_px=survey.pick_sigma_px[rows],
     )
+
+
+def _without_check(again: int = 0) -> Survey:
+    """P0 in one photo, clicked once and so many times more, at the end of no length."""
+    survey = make_scene(9, frames=6).survey
+    own = survey.pick_label == survey.label.index("P0")
+    first = np.flatnonzero(own)[:1]
+    rows = np.concatenate([np.flatnonzero(~own), first, np.repeat(first, again)])
+    few = _clicks(survey, np.sort(rows))
     lines = (few.line_start == 0) | (few.line_end == 0)
     assert not lines.all()
     few = replace(few, length_sigma_m=np.where(lines, 1e3, few.length_sigma_m))
-    refined, _ = refine(few, SolveOptions(noise="stated"))
+    noise = np.random.default_rng(4).normal(0.0, 0.5, few.pixel_px.shape)
+    return replace(few, pixel_px=few.pixel_px + (noise if again else 0.0))
+
+
+def _of_survey(survey: Survey, withheld: KnownLines | None = None) -> Judged:
+    refined, _ = refine(survey, SolveOptions(noise="stated"))
     measured = propagate(refined.adjustment, REQUESTS[:2], NO_TIMES)
-    judged = Judged(run_tests(refined, measured, 0.001), measurement_results(measured)[0])
+    found = None
+    if withheld is not None:
+        found = withheld_values(refined.adjustment, withheld, NO_POINTS)
+    examined = run_tests(refined, measured, 0.001, found)
+    return Judged(examined, measurement_results(measured)[0])
+
+
+def test_a_point_in_one_photo_is_not_checked_however_small_its_sigma() -> None:
+    judged = _of_survey(_without_check())
     (message,) = judge_unchecked(judged.examined)
     assert message.measurements == ("near",)
-    assert message.text.startswith("Nothing checks 'near': no error in the pick of 'P0' in ")
-    assert "pick 'P0' in another photo" in message.text
+    assert message.labels == ("P0",)
+    assert message.text.startswith(
+        "'near' is not checked: a wrong click on P0 would not be noticed"
+    )
+    assert message.text.endswith("Mark P0 in one more photo, or click it again.")
+    assert message.plain == "Not checked: mark P0 in one more photo, or click it again."
     assert judged.verdict(message)[1] == ("not-checked", "ok")
-    weakest = judged.examined.weakest[0]
-    assert abs(weakest.reading_change) > FAR * measured.sigma[0]
+    worst = judged.examined.weakest[0].unseen[0]
+    assert worst.member.kind == "pixels"
+    assert worst.sigmas == pytest.approx(LARGEST_SIGMAS, rel=0.1)
+
+
+def test_it_is_not_checked_however_large_the_sigma_of_the_value_is() -> None:
+    """Here the scale is poor: 40 px in the click are little beside that, and 1000 px are much."""
+    survey = _without_check()
+    judged = _of_survey(replace(survey, length_sigma_m=np.full(len(survey.length_m), 20.0)))
+    (worst,) = judged.examined.weakest[0].unseen[:1]
+    per_sigma = worst.change / worst.sigmas / judged.examined.measured.sigma[0]
+    assert 41.0 * per_sigma < 5.0 < UNSEEN_SIGMAS < 1000.0 * per_sigma
+    assert is_unchecked(judged.examined)[0]
+
+
+def test_a_second_click_in_the_same_photo_checks_the_first() -> None:
+    assert not is_unchecked(_of_survey(_without_check(1)).examined).any()
+
+
+def test_a_coded_target_checks_itself() -> None:
+    survey = _without_check()
+    sure = np.flatnonzero(survey.pick_label == survey.label.index("P0"))
+    assert not is_unchecked(_of_survey(replace(survey, target_pick=sure)).examined).any()
+
+
+@pytest.mark.parametrize("wrong_m", [0.0, 3.0])
+def test_a_withheld_length_that_fits_checks_the_measurement_between_its_points(
+    wrong_m: float,
+) -> None:
+    once = _of_survey(_without_check())
+    taped = float(once.table.value[0]) + wrong_m
+    withheld = KnownLines(
+        name=("check",),
+        start=("P0",),
+        end=("P1",),
+        length_m=np.array([taped]),
+        sigma_m=np.array([0.01]),
+        adjust=np.array([False]),
+    )
+    found = is_unchecked(_of_survey(_without_check(), withheld).examined)
+    assert found[0] == (wrong_m > 0)

@@ -19,6 +19,7 @@ def places(sigma_px: list[float], stretch: list[float]) -> Transferred:
         pixel_px=np.zeros((n, 2)),
         covariance_px2=np.array(sigma_px)[:, None, None] ** 2 * np.eye(2),
         affine=np.array(stretch)[:, None, None] * np.eye(2),
+        rise=np.zeros((n, 2)),
         jacobian=np.zeros((n, 2, 0)),
         columns=np.zeros((n, 0), np.int64),
         own=np.zeros((n, 2, 6)),

@@ -14,7 +14,6 @@ from uavgram.geometry.ground import shapes
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.known import KnownThing
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.blunders.snooping import blunders
 
 REPORT, REMOVE = SolveOptions(noise="stated"), SolveOptions(outliers="remove", noise="stated")
 THINGS = {
@@ -68,20 +67,23 @@ def test_what_is_right_stays() -> None:
 
 @pytest.mark.parametrize("telemetry", [True, False])
 @pytest.mark.parametrize(("name", "off"), [("long", 0.3), ("corner", 1.5), ("field", -2.0)])
-def test_a_wrong_value_is_the_one_suspected(name: str, off: float, *, telemetry: bool) -> None:
+def test_a_wrong_value_is_left_out_alone(name: str, off: float, *, telemetry: bool) -> None:
     refined, _ = solve(scene_with({name: off}, telemetry=telemetry))
-    choices, _ = blunders(refined, 0.001)
 
-    assert (choices[0].kind, choices[0].index) == ("known", list(THINGS).index(name))
+    assert refined.known_removed == {list(THINGS).index(name)}
+    assert [(one.kind, one.index) for one in refined.removals] == [
+        ("known", list(THINGS).index(name))
+    ]
+    assert not refined.line_removed.any()
+    assert refined.pick_reason == {}
 
 
 @pytest.mark.parametrize("telemetry", [True, False])
 def test_a_wrong_value_is_taken_out_alone(*, telemetry: bool) -> None:
-    refined, codes = solve(scene_with({"long": 0.3}, telemetry=telemetry), REMOVE)
+    refined, _ = solve(scene_with({"long": 0.3}, telemetry=telemetry), REMOVE)
 
     assert used(refined) == [name for name in THINGS if name != "long"]
     assert [removal.kind for removal in refined.removals] == ["known"]
-    assert "known-removed" in codes
 
 
 @pytest.mark.parametrize("telemetry", [True, False])

@@ -5,12 +5,12 @@ from typing import Any, Literal
 
 import numpy as np
 import pytest
-from scenes import PIXEL_SIGMA, Scene, make_scene
+from scenes import PIXEL_SIGMA, Scene, make_scene, picked_beside
 
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
-from uavgram.model.result.noise import AreaNoise, PickNoise
+from uavgram.model.result.noise import AreaNoise, LearntSigma, PickNoise
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
@@ -133,5 +133,47 @@ def test_what_was_learnt_is_told_though_a_blunder_was_taken_out() -> None:
     pixel[17, 0] += 15.0
     refined, _ = refine(replace(scene.survey, pixel_px=pixel), SolveOptions(outliers="remove"))
 
-    assert [removal.index for removal in refined.removals] == [17]
+    assert list(refined.pick_reason) == [17]
     assert refined.noise is not None
+
+
+MANY = tuple((k, other) for k in range(12) for other in range(k + 1, min(k + 3, 12)))
+"""Lengths of twelve labels that share their ends."""
+
+
+def lengths_and_identification(scene: Scene, stated_m: float) -> tuple[LearntSigma, LearntSigma]:
+    sigma = np.full(len(scene.survey.label), stated_m)
+    refined = refined_of(replace(scene.survey, identification_sigma_m=sigma))
+    assert refined.noise is not None
+    assert refined.noise.lengths is not None
+    assert refined.noise.identification is not None
+    used = refined.adjustment.survey
+    found = refined.noise.identification
+    np.testing.assert_allclose(used.identification_sigma_m, stated_m * found.factor, rtol=0.03)
+    # One length that stands out may have a sigma of its own.
+    scaled = np.median(used.length_sigma_m / scene.survey.length_sigma_m)
+    assert scaled == pytest.approx(refined.noise.lengths.factor, rel=0.03)
+    return refined.noise.lengths, found
+
+
+def test_labels_picked_farther_beside_than_stated_are_found_by_lengths() -> None:
+    made = [make_scene(seed, frames=6, roughness=0.02, ends=MANY) for seed in range(4)]
+    far = [lengths_and_identification(picked_beside(scene, 0.03, 7), 0.01) for scene in made]
+    near = [lengths_and_identification(scene, 0.01) for scene in made]
+
+    shown, none = (np.mean([found.factor for _, found in each]) for each in (far, near))
+    assert none < 0.95
+    assert 1.2 < shown < 3.0  # its prior holds it back
+
+
+def test_lengths_that_scatter_more_than_stated_are_found_and_few_never_shrink() -> None:
+    """Where picks are exact: the ends of a length that misfits may be elsewhere as well."""
+    coarse = make_scene(3, frames=6, roughness=0.02, ends=MANY, tape_sigma=0.03)
+    survey = replace(coarse.survey, length_sigma_m=np.full(len(MANY), 0.01))
+    lengths, _ = lengths_and_identification(replace(coarse, survey=survey), 0.003)
+    few = make_scene(3, frames=6, roughness=0.02, lines=5, tape_sigma=0.003)
+    survey = replace(few.survey, length_sigma_m=np.full(5, 0.02))
+    wide, _ = lengths_and_identification(replace(few, survey=survey), 0.003)
+
+    assert 1.7 < lengths.factor < 3.5
+    assert wide.factor == 1.0

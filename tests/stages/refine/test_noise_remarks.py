@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from uavgram.model.result.noise import AreaNoise, Noise, PickNoise, SurfaceShape
+from uavgram.model.result.noise import AreaNoise, LearntSigma, Noise, PickNoise, SurfaceShape
 from uavgram.stages.refine.noise_remarks import noise_remarks
 
 
@@ -84,3 +84,13 @@ def test_likeness_that_is_more_exact_than_stated_is_no_news(source: str, count: 
     picks = PickNoise(source=source, stated_px=0.2, factor=0.5, sigma=0.05)
 
     assert len(list(noise_remarks(Noise(picks=(picks,), roughness=())))) == count
+
+
+@pytest.mark.parametrize(("factor", "said"), [(2.1, True), (1.35, False), (0.5, False)])
+def test_lengths_that_scatter_more_than_stated_are_told(factor: float, *, said: bool) -> None:
+    lengths = LearntSigma(stated_m=0.01, factor=factor, sigma=0.4)
+    messages = list(noise_remarks(replace(noise(0.0), lengths=lengths)))
+
+    assert [one.code for one in messages] == ["lengths-less-exact"] * said
+    if said:
+        assert "0.01 m stated, 0.021 m found" in messages[0].text

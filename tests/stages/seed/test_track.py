@@ -253,6 +253,22 @@ def test_sigmas_have_floors_and_follow_the_log_above_them() -> None:
     np.testing.assert_allclose(silent.sigma_position_m, [[0.5, 0.5]])
 
 
+def test_sigmas_of_a_fixed_rtk_solution_hold_nearly_as_stated() -> None:
+    stated = EstimatorSigmas(
+        time_boot_s=np.array([10.0, 13.0, 16.0, 17.0]),
+        horizontal_m=np.array([0.07, 0.01, 0.07, 0.2]),  # the last as of a simulator
+        vertical_m=np.array([0.12, np.nan, 0.12, 0.3]),
+        tilt_rad=np.full(4, np.nan),
+        yaw_rad=np.full(4, np.nan),
+        is_fixed=np.array([True, True, False, True]),
+        source="GPS_RAW_INT",
+    )
+    track, _ = track_of(boot(sigmas=stated))
+    np.testing.assert_allclose(
+        track.sigma_position_m, [[0.07, 0.12], [0.05, 0.5], [0.5, 0.5], [0.5, 0.5]]
+    )
+
+
 def test_the_sources_of_the_seeds_are_said() -> None:
     _, messages = track_of(boot(gimbal=gimbal_of("earth", 30.0)))
     text = next(m.text for m in messages if m.code == "pose-source")

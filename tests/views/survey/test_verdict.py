@@ -4,21 +4,37 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import pytest
 import synthetic_survey as survey
 
 from uavgram.io.exports.geojson import dump_geojson
 from uavgram.io.exports.measurements_csv import dump_measurements_csv
+from uavgram.io.results.verdict_json import dump_verdict, load_verdict
 from uavgram.model.message import Message
 from uavgram.model.remedy import Remedy
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import NOT_JUDGED, Reason, Verdict
 from uavgram.stages.products.map_layers import features_of
 from uavgram.views.report.page import render_report
-from uavgram.views.survey.verdict import STATUS_WORDS, verdict_sentence, verdict_words
+from uavgram.views.survey.verdict import (
+    STATUS_WORDS,
+    headline,
+    verdict_sentence,
+    verdict_words,
+)
 from uavgram.views.terminal import light_line, measurement_table
+from uavgram.views.wording import with_sigma
+
+
+def first_rows(table: MeasurementResults, count: int) -> MeasurementResults:
+    """The first measurements of a table."""
+    columns = {one.name: getattr(table, one.name)[:count] for one in fields(table)}
+    correlation = table.correlation[:count, :count]
+    return MeasurementResults(**columns | {"correlation": correlation})
+
 
 SCALE = "The scale rests on your lengths (± 1 %); nothing else bears on it."
 
@@ -26,17 +42,15 @@ SCALE = "The scale rests on your lengths (± 1 %); nothing else bears on it."
 def test_a_survey_without_a_flaw_is_green_in_one_sentence() -> None:
     words = verdict_words(survey.build(clean=True))
 
-    assert words.sentence == (
-        "Verdict: green, in order. Everything fits, and something checks every measurement."
-    )
+    assert words.sentence == ("Verdict: green, in order: all 9 measurements fit and are checked.")
     assert words.reasons == ()
     assert words.counts.startswith("20 of 20 frames refined, 4 of 5 known lengths used")
 
 
 def test_the_first_reason_is_told_and_how_many_more_there_are() -> None:
     assert verdict_sentence(survey.build()) == (
-        "Verdict: amber, check this first. Line 'R3 hedge' disagrees by 0.21 m (w = 13.5): "
-        "read the tape again. "
+        "Verdict: amber, check this first: 0 of 10 measurements are in order. Line 'R3 hedge' "
+        "disagrees by 0.21 m (w = 13.5): read the tape again. "
         "(And 1 other reason.)"
     )
 
@@ -47,8 +61,8 @@ def test_the_verdict_says_plainly_what_is_wrong_and_what_would_put_it_right() ->
     amber = Verdict(level="amber", reasons=(replace(reason, instead=(free,)),))
 
     assert verdict_sentence(replace(survey.build(), verdict=amber)) == (
-        "Verdict: amber, check this first. A and B seem swapped. What would put it right: "
-        "swap A and B, or free A."
+        "Verdict: amber, check this first: 0 of 10 measurements are in order. "
+        "A and B seem swapped. What would put it right: swap A and B, or free A."
     )
 
 
@@ -63,9 +77,37 @@ def test_red_says_not_to_use_the_numbers_whatever_the_reason() -> None:
 def test_a_result_that_nobody_judged_is_not_green() -> None:
     unjudged = replace(survey.build(clean=True), verdict=NOT_JUDGED)
 
-    assert verdict_sentence(unjudged).startswith(
-        "Verdict: amber, check this first. Nothing says whether"
+    sentence = verdict_sentence(unjudged)
+    assert sentence.startswith("Verdict: amber, check this first: ")
+    assert "Nothing says whether" in sentence
+
+
+def test_the_only_measurement_is_given_with_what_is_missing() -> None:
+    made = survey.build(clean=True)
+    missing = Reason(
+        cause="nothing-checks",
+        text="'skid' is not checked: a wrong click would not be noticed. Click P1 again.",
+        plain="Not checked: click P1 again.",
     )
+    rows = replace(first_rows(made.measurements, 1), status=("not-checked",))
+    amber = replace(made, measurements=rows, verdict=Verdict(level="amber", reasons=(missing,)))
+    value = f"{rows.name[0]} is {with_sigma(rows.value[0], rows.sigma[0], rows.unit[0])}."
+
+    assert headline(amber) == f"Check: {value}"
+    assert verdict_sentence(amber).endswith(f" {value} Not checked: click P1 again.")
+
+
+def test_without_a_measurement_there_is_no_verdict_anywhere() -> None:
+    made = survey.build(clean=True)
+    none = replace(
+        made,
+        measurements=first_rows(made.measurements, 0),
+        verdict=Verdict(level=None),
+    )
+    assert headline(none) == "Nothing is measured yet"
+    assert verdict_sentence(none) == "Verdict: none, as nothing is measured."
+    assert load_verdict(dump_verdict(none.verdict)) == none.verdict
+    assert dump_verdict(none.verdict)["level"] is None
 
 
 @pytest.fixture(scope="module")

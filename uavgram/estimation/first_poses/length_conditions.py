@@ -107,7 +107,7 @@ class Block:
         # about the plane (the smallest number in its place keeps a singular matrix from stopping
         # the others).
         self.system = np.zeros((count, lines + 3, lines + 3))
-        diagonal = self.system.reshape(count, -1)[:, :: lines + 4]
+        diagonal = np.einsum("bii->bi", self.system)  # a view
         diagonal[:, :lines] = np.where(self.there, frames.length_sigma_m, 1.0) ** 2
         diagonal[:, lines:] = -1e-300
 

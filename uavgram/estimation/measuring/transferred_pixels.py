@@ -53,6 +53,9 @@ class Transferred:
         (n, 2), (n, 2, 2) where, and how well that is known.
     affine
         (n, 2, 2) d pixel there / d pixel here.
+    rise
+        (n, 2) d pixel there / d height [px/m] of what is shown here; 0 where its height is stated,
+        or has been found.
     jacobian, columns
         (n, 2, k), (n, k): derivatives of the error by which unknowns.
     own
@@ -64,6 +67,7 @@ class Transferred:
     pixel_px: Floats
     covariance_px2: Floats
     affine: Floats
+    rise: Floats
     jacobian: Floats
     columns: Ints
     own: Floats
@@ -99,7 +103,7 @@ def transferred(
     width = max(part.columns.shape[1] for part in parts)
     parts = [_widened(part, width) for part in parts]
     names = tuple(name for part in parts for name in part.frame_id)
-    arrays = ("click", "pixel_px", "covariance_px2", "affine", "jacobian", "columns", "own")
+    arrays = ("click", "pixel_px", "covariance_px2", "affine", "rise", "jacobian", "columns", "own")
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
     return Transferred(frame_id=names, **joined)
 
@@ -133,4 +137,8 @@ def _carried(
     own = there.own[row]
     covariance = own @ np.swapaxes(own, 1, 2) + propagated(adjustment, columns, jacobian)
     names = tuple(there.frame_id[k] for k in row)
-    return Transferred(click, names, moved, covariance, affine, jacobian, columns, own)
+    survey, up = adjustment.survey, slice(2, adjustment.problem.layout.point_size)
+    rise = (to[:, :, up] - affine @ at[:, :, up]).sum(axis=2)  # 0 where no height is unknown
+    is_known = (survey.height_above_m != 0.0) | survey.is_free
+    rise[is_known[clicked.label[click]]] = 0.0
+    return Transferred(click, names, moved, covariance, affine, rise, jacobian, columns, own)

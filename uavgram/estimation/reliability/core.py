@@ -16,6 +16,7 @@ CORE = (
     "known",
     "control",
     "calibration",
+    "identification",
     "roughness",
     "heights",
     "relief",

@@ -26,6 +26,10 @@ INSEPARABLE = 0.99
 blunder that the test finds with a probability of 80 %, it takes the wrong one in 4 of 10 cases
 (statistics of mean 4.13 and 0.99 * 4.13, and a difference of sigma sqrt(2 * 0.01))."""
 
+LEAST_REDUNDANCY = 0.02
+"""Redundancy number of a reading below which it is not accused: its error would have to be many
+times its sigma, and any small error of the model, seen through so little, looks like that."""
+
 RIVAL = 2.0 * float(np.log(20.0))
 """Difference of squared test statistics up to which the smaller has odds of more than 1 in 20 to
 be the wrong observation (likelihood ratio of one blunder here or there)."""
@@ -52,7 +56,6 @@ def suspicions(
     adjustment: Adjustment,
     groups: dict[str, Observed],
     significance: float,
-    first: Member | None = None,
 ) -> Iterator[Suspicion]:
     """Observations that do not fit, largest test statistic first; at most `MOST_SUSPECTS`.
 
@@ -64,16 +67,13 @@ def suspicions(
         Its observations (see ``observed``).
     significance
         Of the test of each single axis; many axes of one kind share it (see `level_of_each`).
-    first
-        To be suspected before all others, where something is known against it.
     """
     snooping = _Snooping(adjustment, groups, significance)
     for _ in range(MOST_SUSPECTS):
-        suspicion = snooping.next_one(first)
+        suspicion = snooping.next_one()
         if suspicion is None:
             return
         yield suspicion
-        first = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,12 +103,6 @@ class _Axes:
         parts = (np.concatenate(p).astype(np.int64) for p in (kind, row, axis, observation))
         return cls(tuple(groups), *parts)
 
-    def place(self, member: Member) -> int:
-        of_kind = self.kind == _place(self.kinds, member.kind)
-        return int(
-            np.flatnonzero(of_kind & (self.row == member.row) & (self.axis == member.axis))[0]
-        )
-
     def member(self, at: int) -> Member:
         return Member(self.kinds[self.kind[at]], int(self.row[at]), int(self.axis[at]))
 
@@ -130,29 +124,30 @@ class _Snooping:
         self.axes = _Axes.of(self.groups)
         groups = self.groups.values()
         self.whole = np.concatenate([g.redundancy.ravel() for g in groups])
+        readings = [_place(self.axes.kinds, kind) for kind in READINGS]
+        is_prior = ~np.isin(self.axes.kind, readings)
+        self.accusable = is_prior | (self.whole > LEAST_REDUNDANCY)
         self.variance = self.whole.copy()
         root = np.sqrt(self.whole)
         self.first_error = np.concatenate([g.w.ravel() for g in groups]) * root
         self.error = self.first_error.copy()
         self.limit = np.concatenate([np.full(g.w.size, g.limit(self.significance)) for g in groups])
 
-    def next_one(self, first: Member | None) -> Suspicion | None:
-        """The next suspicion, or a given one; its observation is set aside. None: all fits."""
+    def next_one(self) -> Suspicion | None:
+        """The next suspicion; its observation is set aside. None: all fits."""
         w = self._statistics()
         explained = np.abs(self.first_error - self.error)
         blamed = (np.abs(w) > self.limit) & (np.abs(self.error) > REMAINDER * explained)
+        blamed &= self.accusable
         if not blamed.any():
             return None
         largest = np.abs(np.where(blamed, w, 0.0))
-        if first is not None:
-            at = self.axes.place(first)
-        else:
-            at = self._likeliest(largest)
-            group = self._inseparable(self._covariances(at), at)
-            at = self._representative(at, group, largest)
+        at = self._likeliest(largest)
+        group = self._inseparable(self._covariances(at), at)
+        at = self._representative(at, group, largest)
         column = self._covariances(at)
         group = self._inseparable(column, at)
-        odds = (w[at] ** 2 - w**2 < RIVAL) & (np.abs(w) > self.limit)
+        odds = (w[at] ** 2 - w**2 < RIVAL) & (np.abs(w) > self.limit) & self.accusable
         rivals = np.setdiff1d(self.axes.observation[odds], self.axes.observation[group])
         suspicion = Suspicion(
             self.axes.member(at),
@@ -204,7 +199,8 @@ class _Snooping:
             if group.kind in TAKEN_TOGETHER:
                 self._take_together(k, group, column, pivot, whole)
         whole[self.axes.observation[at]] = 1.0
-        return np.asarray((whole > INSEPARABLE**2)[self.axes.observation] & possible)
+        alike = (whole > INSEPARABLE**2)[self.axes.observation]
+        return np.asarray(alike & possible & self.accusable)
 
     def _take_together(
         self, k: int, group: Observed, column: Floats, pivot: float, whole: Floats

@@ -2,18 +2,22 @@
 
 Baarda 1968, "A testing procedure for use in geodetic networks"; Foerstner & Wrobel 2016,
 "Photogrammetric computer vision", ch. 4.6.4: an observation that is wrong by its minimal
-detectable bias moves the estimates by S A^T of its whitened error.
+detectable bias moves the estimates by S A^T of its whitened error. A pick has two coordinates, and
+may be wrong in any direction: the largest effect of an error that stays at the bound of detection
+is delta0 sqrt(g^T Q^-1 g), g the effects of its coordinates and Q their cofactors.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.reliability.redundancy import level_of_each, noncentrality
-from uavgram.estimation.reliability.test_statistics import READINGS, Observed
+from uavgram.estimation.reliability.test_statistics import Observed
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.model.arrays import Floats, Ints
 
@@ -24,6 +28,13 @@ its sigmas on (significance 0.001, power 80 %)."""
 FELT = 0.01
 """Share of a measurement's sigma that one sigma of an unchecked observation moves, from which on
 the measurement is said to hang on it."""
+
+UNSEEN_SIGMAS = 10.0
+"""Sigmas by which an error of a reading may move a measurement unseen, beyond which nothing checks
+the measurement."""
+
+LARGEST_SIGMAS = 1e4
+"""Size of the largest error of a reading: that of a click anywhere in the photo."""
 
 ENTRIES_AT_ONCE = 2_000_000
 """Bound of the arrays that are held at a time."""
@@ -47,6 +58,24 @@ class Worst(NamedTuple):
     sigmas: Floats
 
 
+class Unseen(NamedTuple):
+    """A reading whose error may move a measurement far before any test shows it.
+
+    Attributes
+    ----------
+    member
+        The reading, along the axis that moves the measurement most.
+    sigmas
+        Size of that error, in sigmas of the reading; about `LARGEST_SIGMAS` where none shows.
+    change
+        Of the measurement, in its unit.
+    """
+
+    member: Member
+    sigmas: float
+    change: float
+
+
 class Weakest(NamedTuple):
     """Of one measurement, what moves it most.
 
@@ -58,20 +87,21 @@ class Weakest(NamedTuple):
         Of the measurement, by the observation's minimal detectable bias.
     unchecked
         Observations that move it and that nothing checks.
-    reading, reading_change
-        What people read whose largest error that need not show moves it most, and by how much; one
-        that nothing checks is taken to be off by what one of redundancy `UNCHECKED` could be.
+    unseen
+        Readings that may move it far unseen, the worst first; none where each is checked.
     """
 
     member: Member | None
     change: float
     unchecked: tuple[Member, ...]
-    reading: Member | None = None
-    reading_change: float = 0.0
+    unseen: tuple[Unseen, ...] = ()
 
 
 def external_reliability(
-    groups: dict[str, Observed], measured: MeasuredValues, significance: float
+    groups: dict[str, Observed],
+    measured: MeasuredValues,
+    significance: float,
+    shown: Mapping[str, Floats] = MappingProxyType({}),
 ) -> tuple[dict[str, Worst], tuple[Weakest, ...]]:
     """Effects of undetected errors, by observation and by measurement.
 
@@ -83,6 +113,9 @@ def external_reliability(
         The values of interest.
     significance
         Of the test that should have found the error.
+    shown
+        Of each group of readings (n, a, a) cofactor matrices: how much of their errors shows in
+        any test.
     """
     worst: dict[str, Worst] = {}
     count = len(measured.rows)
@@ -96,16 +129,13 @@ def external_reliability(
             change, unchecked = _changes(group, rows, measured, significance)
             parts.append(_worst_of(change / sigma, change))
             _weakest_of(kind, rows.start, change, unchecked / sigma, best, weakest)
-            if kind in READINGS:
-                unseen = change + largest_unseen(group, significance) * unchecked
-                _weakest_reading(kind, rows.start, unseen, weakest)
+            if kind in shown:
+                unseen = _unseen(group, rows, measured, shown[kind][rows], significance)
+                _add_unseen(kind, rows.start, *unseen, sigma, weakest)
         worst[kind] = Worst(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-    return worst, tuple(weakest)
-
-
-def largest_unseen(group: Observed, significance: float) -> float:
-    """Error of an observation of redundancy `UNCHECKED` that hardly stays unseen, in its sigmas."""
-    return noncentrality(level_of_each(significance, group.tests)) / float(np.sqrt(UNCHECKED))
+    by_size = (sorted(one.unseen, key=lambda each: -abs(each.change)) for one in weakest)
+    ordered = zip(weakest, by_size, strict=True)
+    return worst, tuple(one._replace(unseen=tuple(unseen)) for one, unseen in ordered)
 
 
 def _portions(group: Observed, count: int) -> list[slice]:
@@ -164,13 +194,27 @@ def _weakest_of(
         weakest[i] = weakest[i]._replace(unchecked=(*weakest[i].unchecked, member))
 
 
-def _weakest_reading(kind: str, first: int, unseen: Floats, weakest: list[Weakest]) -> None:
-    n, a, m = unseen.shape
-    if not n:
-        return
-    at = np.abs(unseen).reshape(n * a, m).argmax(axis=0)
-    value = unseen.reshape(n * a, m)[at, np.arange(m)]
-    for i in range(m):
-        if abs(value[i]) > abs(weakest[i].reading_change):
-            member = Member(kind, first + int(at[i]) // a, int(at[i]) % a)
-            weakest[i] = weakest[i]._replace(reading=member, reading_change=float(value[i]))
+def _unseen(
+    group: Observed, rows: slice, measured: MeasuredValues, shown: Floats, significance: float
+) -> tuple[Floats, Floats]:
+    """(n, a, M) errors in sigmas that no test shows, and (n, M) how they change measurements.
+
+    Each is in the direction that moves the measurement most.
+    """
+    bound = noncentrality(level_of_each(significance, group.tests))
+    response = group.block.times(rows, measured.solved)
+    # No error is larger than the largest one, which bounds it where no test shows it at all.
+    limited = shown + (bound / LARGEST_SIGMAS) ** 2 * np.eye(shown.shape[1])
+    along = np.linalg.solve(limited, response)
+    size = np.sqrt(np.maximum(np.sum(response * along, axis=1), 0.0))
+    return bound * along / np.where(size > 0, size, 1.0)[:, None], bound * size
+
+
+def _add_unseen(
+    kind: str, first: int, error: Floats, change: Floats, sigma: Floats, weakest: list[Weakest]
+) -> None:
+    for row, i in np.argwhere(change > UNSEEN_SIGMAS * sigma).tolist():
+        own = error[row, :, i]
+        member = Member(kind, first + row, int(np.abs(own).argmax()))
+        found = Unseen(member, float(np.linalg.norm(own)), float(change[row, i]))
+        weakest[i] = weakest[i]._replace(unseen=(*weakest[i].unseen, found))

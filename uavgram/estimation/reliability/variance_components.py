@@ -27,6 +27,15 @@ SMALLEST, LARGEST = 0.02, 50.0
 ITERATIONS = 25
 """Of the search; it usually needs fewer than ten."""
 
+FLAT, LITTLE = 1e-3, 1e-7
+"""Derivative, and relative gain of a step, from which on the search is at its end."""
+
+FARTHEST, HALVES = 2.0, 0.5 ** np.arange(12)
+"""Change of a logarithm in one step at most, and shares of a step that are tried."""
+
+LEAST_CURVATURE = 0.5
+"""Second derivative that the search begins with, at least."""
+
 
 class Component(NamedTuple):
     """A variance component: a common factor of the sigmas of some observations.
@@ -113,26 +122,24 @@ class Linearised:
 
     def estimate(self, components: Sequence[Component], first: Floats) -> Estimated:
         """The likeliest factors, from first values (C,)."""
-        from scipy.optimize import minimize  # noqa: PLC0415 - slow to load, and rarely needed
-
         lower = np.log([max(one.smallest, SMALLEST) for one in components])
-        bounds = list(zip(lower, np.full(len(lower), np.log(LARGEST)), strict=True))
         surprise = _Surprise(self, components)
-        found = minimize(
-            surprise.at,
-            np.clip(np.log(first), lower, np.log(LARGEST)),
-            method="L-BFGS-B",
-            jac=True,
-            bounds=bounds,
-            options={"maxiter": ITERATIONS, "ftol": 1e-7, "gtol": 1e-3},
-        )
-        information = np.array([surprise.information(found.x, k) for k in range(len(first))])
+        found, here = _minimum(surprise, np.log(first), lower, float(np.log(LARGEST)))
+        information = surprise.information(found, here.slope)
         sigma = 1.0 / np.sqrt(np.maximum(information, 1e-12))
-        return Estimated(np.exp(found.x), sigma, -0.5 * float(found.fun))
+        return Estimated(np.exp(found), sigma, -0.5 * here.value)
 
     def log_likelihood(self, components: Sequence[Component], factor: Floats) -> float:
         """Marginal log-likelihood of given factors (C,)."""
-        return -0.5 * _Surprise(self, components).at(np.log(factor))[0]
+        return -0.5 * _Surprise(self, components).at(np.log(factor)).value
+
+
+class _Height(NamedTuple):
+    """A value at a place, its derivatives (C,), and about what its second derivatives are (C,)."""
+
+    value: float
+    slope: Floats
+    curvature: Floats
 
 
 class _Surprise:
@@ -144,25 +151,58 @@ class _Surprise:
         self._size = np.array([block.residual.size for block in own])
         self._prior = np.array([one.weight for one in components])
 
-    def at(self, log_factor: Floats) -> tuple[float, Floats]:
+    def at(self, log_factor: Floats) -> _Height:
         """Its value, and its derivatives by the logarithms.
 
         v^T v + log det N + 2 sum n log s, with the priors; the derivative by log s of a component
-        is twice its redundancy less its sum of squares.
+        is twice its redundancy less its sum of squares, the second one about four times either.
         """
         stated = np.exp(-2.0 * log_factor)
         fit = self._weighted.fit(stated)
         value = fit.cost + fit.log_determinant
         value += float(2.0 * self._size @ log_factor + self._prior @ (2.0 * log_factor + stated))
         slope = 2.0 * (self._size - fit.leverage - fit.squares) + 2.0 * self._prior * (1.0 - stated)
-        return value, slope
+        return _Height(value, slope, 4.0 * (fit.squares + self._prior * stated))
 
-    def information(self, at: Floats, k: int) -> float:
-        """Half the second derivative by one logarithm, by differencing the first."""
-        step = np.zeros(len(at))
-        step[k] = 0.02
-        above, below = (self.at(at + s * step)[1][k] for s in (1.0, -1.0))
-        return (float(above) - float(below)) / (4.0 * 0.02)
+    def information(self, at: Floats, slope: Floats) -> Floats:
+        """(C,) half the second derivative by each logarithm, by differencing the first."""
+        ahead = [self.at(at + step).slope[k] for k, step in enumerate(0.02 * np.eye(len(at)))]
+        return np.asarray(np.array(ahead) - slope) / (2.0 * 0.02)
+
+
+def _minimum(
+    surprise: _Surprise, first: Floats, lower: Floats, upper: float
+) -> tuple[Floats, _Height]:
+    """Where it is least between bounds, and what it is there: BFGS, halving steps that lead uphill.
+
+    Nocedal and Wright 2006, "Numerical optimization", sec. 6.1. (scipy's takes as long to load as
+    all the adjustments of an ordinary survey.)
+    """
+    place = np.clip(first, lower, upper)
+    here = surprise.at(place)
+    inverse = np.diag(1.0 / np.maximum(here.curvature, LEAST_CURVATURE))
+    for _ in range(ITERATIONS):
+        is_held = ((place <= lower) & (here.slope > 0)) | ((place >= upper) & (here.slope < 0))
+        slope = np.where(is_held, 0.0, here.slope)
+        if np.abs(slope).max() < FLAT:
+            break
+        step = np.where(is_held, 0.0, np.clip(-inverse @ slope, -FARTHEST, FARTHEST))
+        for share in HALVES:
+            there_place = np.clip(place + share * step, lower, upper)
+            there = surprise.at(there_place)
+            if there.value <= here.value + 1e-4 * slope @ (there_place - place):
+                break
+        else:
+            break
+        moved, bent = there_place - place, there.slope - here.slope
+        if moved @ bent > 0:
+            turn = np.eye(len(moved)) - np.outer(moved, bent) / (moved @ bent)
+            inverse = turn @ inverse @ turn.T + np.outer(moved, moved) / (moved @ bent)
+        gained = here.value - there.value
+        place, here = there_place, there
+        if gained < LITTLE * max(abs(here.value), 1.0):
+            break
+    return place, here
 
 
 def _parted(

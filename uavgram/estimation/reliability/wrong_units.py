@@ -31,9 +31,6 @@ FARTHEST = 0.2
 
 SIGMAS = 3.0
 
-ORDINARY_HEIGHT_M = 40.0
-"""Above the ground, from which most surveys are flown."""
-
 
 def likely_mistake(ratio: float, relative_sigma: float) -> str:
     """What makes a length so many times too long, such as ``in feet``; empty where nothing does.
@@ -51,10 +48,3 @@ def likely_mistake(ratio: float, relative_sigma: float) -> str:
     if off[nearest] > min(max(CLOSE, SIGMAS * relative_sigma), FARTHEST):
         return ""
     return known[nearest][1]
-
-
-def likely_unit_of_height(height_m: float) -> tuple[str, float]:
-    """How lengths are that put a camera at an odd height, and its height if they are that."""
-    known = [*((size, f"in {unit}") for size, unit in UNITS), CONVERSIONS[0]]
-    size, words = min(known, key=lambda each: abs(np.log(height_m / each[0] / ORDINARY_HEIGHT_M)))
-    return words, height_m / size

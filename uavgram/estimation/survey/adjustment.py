@@ -13,7 +13,7 @@ from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Covariance
 from uavgram.estimation.survey.ground_planes import relief_basis
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.suspicion import Suspicion
 from uavgram.estimation.survey.terms.sightings import sweep_of
 from uavgram.estimation.survey.terms.tapes import Taped, unlearnt
 from uavgram.estimation.survey.unknowns import State
@@ -217,7 +217,6 @@ class LeftOutCause(Enum):
     NOT_JOINED = "not-joined"
     UNDETERMINED = "undetermined"
     MISPLACED_FRAME = "misplaced-frame"
-    CONTRADICTED = "contradicted"
     GROSS = "gross"
 
     @property
@@ -288,20 +287,17 @@ class Refined:
         Those of them that were left out because they hang on what nothing determines.
     alternatives
         Other minima that explain the lengths as well.
-    accused
-        The observation without which the rest fits best, where that took adjustments to find out.
-    accused_alone
-        Whether everything fits without it.
+    mirrored
+        The solution where all photos had been mirrored, if the log does not rule it out.
     noise
         What the residuals say of the size of errors; None where they were not asked.
     stated
         The same survey adjusted with the sigmas as stated, where that is another adjustment.
-    full_weight
-        The same survey with every observation at its full weight, where `adjustment` gives little
-        to some that stand out: what tests are made of.
     off_ground
         Names of the labels whose heights are found, though nobody said that they are off the
         ground.
+    rival_lines
+        Names of lengths one of which may be the wrong one instead of one that was left out.
     causes
         What explains that the observations do not fit, likeliest first.
     matches_left_out
@@ -318,21 +314,15 @@ class Refined:
     alternatives: tuple[Adjustment, ...]
     undetermined: frozenset[int] = frozenset()
     known_removed: frozenset[int] = frozenset()
-    accused: Member | None = None
-    accused_alone: bool = False
     noise: Noise | None = None
     stated: Adjustment | None = None
-    full_weight: Adjustment | None = None
     off_ground: frozenset[str] = frozenset()
+    rival_lines: frozenset[str] = frozenset()
     causes: tuple[Cause, ...] = ()
     matches_left_out: frozenset[int] = frozenset()
+    mirrored: Adjustment | None = None
 
     @property
     def settled(self) -> frozenset[str]:
         """Names of lengths and frames of which a cause explains that they do not fit."""
         return frozenset().union(*(cause.settles for cause in self.causes))
-
-    @property
-    def tested(self) -> Adjustment:
-        """What tests of single observations are made of."""
-        return self.full_weight or self.adjustment

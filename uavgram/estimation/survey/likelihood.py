@@ -13,6 +13,7 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.ground_planes import GroundPlanes
+from uavgram.estimation.survey.terms.identification import PickedPoints
 from uavgram.estimation.survey.terms.known_terms import known_rows, says_something, things_of_rows
 from uavgram.estimation.survey.terms.priors import independent_prior
 from uavgram.estimation.survey.terms.sightings import (
@@ -144,7 +145,7 @@ class SurveyProblem:
         if sighted is None:
             return None
         blocks = sighted | {"calibration": self._calibration(state)} | self._stated(state)
-        blocks |= self._grounds(state)
+        blocks |= self._grounds(state) | self._picked.blocks(state)
         if self.survey.rolling is not None:
             known, first = self.survey.rolling.readout, self.layout.first_readout
             off = state.readout - known.value_s
@@ -192,14 +193,38 @@ class SurveyProblem:
         return None if pixels is None or tied is None else {"pixels": pixels} | tied
 
     def _pixels(self, state: State) -> Block | None:
-        placed = self.world_points(state, self.survey.pick_label)
-        return rows_of_sightings(self, state, self._picks, placed)
+        every = np.concatenate([state.point, state.picked], axis=-2)
+        own = every[..., self._pick_point, :]
+        world, d_point, d_plane = self.placed(state, own, self.survey.pick_label)
+        to_camera = (state.center[..., self.survey.pick_frame, :] - world)[..., self._from_above, :]
+        slope = d_point[..., self._from_above, 2, :2]
+        above = to_camera[..., 2] - np.sum(slope * to_camera[..., :2], axis=-1)
+        if above.size and above.min() <= 0:  # the ground is not seen from below
+            return None
+        return rows_of_sightings(self, state, self._picks, (world, d_point, d_plane))
+
+    @cached_property
+    def _from_above(self) -> Ints:
+        """Picks of points on the ground: what rises above it may be seen from below."""
+        return np.flatnonzero(~self.survey.off_ground[self.survey.pick_label])
+
+    @cached_property
+    def _pick_point(self) -> Ints:
+        """(P,) which point each pick shows: the label's own, or K + which of those picked."""
+        survey, found = self.survey, self.survey.pick_label.copy()
+        by_hand = np.isin(found, survey.identified) & ~survey.pick_is_target
+        found[by_hand] = len(survey.label) + np.searchsorted(survey.identified, found[by_hand])
+        return found
 
     @cached_property
     def _picks(self) -> Seen:
         survey, label = self.survey, self.survey.pick_label
-        own = self.layout.point_columns(label), self.plane_columns(label)
+        own = self.layout.point_columns(self._pick_point), self.plane_columns(label)
         return seen(self, own, survey.pick_frame, survey.pixel_px, survey.pick_sigma_px)
+
+    @cached_property
+    def _picked(self) -> PickedPoints:
+        return PickedPoints(self)
 
     @cached_property
     def _tied(self) -> TiedPoints | None:

@@ -100,8 +100,10 @@ def _part(adjustment: Adjustment, part: Selection) -> Neighbourhood:
     size, frames = layout.point_size, part.frame_index
     tape = np.array([whole.tapes.index(name) for name in problem.tapes], dtype=np.int64)
     tie = np.concatenate([part.chain_index, adjustment.survey.matches.points + part.tie_index])
+    picked = np.searchsorted(adjustment.survey.identified, part.label_index[survey.identified])
     columns = [
         of.point_columns(part.label_index)[:, :size],
+        of.picked_columns(picked)[:, :size],
         of.tie_columns(tie)[:, :size],
         of.first_frame + of.frame_size * frames[:, None] + np.arange(layout.frame_size),
         np.arange(of.first_intrinsic, of.first_tape),
@@ -115,6 +117,7 @@ def _part(adjustment: Adjustment, part: Selection) -> Neighbourhood:
         replace(
             state,
             point=state.point[part.label_index, :size],
+            picked=state.picked[picked][:, :size],
             tie=state.tie[tie][:, :size],
             center=state.center[frames],
             rotation=state.rotation[frames],

@@ -18,7 +18,7 @@ from uavgram.model.survey.survey import Survey
 
 @dataclass(frozen=True)
 class Layout:
-    """Order of the unknowns: points, tie points, frames, then what all photos share.
+    """Order of the unknowns: points, picked points, ties, frames, then what all photos share.
 
     That is intrinsics, planes, relief, telemetry, tapes, readout.
 
@@ -27,6 +27,9 @@ class Layout:
     points
         K, each with `point_size` unknowns: east, north and, where a point of the survey may
         depart from where the ground and its stated height put it, that departure.
+    picked
+        Q, each with `point_size` unknowns: the points that people picked for labels whose meant
+        point may be another (`Survey.identified`).
     ties
         T, each with `point_size` unknowns as well: chains of matches first (as of their labels),
         then tie points (east, north, up).
@@ -59,6 +62,7 @@ class Layout:
     tape: int
     free_gauge: bool
     readout: int = 0
+    picked: int = 0
     ties: int = 0
     turning: bool = False
 
@@ -70,7 +74,7 @@ class Layout:
     @cached_property
     def first_tie(self) -> int:
         """Column of the first tie point's east."""
-        return self.points * self.point_size
+        return (self.points + self.picked) * self.point_size
 
     @cached_property
     def first_frame(self) -> int:
@@ -117,7 +121,7 @@ class Layout:
         """For the elimination order."""
         return Structure(
             size=self.size,
-            points=self.points + self.ties,
+            points=self.points + self.picked + self.ties,
             point_size=self.point_size,
             block_size=self.frame_size,
             first_shared=self.first_intrinsic,
@@ -126,6 +130,15 @@ class Layout:
     def point_columns(self, index: Ints) -> Ints:
         """(n, point_size) unknowns of n points."""
         return index[:, None] * self.point_size + np.arange(self.point_size)
+
+    def picked_columns(self, index: Ints) -> Ints:
+        """(n, point_size) unknowns of n picked points."""
+        return self.point_columns(self.points + index)
+
+    def label_of(self, index: int, survey: Survey) -> int:
+        """Which label the unknown at `index`, of a point or a picked point, is of."""
+        point = index // self.point_size
+        return point if point < self.points else int(survey.identified[point - self.points])
 
     def tie_columns(self, index: Ints) -> Ints:
         """(n, point_size) unknowns of n tie points."""
@@ -157,7 +170,7 @@ class Layout:
         if self.first_tie <= index < self.first_frame:
             return "the position of a tie point"
         if index < self.first_tie:
-            return f"the position of point {survey.label[index // self.point_size]!r}"
+            return f"the position of point {survey.label[self.label_of(index, survey)]!r}"
         if index < self.first_intrinsic:
             frame = (index - self.first_frame) // self.frame_size
             return f"the pose of frame {survey.frame_id[frame]!r}"
@@ -197,6 +210,8 @@ class State:
         (T,) scales: +0.01 of a tape that is 1 % too long.
     readout
         (1,) or (0,) readout time [s].
+    picked
+        (Q, point_size) of the picked points, as `point`.
     tie
         (T, point_size) of chains of matches as `point`; of tie points east, north, up [m].
     turning
@@ -212,12 +227,17 @@ class State:
     telemetry: Floats
     tape: Floats = field(default_factory=lambda: np.zeros(0))
     readout: Floats = field(default_factory=lambda: np.zeros(0))
+    picked: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     tie: Floats = field(default_factory=lambda: np.zeros((0, 2)))
     turning: Floats = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
         if not len(self.turning):
             object.__setattr__(self, "turning", np.zeros((len(self.center), 0)))
+        for name in ("picked", "tie"):  # of none, as wide as the others
+            if not getattr(self, name).size:
+                none = np.zeros((*self.point.shape[:-2], 0, self.point.shape[-1]))
+                object.__setattr__(self, name, none)
 
 
 def unstacked(states: State) -> Iterator[State]:
@@ -261,6 +281,7 @@ def layout_of(survey: Survey, point_size: int, intrinsics: int, tapes: int) -> L
         tape=tapes,
         free_gauge=survey.gauge == "plane",
         readout=int(survey.rolling is not None),
+        picked=len(survey.identified),
         ties=survey.matches.points + survey.ties.points,
         turning=is_turning_unknown(survey),
     )
@@ -303,6 +324,7 @@ def move(layout: Layout, state: State, step: Floats) -> State:
         telemetry=state.telemetry + step[..., layout.first_telemetry : layout.first_tape],
         tape=state.tape + step[..., layout.first_tape : layout.first_readout],
         readout=state.readout + step[..., layout.first_readout :],
+        picked=state.picked + _of_picked(layout, state, step),
         tie=state.tie + _of_ties(layout, state, step),
         turning=state.turning + frame_step[..., 6:],
     )
@@ -310,8 +332,14 @@ def move(layout: Layout, state: State, step: Floats) -> State:
 
 def _of_points(layout: Layout, step: Floats) -> Floats:
     """(..., K, point_size) of a step, a view of it."""
-    own = step[..., : layout.first_tie]
+    own = step[..., : layout.points * layout.point_size]
     return own.reshape(*step.shape[:-1], layout.points, layout.point_size)
+
+
+def _of_picked(layout: Layout, state: State, step: Floats) -> Floats:
+    """(..., Q, point_size) of a step, a view of it."""
+    own = step[..., layout.points * layout.point_size : layout.first_tie]
+    return own.reshape(*step.shape[:-1], *state.picked.shape[-2:])
 
 
 def _of_ties(layout: Layout, state: State, step: Floats) -> Floats:
@@ -339,6 +367,7 @@ def between(layout: Layout, start: State, end: State) -> Floats:
     turn = log_so3(np.swapaxes(start.rotation, -1, -2) @ end.rotation)
     parts = (
         end.point - start.point,
+        end.picked - start.picked,
         end.tie - start.tie,
         np.concatenate([end.center - start.center, turn, end.turning - start.turning], axis=-1),
         end.intrinsic - start.intrinsic,
@@ -377,8 +406,9 @@ def advance(layout: Layout, state: State, step: Floats) -> State:
     rest = np.array(step)
     rest_frame = _of_frames(layout, rest)
     _of_points(layout, rest)[..., :2] -= by[..., None] * across
-    tie_across = (state.tie[..., :2] - middle[..., None, :])[..., ::-1] * (-1.0, 1.0)
-    _of_ties(layout, state, rest)[..., :2] -= by[..., None] * tie_across
+    for places, own in ((state.picked, _of_picked), (state.tie, _of_ties)):
+        far = (places[..., :2] - middle[..., None, :])[..., ::-1] * (-1.0, 1.0)
+        own(layout, state, rest)[..., :2] -= by[..., None] * far
     rest_frame[..., 0] += by * (state.center[..., 1] - middle[..., 1:])
     rest_frame[..., 1] -= by * (state.center[..., 0] - middle[..., :1])
     rest_frame[..., 3:6] -= by[..., None] * state.rotation[..., 2, :]
@@ -397,10 +427,11 @@ def _at_gauge(state: State) -> State:
     cosine = np.where(is_level, 1.0, image_up[..., 1] / size)
     foot = np.where(is_level[..., None], 0.0, state.center[..., 0, :2])
     turned = _turned(state, foot, cosine, sine)
-    point, tie, center = (np.array(a) for a in (turned.point, turned.tie, turned.center))
-    for places in (point, tie, center):
-        places[..., :2] -= foot[..., None, :]
-    return replace(turned, point=point, tie=tie, center=center)
+    names = ("point", "picked", "tie", "center")
+    places = {name: np.array(getattr(turned, name)) for name in names}
+    for place in places.values():
+        place[..., :2] -= foot[..., None, :]
+    return replace(turned, **places)
 
 
 def _turned(state: State, about: Floats, cosine: Floats, sine: Floats) -> State:
@@ -422,6 +453,7 @@ def _turned(state: State, about: Floats, cosine: Floats, sine: Floats) -> State:
     return replace(
         state,
         point=of(state.point),
+        picked=of(state.picked),
         tie=of(state.tie),
         center=of(state.center),
         rotation=rotation,

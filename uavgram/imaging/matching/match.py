@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 from scipy.special import chdtri
 
+from uavgram.imaging.matching.beside import fixed_on_all_sides
 from uavgram.imaging.matching.least_squares import Fitted, fitted
 from uavgram.imaging.matching.matched import Matched, Refused, Sought
 from uavgram.imaging.matching.options import MatchOptions, Patch
@@ -275,6 +276,9 @@ class _Search:
         ]
         self._judge_back(index, there, back, others)
         into = self._frames.target[index]
+        rise = np.where(self._refused[index, None] == Refused.NONE, self._sought.rise[index], 0.0)
+        along = np.linalg.solve(into, rise[..., None])[..., 0].astype(np.float64)
+        self._refuse(index, ~fixed_on_all_sides(near, far, there, along), Refused.OFF_GROUND)
         left, spread = self._refused[index] == Refused.NONE, np.full((len(index), 2, 2), np.nan)
         sure = covariance_of(there.some(left), options, patch.step)
         spread[left] = into[left] @ sure @ np.swapaxes(into[left], 1, 2)

@@ -29,6 +29,8 @@ class Refused(IntEnum):
     """The patch fits only after it was turned or stretched more than the poses allow."""
     TOO_FAR = 8
     """The region that it may lie in is too large to be searched: better poses first."""
+    OFF_GROUND = 9
+    """What is on one side of it is there, or may be, at another height than the rest."""
 
 
 REASON: dict[Refused, str] = {
@@ -41,6 +43,7 @@ REASON: dict[Refused, str] = {
     Refused.UNSTABLE: "what surrounds it has changed, or is not flat",
     Refused.DISTORTED: "what surrounds it has changed its shape",
     Refused.TOO_FAR: "its place is known too poorly to search for it",
+    Refused.OFF_GROUND: "it may be off the ground",
 }
 """Each reason in words for people, to stand behind "not found: "."""
 
@@ -59,12 +62,16 @@ class Sought(FrozenArrays):
         (n, 2, 2) of the predictions, (u, v); what is searched is its 99.9 % region.
     affine
         (n, 2, 2) d target pixel / d source pixel, through poses and ground.
+    rise
+        (n, 2) d target pixel / d height [px/m] of what the source's pixel shows; 0: its height is
+        known.
     """
 
     source_px: Annotated[Floats, "n", 2]
     target_px: Annotated[Floats, "n", 2]
     covariance_px2: Annotated[Floats, "n", 2, 2]
     affine: Annotated[Floats, "n", 2, 2]
+    rise: Annotated[Floats, "n", 2]
 
     def __len__(self) -> int:
         return len(self.source_px)

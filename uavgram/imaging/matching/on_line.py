@@ -3,8 +3,7 @@
 What is seen beside such a corner is another thing in each photo, so a patch about it is nowhere
 alike. But its edges are, and its place has one unknown: how far along the line it is. So the place
 is the one where most photos share the corner (`shared_corner`). There, small windows, the corner
-within or at their edges (shiftable windows: Kang, Szeliski and Chai 2001, "Handling occlusions in
-dense multi-view stereo"), are matched in each photo that shows the same in one of them.
+within or at their edges (`beside`), are matched in each photo that shows the same in one of them.
 """
 
 from __future__ import annotations
@@ -14,23 +13,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.imaging.matching.beside import EVEN, SUPPORT, windows_beside
 from uavgram.imaging.matching.least_squares import fitted
 from uavgram.imaging.matching.matched import Refused
 from uavgram.imaging.matching.options import MatchOptions
 from uavgram.imaging.matching.patches import Grey, common_frames, window
-from uavgram.imaging.matching.shared_corner import PHOTOS, Line, corner_along, grid, windows
+from uavgram.imaging.matching.shared_corner import PHOTOS, Line, corner_along, windows
 from uavgram.imaging.matching.sureness import covariance_of, is_sure
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats, Ints
 
-SUPPORT = 5
-"""Half the side of a window [px of the source]."""
-
-ASIDE = 4.0
+ASIDE = 4
 """How far the middles of windows lie from the corner in either direction [px of the source]."""
-
-EVEN = 4.0
-"""Standard deviation [grey values] up to which a window says nothing."""
 
 ALIKE = 0.8
 """Correlation from which a photo shows the same in a window."""
@@ -48,14 +42,8 @@ FARTHEST_PX = 1.5
 FITTED_SIGMA_PX = 0.5
 """Most of the matching in one photo: what is beside an edge says little, but all photos agree."""
 
-_REACH = SUPPORT + int(ASIDE)
-_GRID = grid(_REACH)
-_MIDDLES = ASIDE * grid(1)
-_AWAY: Floats = _GRID - _MIDDLES[:, None]
-_WINDOWS: Floats = np.where(
-    (np.abs(_AWAY) <= SUPPORT).all(axis=2), np.exp(-2.0 * (_AWAY**2).sum(axis=2) / SUPPORT**2), 0.0
-)
-_WINDOWS = np.asarray(_WINDOWS / _WINDOWS.sum(axis=1, keepdims=True))
+_REACH = SUPPORT + ASIDE
+_WINDOWS = windows_beside(ASIDE)
 
 
 class OnLine(NamedTuple):
@@ -126,16 +114,11 @@ def found_on_line(
 
 def _likeness(own: Grey, targets: Sequence[Image], line: Line) -> Floats:
     """(k, t, windows) correlation of each window at each place; -1 where it says nothing."""
-    mean = _WINDOWS @ own
-    variance = _WINDOWS @ own**2 - mean**2
-    tells = variance > EVEN**2
-    like = np.full((*line.pixel_px.shape[:2], len(_WINDOWS)), -1.0)
+    like = np.full((*line.pixel_px.shape[:2], len(_WINDOWS.middle)), -1.0)
     for i, photo in enumerate(targets):
         rows, there = windows(photo, line.pixel_px[:, i], line.affine[:, i], _REACH)
-        middle = there @ _WINDOWS.T
-        spread = np.maximum(there**2 @ _WINDOWS.T - middle**2, 1.0)
-        both = (there * own) @ _WINDOWS.T - middle * mean
-        like[rows, i] = np.where(tells, both / np.sqrt(spread * np.maximum(variance, 1.0)), -1.0)
+        alike, variance = _WINDOWS.likeness(own, there)
+        like[rows, i] = np.where(variance > EVEN**2, alike, -1.0)
     return like
 
 
@@ -186,7 +169,7 @@ def _fitted(
     frames = common_frames(line.affine[place, photo][None])
     near = window(source, line.source_px, frames.source[0], FITTED_HALF + 4)
     far = window(target, start, frames.target[0], FITTED_HALF + 4)
-    middle = np.linalg.solve(frames.source[0], _MIDDLES[support])
+    middle = np.linalg.solve(frames.source[0], _WINDOWS.middle[support])
     found = fitted(
         near[None],
         far[None],

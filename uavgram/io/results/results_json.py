@@ -26,7 +26,7 @@ from uavgram.model.message import NUMBERS, SUBJECTS, Message
 from uavgram.model.provenance import InputDigest, Provenance
 from uavgram.model.result.error_budget import ErrorBudget
 from uavgram.model.result.learnt_camera import learnt_camera
-from uavgram.model.result.noise import AreaNoise, Noise, PickNoise
+from uavgram.model.result.noise import AreaNoise, LearntSigma, Noise, PickNoise
 from uavgram.model.result.orientation import OrientationCorrelation
 from uavgram.model.result.reliability import ChecksOverall, RemovalRecord
 from uavgram.model.result.result import Result, SolutionSummary
@@ -329,12 +329,14 @@ def _load_plane(record: Record) -> AreaPlane:
 
 
 def _dump_noise(noise: Noise | None) -> Record | None:
-    """Sigmas of the picks by source, roughness by area."""
+    """Sigmas of the picks by source, roughness by area, sigmas of lengths and identification."""
     if noise is None:
         return None
     return {
         "picks": {one.source: _without(encode(one), "source") for one in noise.picks},
         "roughness": {one.area: _without(encode(one), "area") for one in noise.roughness},
+        "lengths": encode(noise.lengths),
+        "identification": encode(noise.identification),
     }
 
 
@@ -353,6 +355,8 @@ def _load_noise(record: Record | None) -> Noise | None:
         roughness=tuple(
             from_record(AreaNoise, one, area=area) for area, one in record["roughness"].items()
         ),
+        lengths=decode(LearntSigma | None, record.get("lengths")),
+        identification=decode(LearntSigma | None, record.get("identification")),
     )
 
 

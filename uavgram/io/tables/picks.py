@@ -36,8 +36,9 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
     ------
     InputError
         Names file and line of every mistake: those of any table, no pick at all, a path where a
-        file name is wanted, a semicolon in a label, a label picked twice in one image, a label
-        with two different heights or in two areas, a sigma that is not greater than 0.
+        file name is wanted, a semicolon in a label, a label that the program found twice in one
+        image, a label with two different heights or in two areas, a sigma that is not greater
+        than 0.
     """
     table = read_table(path, PICKS_COLUMNS)
     if not len(table.line) and not may_be_empty:
@@ -122,18 +123,18 @@ def _rows_with(table: Table, name: str, pattern: re.Pattern[str]) -> Iterator[tu
 
 
 def _check_doubles(table: Table) -> None:
-    picks = list(zip(table.text["image"], table.text["label"], strict=True))
-    if len(set(picks)) == len(picks):
-        return
-    first: dict[tuple[str, str], int] = {}
-    for row, pick in enumerate(picks):
-        if all(pick) and pick in first:
-            image, label = pick
+    """Note a label that the program found twice in one photo: only a person's click is repeated."""
+    by_program = [text in _SOURCES for text in table.text["source"]]
+    first: dict[tuple[str, str, str], int] = {}
+    for row, pick in enumerate(
+        zip(table.text["image"], table.text["label"], table.text["source"], strict=True)
+    ):
+        if by_program[row] and all(pick) and pick in first:
+            image, label, source = pick
             table.blame(
                 row,
-                f"label {label!r} is picked twice in image {image!r}, first in line "
-                f"{table.line[first[pick]]}: one physical point has one pick in an image; remove "
-                "one, or rename it if it is another point",
+                f"label {label!r} is found twice in image {image!r} (source {source}), first in "
+                f"line {table.line[first[pick]]}: only a click is repeated; remove one",
             )
         first.setdefault(pick, row)
 

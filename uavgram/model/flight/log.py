@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
-from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays, Ints
+import numpy as np
+
+from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints
 from uavgram.model.flight.second_opinions import EstimatorReset, TurnRateSamples, VelocitySamples
 
 HeightDatum = Literal["msl", "ellipsoid"]
@@ -97,6 +99,8 @@ class EstimatorSigmas(FrozenArrays):
         (N,) of position, one axis.
     tilt_rad, yaw_rad
         (N,) of attitude.
+    is_fixed
+        (N,) whether the receiver had a fixed RTK solution. Empty: never.
     source
         The messages they come from.
     """
@@ -106,7 +110,13 @@ class EstimatorSigmas(FrozenArrays):
     vertical_m: Annotated[Floats, "n", NAN_IS_NONE]
     tilt_rad: Annotated[Floats, "n", NAN_IS_NONE]
     yaw_rad: Annotated[Floats, "n", NAN_IS_NONE]
+    is_fixed: Annotated[Bools, "n"] = field(default_factory=lambda: np.zeros(0, np.bool_))
     source: str
+
+    def __post_init__(self) -> None:
+        if not len(self.is_fixed):
+            object.__setattr__(self, "is_fixed", np.zeros(len(self.time_boot_s), np.bool_))
+        super().__post_init__()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

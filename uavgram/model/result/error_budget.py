@@ -10,7 +10,8 @@ from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 SOURCES: dict[str, str] = {
     "pixels": "picks",
     "matches": "matches",
-    "linked": "matches",
+    "identification": "identification",
+    "linked": "identification",
     "ties": "tie points",
     "tie heights": "tie points",
     "beside": "tie points",

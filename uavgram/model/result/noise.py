@@ -38,6 +38,23 @@ class PickNoise:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LearntSigma:
+    """A sigma in metres.
+
+    Attributes
+    ----------
+    stated_m
+        As stated (root mean square) [m].
+    factor, sigma
+        What it is multiplied by, and the standard deviation of that factor.
+    """
+
+    stated_m: float
+    factor: float
+    sigma: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class AreaNoise:
     """How far the ground of one area departs from its plane.
 
@@ -73,10 +90,15 @@ class AreaNoise:
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """What the survey says of the errors of its picks, and of its ground."""
+    """What the survey says of the errors of its picks and taped lengths, and of its ground.
+
+    `identification` is how far people pick beside what was meant, alike in all photos.
+    """
 
     picks: tuple[PickNoise, ...]
     roughness: tuple[AreaNoise, ...]
+    lengths: LearntSigma | None = None
+    identification: LearntSigma | None = None
 
     def called(self, picks: PickNoise) -> str:
         """What picks of one source are called; just picks where people made all."""

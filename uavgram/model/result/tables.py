@@ -244,7 +244,8 @@ class PickResults(FrozenArrays):
     redundancy
         (P,) mean of the two coordinates' redundancy numbers.
     status
-        (P,) ``used``, ``suspect``, ``removed``, ``unused`` (its frame is not in the adjustment).
+        (P,) ``used``, ``suspect``, ``removed`` (it contradicts the rest), ``unused`` (nothing
+        is known by it, or its frame is not in the adjustment).
     source
         (P,) who made it: ``hand``, ``match`` or ``target``; left out, a person made all.
     score

@@ -9,7 +9,8 @@ from uavgram.model.remedy import Remedy
 
 VerdictLevel = Literal["green", "amber", "red"]
 """Red: the observations contradict each other, do not use the numbers. Amber: something does not
-fit, or nothing checks it. Green: everything fits, and something checks it."""
+fit, or nothing checks it. Green: everything fits, and a gross error in any single reading would
+have been noticed. No level at all (None): nothing was measured."""
 
 MeasurementStatus = Literal["ok", "not-checked", "doubtful", "contradicted"]
 """Of one measurement: in order; nothing would show an error in it; something that it rests on does
@@ -50,9 +51,12 @@ class Reason:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """Level of a whole result, and its reasons, the likeliest cause first; none where green."""
+    """Level of a whole result, and its reasons, the likeliest cause first; none where green.
 
-    level: VerdictLevel
+    The level is None where nothing was measured: there is no verdict without a measurement.
+    """
+
+    level: VerdictLevel | None
     reasons: tuple[Reason, ...] = ()
 
 

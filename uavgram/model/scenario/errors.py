@@ -102,6 +102,8 @@ class StatedSpec:
     ----------
     ground_height_sigma_m, ground_slope_sigma_deg, roughness_sigma_m
         Of the ground, level and at the height of home.
+    picks_identification_sigma_m
+        How far people pick beside what was meant, alike in all photos.
     boresight_sigma_deg, lever_arm_sigma_m, clock_sigma_s
         Of mount and clock. The clock's offset itself is found from the log's camera events; where
         these are too few or too even to tell it, it is stated, off by that.
@@ -118,6 +120,7 @@ class StatedSpec:
     ground_height_sigma_m: float = 0.5
     ground_slope_sigma_deg: float = 3.0
     roughness_sigma_m: float = 0.0
+    picks_identification_sigma_m: float = 0.0
     boresight_sigma_deg: float = 1.5
     lever_arm_sigma_m: float = 0.05
     clock_sigma_s: float = 0.05
@@ -133,7 +136,7 @@ class StatedSpec:
         for name in ("position_sigma_m", "attitude_sigma_deg"):
             pair = getattr(self, name)
             require(len(pair) in {0, 2} and min(pair, default=1) > 0, f"{name} must be two sigmas")
-        require_sizes(self, "roughness_sigma_m", "tape_scale_sigma")
+        require_sizes(self, "roughness_sigma_m", "picks_identification_sigma_m", "tape_scale_sigma")
 
 
 Section = MappingProxyType[str, list[float]]

@@ -34,6 +34,8 @@ class Mend:
         Known length -> the labels between which it is.
     without_lines
         Known lengths to take out.
+    level
+        Known lengths that were taped level.
     free
         Label -> whether its height is to be found, or it lies on the ground.
     """
@@ -44,6 +46,7 @@ class Mend:
     length_m: Mapping[int, float] = field(default_factory=dict)
     ends: Mapping[int, Ends] = field(default_factory=dict)
     without_lines: frozenset[int] = frozenset()
+    level: frozenset[int] = frozenset()
     free: Mapping[int, bool] = field(default_factory=dict)
 
     @property
@@ -54,7 +57,7 @@ class Mend:
     @property
     def lines(self) -> frozenset[int]:
         """Known lengths that it keeps but changes."""
-        return frozenset(self.length_m) | frozenset(self.ends)
+        return frozenset(self.length_m) | frozenset(self.ends) | self.level
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -92,6 +92,25 @@ class Picks:
         made = [self.source_of(i) == source for i in range(len(self.image))]
         return np.array(made, dtype=np.bool_)
 
+    @property
+    def is_copy(self) -> Bools:
+        """(P,) rows that repeat an earlier one to the last digit: counted once."""
+        seen: set[tuple[object, ...]] = set()
+        copy = np.zeros(len(self.image), dtype=np.bool_)
+        for i, place in enumerate(map(tuple, self.pixel_px.tolist())):
+            row = self.image[i], self.label[i], self.source_of(i), place
+            copy[i] = row in seen
+            seen.add(row)
+        return copy
+
+    @property
+    def clicks(self) -> dict[tuple[str, str], list[int]]:
+        """Photo and label -> the rows that are no matches and no copies: one or more clicks."""
+        rows: dict[tuple[str, str], list[int]] = {}
+        for i in np.flatnonzero(~(self.of_source("match") | self.is_copy)).tolist():
+            rows.setdefault((self.image[i], self.label[i]), []).append(i)
+        return rows
+
     def line_of(self, pick: int) -> int | None:
         """Line of the file in which a pick stands; None where there is no file."""
         return self.line[pick] if self.line else None

@@ -100,6 +100,10 @@ class Survey:
         (K,) standard deviations of these heights; 0: exact. Empty: all are.
     is_free
         (K,) whether the height is an unknown of which nothing is known. Empty: of none.
+    identification_sigma_m
+        (K,) standard deviation, east and north, between the point that people picked, alike in all
+        photos, and the point that was meant (taped, controlled, measured); 0: they are the same.
+        Empty: of all.
     pick_frame, pick_label, pixel_px, pick_sigma_px
         (P,), (P,), (P, 2), (P,): frame, label, place and sigma of each pick.
     target_pick
@@ -148,6 +152,7 @@ class Survey:
     height_above_m: Annotated[Floats, "k"]
     height_sigma_m: Annotated[Floats, "k"] = field(default_factory=lambda: np.zeros(0))
     is_free: Annotated[Bools, "k"] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    identification_sigma_m: Annotated[Floats, "k"] = field(default_factory=lambda: np.zeros(0))
     pick_frame: Annotated[Ints, "p"]
     pick_label: Annotated[Ints, "p"]
     pixel_px: Annotated[Floats, "p", 2]
@@ -175,7 +180,7 @@ class Survey:
     gauge: Literal["world", "plane"]
 
     def __post_init__(self) -> None:
-        for name in ("height_sigma_m", "is_free"):
+        for name in ("height_sigma_m", "is_free", "identification_sigma_m"):
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, np.zeros(len(self.label)))
         for name in ("time_s", "time_sigma_s"):
@@ -201,6 +206,12 @@ class Survey:
         found = np.zeros(len(self.pick_frame), dtype=np.bool_)
         found[self.target_pick] = True
         return found
+
+    @cached_property
+    def identified(self) -> Ints:
+        """(Q,) labels of which people picked a point that may not be the one that was meant."""
+        by_hand = np.bincount(self.pick_label[~self.pick_is_target], minlength=len(self.label))
+        return np.flatnonzero((by_hand > 0) & (self.identification_sigma_m > 0))
 
     @property
     def off_ground(self) -> Bools:

@@ -39,6 +39,16 @@ class Place:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Repeat:
+    """Click a picked label in a photo again: an independent repetition beside the first click."""
+
+    image: str
+    label: str
+    u_px: float
+    v_px: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class PlaceAll:
     """Pick several in one step; what is picked already stays as it is."""
 
@@ -280,6 +290,7 @@ class UseCamera:
 
 SingleChange = (
     Place
+    | Repeat
     | PlaceAll
     | Unpick
     | Forget

@@ -159,9 +159,16 @@ def _placed_anew(state: State, there: Pick, do: c.Place) -> State:
     return _with_pick(without_matches(state, there), there, new)
 
 
+def _repeat(state: State, do: c.Repeat) -> State:
+    there = _required(state, do.image, do.label)
+    count = sum(pick.key == there.key for pick in state.picks)
+    stated = {**there.height, "area": there.area, "again": count}
+    return replace(state, picks=(*state.picks, Pick(**vars(do), **stated)))
+
+
 def _unpick(state: State, do: c.Unpick) -> State:
     there = _required(state, do.image, do.label)
-    kept = tuple(pick for pick in state.picks if pick is not there)
+    kept = tuple(pick for pick in state.picks if pick.key != there.key)
     return without_matches(replace(state, picks=kept), there)
 
 
@@ -217,6 +224,7 @@ def _all(state: State, do: c.All) -> State:
 
 _CHANGES: dict[type, Callable[..., State]] = {
     c.Place: _place,
+    c.Repeat: _repeat,
     c.PlaceAll: _place_all,
     c.Unpick: _unpick,
     c.Forget: forget,

@@ -53,10 +53,10 @@ def swap(state: State, do: c.Swap) -> State:
     for pick in taken:
         label = other[pick.label]
         changes = {**stated.get(label, stated[pick.label]), "label": label}
-        swapped[pick.key] = replace(_by_hand(pick) if do.image else pick, **changes)
+        swapped[pick] = replace(_by_hand(pick) if do.image else pick, **changes)
         if do.image:
             state = without_matches(state, pick)
-    picks = tuple(swapped.get(pick.key, pick) for pick in state.picks)
+    picks = tuple(swapped.get(pick, pick) for pick in state.picks)
     return replace(state, picks=picks)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -25,7 +26,8 @@ class Pick:
 
     `sigma_px`, `height_m` and `height_sigma_m` are None, and `area` is empty, where the file gives
     none; `is_free` where the file says that the height is to be found. `source` and what follows
-    say who made it, as in `Picks`: None and empty where a person did.
+    say who made it, as in `Picks`: None and empty where a person did. `again` is 0 of the first
+    click of a label in a photo, and counts the independent repetitions of it.
     """
 
     image: str
@@ -42,10 +44,11 @@ class Pick:
     from_image: str = ""
     from_u_px: float | None = None
     from_v_px: float | None = None
+    again: int = 0
 
     @property
     def key(self) -> tuple[str, str]:
-        """What names a pick: photo and label."""
+        """What names a click and its repetitions: photo and label."""
         return self.image, self.label
 
     @property
@@ -93,7 +96,7 @@ class State:
         return tuple(dict.fromkeys(pick.label for pick in self.picks))
 
     def pick(self, image: str, label: str) -> Pick | None:
-        """The pick of a label in a photo; None where there is none."""
+        """The first pick of a label in a photo; None where there is none."""
         return next((pick for pick in self.picks if pick.key == (image, label)), None)
 
 
@@ -106,6 +109,12 @@ def state_of(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRequ
         As read from picks.csv, lines.csv and measure.csv.
     """
     areas = picks.area or ("",) * len(picks.image)
+    pairs = list(zip(picks.image, picks.label, strict=True))
+    earlier: Counter[tuple[str, str]] = Counter()
+    again = []
+    for pair in pairs:
+        again.append(earlier[pair])
+        earlier[pair] += 1
     return State(
         picks=tuple(
             Pick(
@@ -123,6 +132,7 @@ def state_of(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRequ
                 from_image=picks.from_image[i] if picks.from_image else "",
                 from_u_px=_or_none(picks.from_px[i, 0]),
                 from_v_px=_or_none(picks.from_px[i, 1]),
+                again=again[i],
             )
             for i in range(len(picks.image))
         ),

@@ -34,7 +34,8 @@ _PIXEL_DIGITS = 4
 def state_json(state: State, index: Mapping[str, int]) -> Json:
     """All of a state; `index` numbers the photos."""
     return {
-        "picks": [_pick(pick, index) for pick in state.picks],
+        "picks": [_pick(pick, index) for pick in state.picks if not pick.again],
+        "repeated": _repeated(state, index),
         "lines": [{**vars(line)} for line in state.lines],
         "measurements": [_request(request) for request in state.requests],
     }
@@ -51,12 +52,14 @@ def difference_json(before: State, after: State, index: Mapping[str, int]) -> Js
         Numbers of the photos by name.
     """
     difference: Json = {}
-    old = {pick.key: pick for pick in before.picks}
-    new = {pick.key: pick for pick in after.picks}
+    old = {pick.key: pick for pick in before.picks if not pick.again}
+    new = {pick.key: pick for pick in after.picks if not pick.again}
     put = [_pick(pick, index) for key, pick in new.items() if old.get(key) != pick]
     gone = [[index[image], label] for image, label in old if (image, label) not in new]
     if put or gone:
         difference["picks"] = {"put": put, "gone": gone}
+    if (repeated := _repeated(after, index)) != _repeated(before, index):
+        difference["repeated"] = repeated
     if before.lines != after.lines:
         difference["lines"] = [{**vars(line)} for line in after.lines]
     if before.requests != after.requests:
@@ -64,9 +67,15 @@ def difference_json(before: State, after: State, index: Mapping[str, int]) -> Js
     return difference
 
 
+def _repeated(state: State, index: Mapping[str, int]) -> list[tuple[int, str]]:
+    """Photo and label of each click that was made again, in their order."""
+    return [(index[pick.image], pick.label) for pick in state.picks if pick.again]
+
+
 def _pick(pick: Pick, index: Mapping[str, int]) -> Json:
     """Who made it is left out where a person did."""
     told = {**vars(pick), "image": index[pick.image], "from_image": index.get(pick.from_image)}
+    del told["again"]
     if pick.source == "hand":
         for name in ("source", "score", "from_image", "from_u_px", "from_v_px"):
             del told[name]

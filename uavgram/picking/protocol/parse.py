@@ -362,6 +362,7 @@ _OWN_READERS: dict[type[Body], dict[str, Callable[[_Fields], object]]] = {
 
 _KINDS: dict[str, type[Body]] = {
     "place": c.Place,
+    "repeat": c.Repeat,
     "accept": c.Accept,
     "refuse": c.Refuse,
     "unpick": c.Unpick,

@@ -96,10 +96,15 @@ def _removed(kind: str, before: Named, after: Named, now: Named) -> Changes:
 
 
 def _picks(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
-    earlier = {pick.key: pick for pick in aside.before.picks}
+    earlier = {pick.key: pick for pick in aside.before.picks if not pick.again}
     heights = {pick.label: pick.height for pick in aside.before.picks}
     changes: list[Json] = []
     for pick in aside.after.picks:
+        if pick.again:
+            if pick not in now.picks:
+                where = {"image": index.get(pick.image, -1), "label": pick.label}
+                changes.append({"t": "repeat", **where, "u_px": pick.u_px, "v_px": pick.v_px})
+            continue
         if earlier.get(pick.key) == pick:
             continue
         which = {"image": index.get(pick.image, -1), "label": pick.label}

@@ -6,7 +6,7 @@ What that left out stays out; afterwards only poses and points are adjusted anew
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -124,6 +124,12 @@ class Base:
             unfit &= asked
         picks = with_found(self.inputs.picks, {}, keep=~unfit)
         return replace(self, inputs=replace(self.inputs, picks=picks)), unfit
+
+    def with_free(self, labels: Collection[str]) -> Base:
+        """With the heights of some labels unknown."""
+        picks = self.inputs.picks
+        free = picks.is_free | np.isin(picks.label, list(labels))
+        return replace(self, inputs=replace(self.inputs, picks=replace(picks, is_free=free)))
 
     def of_unknown_height(self, survey: Survey) -> Bools:
         """(K,) labels of a survey off the ground, anywhere, which one photo alone shows."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools
 from uavgram.model.naming import listed
 from uavgram.model.survey.observations import SAME_PLACE_PX, Picks
 from uavgram.pipeline.measure.inputs import Inputs
@@ -36,16 +38,36 @@ def earlier(picks: Picks, asked: Asked) -> Bools:
     return picks.of_source("match") & again
 
 
+MISSED = 0.2
+"""Most of the photos that may not show a point where it would be on the ground. On rendered streets
+natural points are missed so in 1 of 30, and corners of cars in 5 of 6."""
+
+
+def may_be_raised(picks: Picks, found: Iterable[Pair], missed: Iterable[Pair]) -> set[str]:
+    """Labels that too many photos do not show on the ground, and of which no height is stated.
+
+    Parameters
+    ----------
+    picks
+        All that there are.
+    found, missed
+        What else is shown where it would be on the ground, and what was looked for in vain.
+    """
+    shown = Counter([*picks.label, *(label for _, label in found)])
+    stated = set(np.array(picks.label)[picks.is_free | ~np.isnan(picks.height_m)].tolist())
+    not_there = Counter(label for _, label in missed if label not in stated)
+    return {label for label, n in not_there.items() if n > MISSED * (n + shown[label])}
+
+
 def still_founded(picks: Picks) -> Bools:
     """(P,) matches whose pick lies where they were found from."""
     made = picks.of_source("match")
-    place: dict[Pair, Floats] = {
-        (picks.image[i], picks.label[i]): picks.pixel_px[i] for i in np.flatnonzero(~made).tolist()
-    }
+    clicks = picks.clicks
     holds = np.zeros(len(made), dtype=np.bool_)
     for i in np.flatnonzero(made).tolist() if picks.from_image else ():
-        at = place.get((picks.from_image[i], picks.label[i]))
-        holds[i] = at is not None and np.hypot(*(at - picks.from_px[i])) <= SAME_PLACE_PX
+        own = clicks.get((picks.from_image[i], picks.label[i]), [])
+        away = np.linalg.norm(picks.pixel_px[own] - picks.from_px[i], axis=1)
+        holds[i] = (away <= SAME_PLACE_PX).any()
     return holds
 
 

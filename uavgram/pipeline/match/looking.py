@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from uavgram.imaging.matching.matched import REASON, Matched, Refused, Sought
 from uavgram.imaging.photos.cache import LruCache
 from uavgram.imaging.raster import Image
 from uavgram.io.photos.board_photos import read_grey
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Floats, Ints, rows_of
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 
@@ -51,7 +52,7 @@ def tasks(source: Sequence[str], target: Sequence[str], sought: Sought) -> list[
     for row, pair in enumerate(zip(target, source, strict=True)):
         groups.setdefault(pair, []).append(row)
     return [
-        Task(here, there, np.array(rows), _rows(sought, np.array(rows)))
+        Task(here, there, np.array(rows), replace(sought, **rows_of(sought, np.array(rows))))
         for (there, here), rows in sorted(groups.items())
     ]
 
@@ -96,12 +97,3 @@ def reason(refused: int) -> str:
 
 def _done(photos: Photos, task: Task) -> Matched:
     return matched(photos.get(task.source), photos.get(task.target), task.sought)
-
-
-def _rows(sought: Sought, rows: Ints) -> Sought:
-    return Sought(
-        source_px=sought.source_px[rows],
-        target_px=sought.target_px[rows],
-        covariance_px2=sought.covariance_px2[rows],
-        affine=sought.affine[rows],
-    )

@@ -8,11 +8,12 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.measuring.predicted_pixels import FlightOfPhotos
-from uavgram.estimation.measuring.transferred_pixels import Clicked, transferred
+from uavgram.estimation.measuring.transferred_pixels import Clicked, Transferred, transferred
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.imaging.matching.matched import Sought
-from uavgram.model.arrays import Ints
+from uavgram.imaging.matching.matched import REASON, Refused, Sought
+from uavgram.model.arrays import Floats, Ints
 from uavgram.pipeline.match.adjusting import Base
+from uavgram.pipeline.match.asked import may_be_raised
 from uavgram.pipeline.match.looking import Photos, look, reason, tasks
 from uavgram.pipeline.match.raised import look_up
 from uavgram.pipeline.progress import Progress, silent
@@ -20,7 +21,7 @@ from uavgram.stages.match.agreement import contradicted
 from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record, pick_sigmas
 from uavgram.stages.match.plan import REGION, Candidates, lines_left, next_places, radii
 
-MOST_ROUNDS = 10
+MOST_ROUNDS = 11
 """Rounds of looking and adjusting."""
 
 LINES_BEFORE = 1
@@ -59,6 +60,15 @@ def searched(
         candidates = _candidates(base, adjustment)
         asked = np.array([wanted(pair) for pair in candidates.pair], dtype=np.bool_)
         rows, lines = next_places(candidates, asked, record), lines_left(candidates, asked, record)
+        missed = [pair for pair, why in record.in_vain.items() if why != REASON[Refused.OUTSIDE]]
+        off = np.array(adjustment.survey.label)[adjustment.survey.is_free].tolist()
+        as_ground = [pair for pair in record.found if pair[1] in off]  # its patch errs
+        raised = may_be_raised(base.inputs.picks, record.found, missed)
+        raised = raised or may_be_raised(base.inputs.picks, (), as_ground)
+        if raised and (not rows.size or left == LINES_BEFORE + 1):  # along their lines, or not
+            base, record = base.with_free(raised), record.without_labels(raised)
+            adjustment, record = _agreeing(base, record)
+            continue
         if rows.size and not (lines.size and left == LINES_BEFORE):
             looked = _looked(photos, base, candidates, rows, progress)
             looked = _agreeing_in_photos(adjustment, candidates, rows, looked)
@@ -169,6 +179,17 @@ def _flight(base: Base) -> FlightOfPhotos | None:
     return telemetry.prior, telemetry.track, telemetry.poses.frame_id
 
 
+def sought_at(places: Transferred, rows: Ints, source_px: Floats) -> Sought:
+    """Some predicted places as the matching takes them, with the pixels (m, 2) of their picks."""
+    return Sought(
+        source_px=source_px,
+        target_px=places.pixel_px[rows],
+        covariance_px2=places.covariance_px2[rows] + LEAST_PX**2 * np.eye(2),
+        affine=places.affine[rows],
+        rise=places.rise[rows],
+    )
+
+
 def _looked(
     photos: Photos,
     base: Base,
@@ -189,13 +210,7 @@ def _looked(
     """
     places, pick = candidates.places, candidates.pick[rows]
     project = base.inputs.picks
-    covariance = places.covariance_px2[rows] + LEAST_PX**2 * np.eye(2)
-    sought = Sought(
-        source_px=project.pixel_px[pick],
-        target_px=places.pixel_px[rows],
-        covariance_px2=covariance,
-        affine=places.affine[rows],
-    )
+    sought = sought_at(places, rows, project.pixel_px[pick])
     pairs = [candidates.pair[row] for row in rows]
     work = tasks([project.image[i] for i in pick], [image for image, _ in pairs], sought)
     found = look(photos, work, len(rows), progress)

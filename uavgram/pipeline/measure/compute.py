@@ -231,6 +231,7 @@ def _assembled(
         telemetry=posed.telemetry,
         ground=inputs.project.ground,
         picks_sigma_px=inputs.project.picks_sigma_px,
+        picks_identification_sigma_m=inputs.project.picks_identification_sigma_m,
         tape=inputs.project.tape,
         own_scale_sigma=plate_scale(inputs.project.targets),
         photos=inputs.photos.frame_id,
@@ -284,10 +285,10 @@ def _measured(
     if curved:
         curvature, more = second_order(refined.adjustment, values, table, frames)
         messages += more
-    others = tuple(
-        tuple(measure(other, inputs.requests, frames)[0].value) for other in refined.alternatives
-    )
-    return _Measured(with_alternatives(table, others), curvature, others, messages)
+    rivals = (*refined.alternatives, *(() if refined.mirrored is None else (refined.mirrored,)))
+    others = tuple(tuple(measure(one, inputs.requests, frames)[0].value) for one in rivals)
+    table = with_alternatives(table, others)
+    return _Measured(table, curvature, others[: len(refined.alternatives)], messages)
 
 
 def _sampled(

@@ -34,6 +34,7 @@ from uavgram.stages.judge import (
     judge_unchecked,
     judge_weakest,
     run_tests,
+    withheld_values,
 )
 
 
@@ -79,17 +80,16 @@ def judge_survey(
     """
     significance = inputs.project.solve.significance
     lines, index = inputs.lines, assembled.line_index
-    examined = run_tests(refined, measured, significance)
+    withheld = withheld_values(refined.adjustment, lines, check)
+    examined = run_tests(refined, measured, significance, withheld)
     picks, pick_effects = judge_picks(
         examined, inputs.picks, assembled.pick_sigma_px, assembled.pick_index
     )
     line_results, line_checks, line_effects, line_messages = judge_lines(examined, lines, index)
     known, known_messages = judge_known(examined, inputs.known)
     point_checks, unseen_messages = judge_points(refined.adjustment, check, significance)
-    overall, overall_messages = judge_overall(refined.adjustment, lines, check, significance)
-    groups, group_messages = judge_groups(
-        refined.adjustment, significance, explained=refined.accused_alone
-    )
+    overall, overall_messages = judge_overall(refined.adjustment, withheld, significance)
+    groups, group_messages = judge_groups(refined.adjustment, significance)
     fit = fit_of(refined, line_results, known, point_checks, overall)
     return Judgement(
         examined=examined,

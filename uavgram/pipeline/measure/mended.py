@@ -43,6 +43,7 @@ def with_mends(inputs: Inputs, assembled: Assembled, causes: Iterable[Cause]) ->
                 inputs.lines,
                 {line[k]: value for k, value in mend.length_m.items()},
                 {line[k]: (label[a], label[b]) for k, (a, b) in mend.ends.items()},
+                {line[k] for k in mend.level},
             ),
         )
     return inputs
@@ -58,11 +59,18 @@ def _picks(picks: Picks, label: dict[int, str], pixel_px: dict[int, tuple[float,
 
 
 def _lines(
-    lines: KnownLines, length_m: dict[int, float], ends: dict[int, tuple[str, str]]
+    lines: KnownLines,
+    length_m: dict[int, float],
+    ends: dict[int, tuple[str, str]],
+    level: set[int],
 ) -> KnownLines:
     length, start, end = np.array(lines.length_m), list(lines.start), list(lines.end)
     for row, value in length_m.items():
         length[row] = value
     for row, (first, last) in ends.items():
         start[row], end[row] = first, last
-    return replace(lines, length_m=length, start=tuple(start), end=tuple(end))
+    along = lines.along
+    if level:
+        every = range(len(start))
+        along = tuple("horizontal" if k in level else lines.along_of(k) for k in every)
+    return replace(lines, length_m=length, start=tuple(start), end=tuple(end), along=along)

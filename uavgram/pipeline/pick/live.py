@@ -184,9 +184,13 @@ class LiveSurvey:
         if self.posed is None or not _alike(base.observed, observed):
             return None
         survey, picks = base.adjustment.survey, observed.picks
-        place = {key: i for i, key in enumerate(zip(picks.image, picks.label, strict=True))}
-        pairs = zip(survey.pick_frame, survey.pick_label, strict=True)
-        rows = [place[survey.frame_id[f], survey.label[k]] for f, k in pairs]
+        before = base.observed.picks
+        clicks = before.clicks
+        rows = []
+        for f, k, place in zip(survey.pick_frame, survey.pick_label, survey.pixel_px, strict=True):
+            own = clicks[survey.frame_id[f], survey.label[k]]
+            away = np.abs(before.pixel_px[own] - place).max(axis=1)
+            rows.append(own[int(away.argmin())])
         was, lines = (self._lines(one) for one in (base.observed, observed))
         taken = _project_lines(base.adjustment, was)
         if taken is None:

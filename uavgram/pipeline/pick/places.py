@@ -15,7 +15,7 @@ from uavgram.imaging.matching.matched import Sought
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.match.adjusting import UNEVEN_M
-from uavgram.pipeline.match.search import LEAST_PX
+from uavgram.pipeline.match.search import LEAST_PX, sought_at
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.match.agreement import contradicted
@@ -84,13 +84,7 @@ class Places:
 
     def sought(self, picks: Picks, rows: Ints) -> Sought:
         """Some of them as the matching takes them."""
-        found, at = self.predicted, self.row[rows]
-        return Sought(
-            source_px=picks.pixel_px[self.pick[rows]],
-            target_px=found.pixel_px[at],
-            covariance_px2=found.covariance_px2[at] + LEAST_PX**2 * np.eye(2),
-            affine=found.affine[at],
-        )
+        return sought_at(self.predicted, self.row[rows], picks.pixel_px[self.pick[rows]])
 
 
 @with_one_blas_thread

@@ -187,6 +187,7 @@ def _candidates(adjustment: Adjustment, places: _Places, pairs: Ints, sigma_m: f
     there = replace(
         state,
         point=point,
+        picked=np.zeros((0, problem.layout.point_size)),
         tie=np.zeros((0, problem.layout.point_size)),
         turning=np.zeros((len(state.center), 0)),
     )
@@ -217,6 +218,7 @@ def _only(
         height_above_m=np.zeros(count),
         height_sigma_m=np.zeros(count),
         is_free=np.zeros(count, dtype=np.bool_),
+        identification_sigma_m=np.zeros(count),
         area=np.zeros(count, dtype=np.int64),
         target_pick=np.zeros(0, dtype=np.int64),
         matches=NO_SIGHTINGS,

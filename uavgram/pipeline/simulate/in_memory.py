@@ -106,6 +106,7 @@ def project_of(scenario: Scenario, noise: str | None = None) -> Project:
             heading_bias_sigma_deg=stated.heading_bias_sigma_deg,
         ),
         picks_sigma_px=errors.pick_px,
+        picks_identification_sigma_m=stated.picks_identification_sigma_m,
         solve=SolveOptions(
             outliers=stated.outliers, noise="stated" if noise == "stated" else stated.noise
         ),

@@ -173,7 +173,9 @@ def picked_again(inputs: Inputs, truth: Truth, rng: np.random.Generator) -> Pick
     stated = again.sigma_px
     sigma = np.where(np.isnan(stated), inputs.project.picks_sigma_px, stated)
     noise = sigma[:, None] * rng.standard_normal((len(kept), 2))
-    pixel = truth.seen(inputs, f, truth.place_m[k]) + noise
+    beside = _beside(inputs, truth, rng)[k]
+    place = np.where(again.of_source("target")[:, None], truth.place_m[k], beside)
+    pixel = truth.seen(inputs, f, place) + noise
     found = np.flatnonzero(again.of_source("match"))
     from_px = again.from_px.copy()
     if len(found):
@@ -193,6 +195,14 @@ def picked_again(inputs: Inputs, truth: Truth, rng: np.random.Generator) -> Pick
         from_px=from_px,
         height_m=np.where(drawn, height[k], again.height_m),
     )
+
+
+def _beside(inputs: Inputs, truth: Truth, rng: np.random.Generator) -> Floats:
+    """(K, 3) what people pick for each label in all photos, on the ground beside what is meant."""
+    sigma = inputs.project.picks_identification_sigma_m
+    off = sigma * rng.standard_normal((len(truth.label), 2))
+    rise = np.sum(off * truth.slope, axis=1, keepdims=True)
+    return np.asarray(truth.place_m + np.concatenate([off, rise], axis=1))
 
 
 def _some(column: Any, rows: list[int]) -> Any:  # noqa: ANN401

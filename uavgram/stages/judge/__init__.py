@@ -2,6 +2,7 @@
 
 from uavgram.stages.judge.checks import judge_overall as judge_overall
 from uavgram.stages.judge.checks import judge_points as judge_points
+from uavgram.stages.judge.checks import withheld_values as withheld_values
 from uavgram.stages.judge.control_lines import judge_control_lines as judge_control_lines
 from uavgram.stages.judge.fit import Fit as Fit
 from uavgram.stages.judge.fit import fit_of as fit_of

@@ -5,23 +5,58 @@ They share poses, so their errors go together.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from uavgram.estimation.reliability.coordinate_faults import displaced, likely_fault
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.terms.tapes import Taped, taped_known
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.result.reliability import ChecksOverall
 from uavgram.model.result.tables import PointChecks
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints
 
 
-def judge_overall(
-    adjustment: Adjustment, lines: KnownLines, known: KnownWorldPoints, significance: float
-) -> tuple[ChecksOverall | None, tuple[Message, ...]]:
-    """One chi-square of all checks with their joint covariance; None where nothing was withheld.
+@dataclass(frozen=True, eq=False)
+class Withheld:
+    """C withheld readings and coordinates beside what was found.
+
+    Attributes
+    ----------
+    names
+        Of the K lengths and points, the lengths first.
+    lengths
+        Number of the lengths.
+    of
+        (C,) which of them each value is of.
+    stated, error
+        (C,) what was given, and what was found minus that [m].
+    solved
+        (size, C) covariance of the unknowns times the gradients of the values.
+    joint
+        (C, C) covariance of the errors.
+    """
+
+    names: tuple[str, ...]
+    lengths: int
+    of: Ints
+    stated: Floats
+    error: Floats
+    solved: Floats
+    joint: Floats
+
+    def fits(self, limit: float) -> Bools:
+        """(C,) which values are no more than so many of their sigmas off."""
+        return np.asarray(np.abs(self.error) <= limit * np.sqrt(np.diag(self.joint)))
+
+
+def withheld_values(
+    adjustment: Adjustment, lines: KnownLines, known: KnownWorldPoints
+) -> Withheld | None:
+    """Find what was withheld in an adjusted survey; None where nothing was, or was seen.
 
     Parameters
     ----------
@@ -31,39 +66,65 @@ def judge_overall(
         All known lengths; the withheld ones that were seen are judged.
     known
         Check points; judged where coordinates mean something.
-    significance
-        Probability below which the checks as a whole are said not to fit.
     """
     start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
     row = np.flatnonzero(~lines.adjust & (start >= 0) & (end >= 0))
-    withheld = row.tolist()
     label = _judged_rows(adjustment, known)
-    chosen = np.flatnonzero(label >= 0).tolist()
-    if not withheld and not chosen:
-        return None, ()
+    chosen = np.flatnonzero(label >= 0)
+    if not len(row) and not len(chosen):
+        return None
     taped = taped_known(lines, row, start[row], end[row])
     value, unknown, gradient = _values(adjustment, taped, label[chosen])
-    stated = np.concatenate([lines.length_m[withheld], known.world_m[chosen].ravel()])
-    sigma = np.concatenate([lines.sigma_m[withheld], known.sigma_m[chosen].ravel()])
-    error = value - stated
-    joint = adjustment.minimum.factor.covariances(unknown, gradient) + np.diag(sigma**2)
+    stated = np.concatenate([lines.length_m[row], known.world_m[chosen].ravel()])
+    sigma = np.concatenate([lines.sigma_m[row], known.sigma_m[chosen].ravel()])
+    right = np.zeros((adjustment.minimum.factor.size, len(value)))
+    np.add.at(right, (unknown, np.arange(len(value))[:, None]), gradient)
+    solved = adjustment.minimum.factor.solve(right)
+    joint = right.T @ solved
+    joint = 0.5 * (joint + joint.T) + np.diag(sigma**2)
     tapes = adjustment.unlearnt(taped, value[: len(row)])
     joint[: len(row), : len(row)] += tapes @ tapes.T
+    return Withheld(
+        names=(*(lines.name[i] for i in row), *(known.label[i] for i in chosen)),
+        lengths=len(row),
+        of=np.concatenate([np.arange(len(row)), len(row) + np.arange(3 * len(chosen)) // 3]),
+        stated=stated,
+        error=value - stated,
+        solved=solved,
+        joint=joint,
+    )
+
+
+def judge_overall(
+    adjustment: Adjustment, withheld: Withheld | None, significance: float
+) -> tuple[ChecksOverall | None, tuple[Message, ...]]:
+    """One chi-square of all checks with their joint covariance; None where nothing was withheld.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    withheld
+        What was withheld of it.
+    significance
+        Probability below which the checks as a whole are said not to fit.
+    """
+    if withheld is None:
+        return None, ()
+    error, joint, lengths = withheld.error, withheld.joint, withheld.lengths
     squared = float(error @ np.linalg.solve(joint, error))
-    share = np.abs(error[: len(withheld)]) / lines.length_m[withheld]
+    share = np.abs(error[:lengths]) / withheld.stated[:lengths]
     overall = ChecksOverall(
         count=len(error),
         chi2=squared,
         probability=upper_tail(squared, len(error)),
         rms_error_m=float(np.sqrt(np.mean(error**2))),
-        mean_error_percent=float(100.0 * share.mean()) if withheld else np.nan,
+        mean_error_percent=float(100.0 * share.mean()) if lengths else np.nan,
     )
     if overall.probability >= significance or not adjustment.minimum.converged:
         return overall, ()
-    names = [lines.name[i] for i in withheld] + [known.label[i] for i in chosen]
-    of = np.concatenate([np.arange(len(withheld)), len(withheld) + np.arange(3 * len(chosen)) // 3])
-    off = _off_alone(error, joint, of, significance)
-    return overall, (_message(overall, names, off, len(withheld)),)
+    off = _off_alone(error, joint, withheld.of, significance)
+    return overall, (_message(overall, list(withheld.names), off, lengths),)
 
 
 def _judged_rows(adjustment: Adjustment, known: KnownWorldPoints) -> Ints:

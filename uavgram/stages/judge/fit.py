@@ -102,8 +102,6 @@ def judge_fit(fit: Fit, refined: Refined) -> tuple[Message, ...]:
         "look at what the other messages name, at the labels, the unit of the lengths, the camera "
         "file and whether the ground is plane"
     )
-    if refined.accused_alone:
-        why, look = "", "one message names it, and without it everything else fits"
     text = (
         f"Picks, lengths and ground {what}{why}. Do not {verb} the numbers before it is cleared "
         f"up: {look} (probability by chance {fit.core:.1g})."

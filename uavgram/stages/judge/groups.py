@@ -30,14 +30,13 @@ generous, and surveys in good order lie above."""
 
 
 def judge_groups(
-    adjustment: Adjustment, significance: float, *, explained: bool = False
+    adjustment: Adjustment, significance: float
 ) -> tuple[tuple[GroupFactor, ...], tuple[Message, ...]]:
     """Variance factor of each group of observations; a message on each that is too large.
 
     And one where that of the whole is far too small.
 
-    No message where one observation explains them all (`explained`), which is named as such, nor
-    where the adjustment did not come to rest.
+    No message where the adjustment did not come to rest.
 
     Parameters
     ----------
@@ -45,10 +44,8 @@ def judge_groups(
         The adjusted survey.
     significance
         Probability of suspecting anything where all is in order.
-    explained
-        Whether one observation explains every misfit.
     """
-    silent = explained or not adjustment.minimum.converged
+    silent = not adjustment.minimum.converged
     groups, messages = [], []
     for name, block in adjustment.minimum.blocks.items():
         if name in NOT_JUDGED:

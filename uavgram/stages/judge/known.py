@@ -125,7 +125,7 @@ def _fit_of_observed(examined: TestedSurvey, columns: dict[str, Floats]) -> None
 
 def _rows(examined: TestedSurvey) -> Iterator[tuple[KnownThing, Ints]]:
     """Each thing that takes part, and its rows in their group."""
-    tested = examined.refined.tested
+    tested = examined.refined.adjustment
     for k, thing in enumerate(tested.problem.known):
         yield thing, np.flatnonzero(tested.problem.known_thing == k)
 

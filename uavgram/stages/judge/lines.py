@@ -15,6 +15,7 @@ from uavgram.estimation.survey.terms.tapes import taped_known
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.message import Message, Several
+from uavgram.model.naming import listed
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
 from uavgram.model.survey.observations import KnownLines
@@ -176,6 +177,8 @@ def _left_out(
     gross = {r.index for r in refined.removals if r.kind == "line" and r.before is None}
     gross -= {int(survey_index[i]) for i, name in enumerate(lines.name) if name in refined.settled}
     out = [i for i, index in enumerate(survey_index) if int(index) in gross]
+    if out and refined.rival_lines:
+        return (_one_of(refined, lines, out),)
     what = {i: _mistake(lines, i, seen_m[i], sigma_m[i]) for i in out}
     alike = {i: what[i] or i for i in out}  # unknown mistakes: each alone
     groups = [[i for i in out if alike[i] == key] for key in dict.fromkeys(alike.values())]
@@ -197,6 +200,25 @@ def _left_out(
             )
         )
     return tuple(told)
+
+
+def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:
+    """The message on lengths of which one is wrong, and nothing shows which."""
+    names = {lines.name[i] for i in out} | refined.rival_lines
+    rows = [i for i, name in enumerate(lines.name) if name in names]
+    each = tuple(lines.name[i] for i in rows)
+    text = (
+        f"One of the lengths {listed(map(repr, each))} is wrong: all the rest fits without any one "
+        f"of them, and nothing shows which. {lines.name[out[0]]!r} was left out. Tape one of them "
+        "again, or another line."
+    )
+    return Message(
+        "warning",
+        "blunder-not-located",
+        text,
+        lengths=each,
+        labels=tuple(dict.fromkeys(chain(*((lines.start[i], lines.end[i]) for i in rows)))),
+    )
 
 
 def _mistake(lines: KnownLines, i: int, seen_m: float, sigma_m: float) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.reliability.redundancy import reliability
-from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import PickResults, PickStatus
@@ -44,7 +44,9 @@ def judge_picks(
     for i in used:
         status[i] = "suspect" if suspect[row[i]] else "used"
     given = np.flatnonzero(survey_index >= 0)
-    for i in given[refined.pick_removed[survey_index[given]]]:
+    removed = refined.pick_removed.copy()
+    removed[[k for k, why in refined.pick_reason.items() if why.cause is LeftOutCause.GROSS]] = True
+    for i in given[removed[survey_index[given]]]:
         status[i] = "removed"
     for left in refined.matches_left_out:
         status[left] = "removed"

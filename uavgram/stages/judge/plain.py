@@ -34,6 +34,9 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     "lengths-wrong-unit": ("All lengths seem to be in another unit than metres.",) * 2,
     "lengths-factor": ("The lengths seem to be all too long, or too short, by one factor.",) * 2,
     "lengths-offset": ("The lengths seem to be all off by the same amount.",) * 2,
+    "lengths-level": ("All lengths seem to have been taped level, on ground that slopes.",) * 2,
+    "photos-mirrored": ("All photos seem to have been mirrored when they were picked.",) * 2,
+    "control-shifted": ("All control points are shifted by the same amount.",) * 2,
     "mount-turned": ("The camera looks another way than the project says.",) * 2,
     "gimbal-off": ("The camera looks another way than the log says.",) * 2,
     "clock-off": ("The camera's clock is off by more than was said to be possible.",) * 2,
@@ -63,6 +66,10 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     "pick-suspect": (
         "The pick of {labels} in {frames} does not fit.",
         "{count} picks do not fit: of {labels} in {frames}.",
+    ),
+    "picks-contradict": (
+        "The picks of {labels} in {frames} contradict each other.",
+        "The picks of {labels} contradict each other, in {frames}.",
     ),
     "line-suspect": ("{lengths} does not fit the rest.", "{lengths} do not fit the rest."),
     "known-suspect": ("What is known of {labels} does not fit the rest.",) * 2,
@@ -124,8 +131,9 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     "checks-misfit": ("The withheld lengths and points are further off than they should be.",) * 2,
     "ground-not-plane": ("The ground is not flat.",) * 2,
     "picks-less-exact": ("The picks are less exact than stated.",) * 2,
+    "lengths-less-exact": ("The taped lengths are less exact than stated.",) * 2,
     # What nothing decides or checks.
-    "nothing-checks": ("Nothing checks {measurements}.",) * 2,
+    "nothing-checks": ("{measurements} is not checked.", "{measurements} are not checked."),
     "ambiguous-pose": ("The cameras may stand elsewhere: two solutions fit as well.",) * 2,
     "three-lengths": ("Nothing checks the three lengths.",) * 2,
     "three-known": ("Nothing checks the three things that are known.",) * 2,

@@ -7,7 +7,7 @@ from collections.abc import Collection
 import numpy as np
 
 from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
-from uavgram.estimation.reliability.test_statistics import Observed, observed
+from uavgram.estimation.reliability.test_statistics import Observed
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.tables import MeasurementResults
@@ -27,7 +27,7 @@ def is_moved(examined: TestedSurvey) -> Bools:
 
     By as much as it takes part in the result, which gives little weight to what stands out.
     """
-    measured, refined = examined.measured, examined.refined
+    measured = examined.measured
     sigma = np.where(measured.sigma > 0, measured.sigma, np.inf)
     moved = np.zeros(len(sigma), dtype=np.bool_)
     members = [
@@ -35,9 +35,8 @@ def is_moved(examined: TestedSurvey) -> Bools:
     ]
     if not members or not len(sigma):
         return moved
-    groups = examined.groups if refined.full_weight is None else observed(refined.adjustment)
     for member in members:
-        change = _change_without(groups[member.kind], member, measured.solved)
+        change = _change_without(examined.groups[member.kind], member, measured.solved)
         moved |= np.abs(change) > MOVED * sigma
     return moved
 

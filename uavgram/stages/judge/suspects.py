@@ -157,26 +157,24 @@ def _length(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     adjusted = taped + examined.residuals("lengths")[row, 0]
     what = examined.names.length(row)
     how = f"taped {taped:.3f} m, adjusted {adjusted:.3f} m (w = {suspicion.w:.1f})"
-    alone = " Without it, everything else fits." if examined.refined.accused_alone else ""
     return (
         f"The length {what} does not fit: {how}. Look at the reading, at its ends and at their "
-        f"picks.{alone}",
+        f"picks.",
         f"{what} {how}",
     )
 
 
 def _known(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
-    problem, row = examined.refined.tested.problem, suspicion.accused.row
+    problem, row = examined.refined.adjustment.problem, suspicion.accused.row
     thing = problem.known[problem.known_thing[row]]
     own = np.flatnonzero(problem.known_thing == problem.known_thing[row])
     off = examined.residuals("known")[own, 0]
     what = examined.names.known(row)
     how = f"{departure(thing, off)} (w = {suspicion.w:.1f})"
-    alone = " Without it, everything else fits." if examined.refined.accused_alone else ""
     given = "value" if thing.position is None else "coordinates"
     return (
         f"The known {what} does not fit: {how}. Look at its {given}, at its points and at their "
-        f"picks.{alone}",
+        f"picks.",
         f"{what} {how}",
     )
 
@@ -221,7 +219,7 @@ def _pose(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
 
 
 def _tape(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
-    adjustment, row = examined.refined.tested, suspicion.accused.row
+    adjustment, row = examined.refined.adjustment, suspicion.accused.row
     # Without its prior the scale would be the estimate over the prior's redundancy.
     free = adjustment.state.tape[row] / examined.groups["tape"].redundancy[row, 0]
     what = examined.names.tape(row)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from itertools import islice
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,7 +12,9 @@ from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS, suspicio
 from uavgram.estimation.reliability.external import Weakest, Worst, external_reliability
 from uavgram.estimation.reliability.redundancy import critical_value
 from uavgram.estimation.reliability.test_statistics import (
+    READINGS,
     Observed,
+    cofactors,
     observed,
     sigmas_of_readings,
 )
@@ -23,6 +24,10 @@ from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.estimation.survey.terms.known_terms import known_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.reliability import Effects
+from uavgram.stages.judge.checks import Withheld
+
+CERTAIN = 1e12
+"""Cofactor of a reading in which no gross error is possible."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +137,13 @@ def effects_on(measured: MeasuredValues, on: Ints, change: Floats) -> Effects:
     )
 
 
-def run_tests(refined: Refined, measured: MeasuredValues, significance: float) -> TestedSurvey:
-    """Test every observation and prior, and propagate what would stay undetected.
+def run_tests(
+    refined: Refined,
+    measured: MeasuredValues,
+    significance: float,
+    withheld: Withheld | None = None,
+) -> TestedSurvey:
+    """Test every observation and prior, and propagate errors that would stay undetected.
 
     Parameters
     ----------
@@ -143,36 +153,51 @@ def run_tests(refined: Refined, measured: MeasuredValues, significance: float) -
         The measured values.
     significance
         Of the test for blunders.
+    withheld
+        Values that take no part; those that fit test the readings, too.
     """
-    groups = observed(refined.tested)
-    worst, weakest = external_reliability(groups, _at_full_weight(refined, measured), significance)
+    groups = observed(refined.adjustment)
+    shown = _shown(refined.adjustment, groups, withheld, critical_value(significance))
+    worst, weakest = external_reliability(groups, measured, significance, shown)
     return TestedSurvey(
         refined=refined,
         groups=groups,
         suspicions=_suspicions(refined, groups, significance),
         worst=worst,
         weakest=weakest,
-        names=Names(refined.tested),
+        names=Names(refined.adjustment),
         measured=measured,
         significance=significance,
     )
 
 
-def _at_full_weight(refined: Refined, measured: MeasuredValues) -> MeasuredValues:
-    """The measured values as they hang on the observations that are tested."""
-    if refined.full_weight is None or not measured.rows:
-        return measured
-    return replace(measured, solved=refined.full_weight.minimum.factor.solve(measured.gradient))
+def _shown(
+    adjustment: Adjustment, groups: dict[str, Observed], withheld: Withheld | None, limit: float
+) -> dict[str, Floats]:
+    """(n, a, a) cofactor matrices of each group of readings: how much of their errors shows.
+
+    With withheld values they are those that readings would have if these took part.
+    """
+    blocks = {kind: groups[kind].block for kind in READINGS if kind in groups}
+    shown = {kind: cofactors(block, adjustment.covariance) for kind, block in blocks.items()}
+    if withheld is not None and (fits := withheld.fits(limit)).any():
+        weight = np.linalg.inv(withheld.joint[np.ix_(fits, fits)])
+        for kind, block in blocks.items():
+            response = block.times(slice(None), withheld.solved[:, fits])
+            shown[kind] += response @ weight @ response.swapaxes(1, 2)
+    # The code of a target says which point it is: no pick of it can be of another place.
+    shown["pixels"][adjustment.survey.target_pick] += CERTAIN * np.eye(2)
+    return shown
 
 
 def _suspicions(
     refined: Refined, groups: dict[str, Observed], significance: float
 ) -> tuple[Suspicion, ...]:
-    if not refined.tested.minimum.converged:
+    adjustment = refined.adjustment
+    if not adjustment.minimum.converged:
         return ()
-    found = suspicions(refined.tested, groups, significance, refined.accused)
-    some = islice(found, 1) if refined.accused_alone else found
-    return tuple(one for one in some if not _is_lone_tape(refined.tested, one))
+    found = suspicions(adjustment, groups, significance)
+    return tuple(one for one in found if not _is_lone_tape(adjustment, one))
 
 
 def _is_lone_tape(adjustment: Adjustment, suspicion: Suspicion) -> bool:

@@ -1,6 +1,8 @@
-"""Measurements that nothing checks: an error of a reading that no test finds would move them far.
+"""Measurements that nothing checks: a gross error of a reading would move them far, and not show.
 
-However small their sigmas are: these only say what errors of the stated size do.
+However small or large their sigmas are: these only include errors of the stated size. A click is
+checked by a click in another photo, by a second one in the same photo, and by lengths, known
+things, control and checks at its point; a match repeats its source's click and checks nothing.
 """
 
 from __future__ import annotations
@@ -10,8 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.estimation.measuring.next_length import next_line
-from uavgram.estimation.reliability.external import UNCHECKED, largest_unseen
-from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.reliability.external import LARGEST_SIGMAS, Unseen
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
@@ -19,94 +20,92 @@ from uavgram.model.remedy import Remedy
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.remedies import to_tape
 
-FAR = 5.0
-"""Sigmas by which a reading may move a measurement unseen, beyond which nothing checks it. In clean
-surveys of nine photos and six lengths, distances between points in one photo lie between 7.7 and 41
-(37 of them), those between points in two photos at 3.4 (median; 1 in 20 beyond 5), in three at 2.5;
-where one length and the log give the scale, at 5 to 7."""
-
 MOST_NAMED = 5
+
+NEVER = LARGEST_SIGMAS / 10
+"""Sigmas of a reading from which on an error is said not to show at all."""
 
 
 def is_unchecked(examined: TestedSurvey) -> Bools:
-    """(M,) which measurements an error in a single reading would move far, and nothing show it."""
-    sigma, weakest = examined.measured.sigma, examined.weakest
-    moved = np.array([abs(one.reading_change) for one in weakest])
-    return np.asarray(moved > FAR * np.where(sigma > 0, sigma, np.inf), dtype=np.bool_)
+    """(M,) which measurements an error in a single reading would move far, and no test show it."""
+    return np.array([bool(one.unseen) for one in examined.weakest], dtype=np.bool_)
 
 
 def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
-    """What nothing checks, the worst of it in numbers, and what would check it.
+    """Name the measurements that nothing checks, and what would check them.
 
-    One message on what hangs on picks, one on what hangs on lengths and other things known.
+    One message on those that hang on clicks, one on those that hang on lengths, known things and
+    control points; the worst measurement gives the numbers.
     """
-    rows = np.flatnonzero(is_unchecked(examined))
-    weakest, sigma = examined.weakest, examined.measured.sigma
-    rows = rows[np.argsort([-abs(weakest[i].reading_change) / sigma[i] for i in rows])]
-    alike: dict[bool, list[int]] = {}
-    for i in rows.tolist():
-        alike.setdefault(_is_pick(weakest[i].reading), []).append(i)
-    for own in alike.values():
-        names = tuple(examined.measured.name[i] for i in own)
-        text = (
-            f"Nothing checks {listed(map(repr, names))}: {_why(examined, own[0])}. "
-            f"{_what_to_do(examined, weakest[own[0]].reading)}"
-        )
-        mend = _to_tape(examined, weakest[own[0]].reading)
-        yield Message("warning", "nothing-checks", text, measurements=names, mend=mend)
+    for clicks in (True, False):
+        found = {
+            i: [one for one in weakest.unseen if (one.member.kind == "pixels") == clicks]
+            for i, weakest in enumerate(examined.weakest)
+        }
+        sigma = examined.measured.sigma
+        rows = [i for i in found if found[i]]
+        rows.sort(key=lambda i: -abs(found[i][0].change) / sigma[i])
+        if rows:
+            yield _message(examined, rows, found, clicks=clicks)
 
 
-def _is_pick(member: Member | None) -> bool:
-    return member is not None and member.kind == "pixels"
+def _message(
+    examined: TestedSurvey, rows: list[int], found: dict[int, list[Unseen]], *, clicks: bool
+) -> Message:
+    names = tuple(examined.measured.name[i] for i in rows)
+    are = "are" if len(rows) > 1 else "is"
+    worst = found[rows[0]][0]
+    numbers = _numbers(examined, rows[0], worst)
+    labels: tuple[str, ...] = ()
+    mend = None
+    if clicks:
+        every = (one.member.row for i in rows for one in found[i])
+        labels = tuple(dict.fromkeys(examined.names.pick(row)[1] for row in every))
+        what = f"a wrong click on {listed(labels, MOST_NAMED, link='or')}"
+        it = "them" if len(labels) > 1 else "it"
+        action = f"Mark {listed(labels, MOST_NAMED)} in one more photo, or click {it} again"
+        plain = f"Not checked: m{action[1:]}."
+    else:
+        what = f"an error in the {examined.names.observation(worst.member)}"
+        action, mend = _second_reading(examined, worst)
+        plain = f"Not checked: {what} would not be noticed."
+    text = (
+        f"{listed(map(repr, names), MOST_NAMED)} {are} not checked: {what} would not be noticed "
+        f"({numbers}). {action}."
+    )
+    return Message(
+        "warning",
+        "nothing-checks",
+        text,
+        measurements=names,
+        labels=labels,
+        plain=plain,
+        mend=mend,
+    )
 
 
-def _why(examined: TestedSurvey, row: int) -> str:
+def _numbers(examined: TestedSurvey, row: int, worst: Unseen) -> str:
     """The smallest error that would show, and what it does to a measurement."""
-    member, change = examined.weakest[row].reading, abs(examined.weakest[row].reading_change)
-    assert member is not None  # noqa: S101  (it moves the measurement)
-    measured = examined.measured
-    what = examined.names.observation(member)
-    unit = measured.unit[row]
-    moves = f"would move {measured.name[row]!r} by {change:.2g} {unit}"
-    size, own = _size(examined, member)
-    if examined.groups[member.kind].redundancy[member.row, member.axis] > UNCHECKED:
-        return f"an error in the {what} shows only from {size:.2g} {own} on, which {moves}"
-    return f"no error in the {what} would show, and one of {size:.2g} {own} {moves}"
-
-
-def _size(examined: TestedSurvey, member: Member) -> tuple[float, str]:
-    """Of the error that was reckoned with, and its unit."""
-    group = examined.groups[member.kind]
-    at = member.row, member.axis
-    if group.redundancy[at] > UNCHECKED:
-        return examined.bias(member)
+    measured, member = examined.measured, worst.member
+    what = f"the {examined.names.observation(member)}"
+    if worst.sigmas > NEVER:
+        return f"no test shows any error in {what}"
     unit, factor = examined.names.unit(member)
-    return float(largest_unseen(group, examined.significance) * group.scale[at]) * factor, unit
+    size = worst.sigmas * float(examined.groups[member.kind].scale[member.row, member.axis])
+    return (
+        f"in {what} only one from {size * factor:.2g} {unit} on, which would move "
+        f"{measured.name[row]!r} by {worst.change:.2g} {measured.unit[row]}"
+    )
 
 
-def _to_tape(examined: TestedSurvey, member: Member | None) -> Remedy | None:
-    """The length to tape next; None where that is not what would check it."""
-    advice = next_line(examined.adjustment)
-    if advice is None or (member is not None and member.kind in ("pixels", "control")):
-        return None
-    name = examined.adjustment.survey.label
-    return to_tape(name[advice.start], name[advice.end], advice.length_m)
-
-
-def _what_to_do(examined: TestedSurvey, member: Member | None) -> str:
-    if member is not None and member.kind == "pixels":
-        label = examined.names.pick(member.row)[1]
-        return (
-            f"Look at that pick once more, and pick {label!r} in another photo too or tape a line "
-            "that ends there."
-        )
-    if member is not None and member.kind == "control":
-        return "Look at its coordinates once more, or give another control point."
+def _second_reading(examined: TestedSurvey, worst: Unseen) -> tuple[str, Remedy | None]:
+    """The reading that would check another one."""
+    if worst.member.kind == "control":
+        return "Look at its coordinates once more, or give another control point", None
     advice = next_line(examined.adjustment)
     if advice is None:
-        return "Tape another line, or give another thing that is known."
+        return "Tape another line, or give another thing that is known", None
     name = examined.adjustment.survey.label
-    return (
-        f"Tape next from {name[advice.start]!r} to {name[advice.end]!r}, about "
-        f"{advice.length_m:.1f} m."
-    )
+    ends = name[advice.start], name[advice.end]
+    words = f"Tape next from {ends[0]!r} to {ends[1]!r}, about {advice.length_m:.1f} m"
+    return words, to_tape(*ends, advice.length_m)

@@ -1,4 +1,9 @@
-"""The one verdict on a result: red, amber or green, and why; it follows the messages."""
+"""The one verdict on a result: red, amber or green, and why; it follows the messages.
+
+The colours predict. Green: everything fits, and a gross error in any single reading would have been
+noticed. Red: readings contradict each other, and no single one of them explains it. Without a
+measurement there is nothing to predict, and no verdict.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +17,15 @@ from uavgram.stages.judge.plain import plain_sentence
 from uavgram.stages.judge.statuses import statuses
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
-BENDING = frozenset(
+CONTRADICTING = frozenset(
     {
         *("not-converged", "many-suspects", "too-many-blunders", "lengths-contradict"),
-        *("odd-height", "mount-turned", "labels-swapped-everywhere"),
-        *("lengths-factor", "lengths-offset", "lengths-wrong-unit"),
+        *("labels-swapped-everywhere", "mount-turned"),
+        *("lengths-factor", "lengths-offset", "lengths-wrong-unit", "lengths-level"),
+        *("control-shifted", "photos-mirrored"),
     }
 )
-"""Codes of what contradicts, or bends, everything: nothing is to be used."""
+"""Codes of what contradicts everything: nothing is to be used."""
 
 TAKING_PART = frozenset(
     {
@@ -27,7 +33,7 @@ TAKING_PART = frozenset(
         *("telemetry-strained", "check-suspect", "blunder-not-located", "blunder-kept"),
         *("labels-swapped", "label-elsewhere", "line-wrong-unit", "line-wrong-digit"),
         *("line-other-ends", "lines-exchanged", "other-camera", "photo-mirrored", "photo-turned"),
-        *("photo-elsewhere",),
+        *("photo-elsewhere", "picks-contradict"),
     }
 )
 """Codes of what does not fit and still takes part: what is measured at its labels is in doubt."""
@@ -36,28 +42,19 @@ NOT_FITTING = frozenset(
     {
         *("line-left-out", "known-left-out", "control-left-out", "pick-left-out"),
         *("frame-left-out", "line-removed", "known-removed", "pick-removed"),
-        *("line-duplicate", "known-duplicate", "group-misfit", "checks-misfit", "misfit"),
+        *("group-misfit", "checks-misfit", "misfit"),
         *("camera-contradicted", "point-off-ground", "other-zoom", "readout-left-out"),
         *("clock-off", "gimbal-off", "clock-jumps", "log-of-another-day"),
+        *("line-unseen", "known-unseen"),
         *("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
-        *("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
     }
 )
 """Codes of what does not fit, and was dealt with or is no single observation."""
 
-LEARNT = frozenset({"ground-not-plane", "picks-less-exact"})
-"""Codes of errors that are larger than stated, as the residuals show: where these do not show it
-clearly (`UNCLEAR`), that is learnt as a precaution, and no misfit."""
-
-UNCLEAR = 0.01
-
 UNCHECKED = frozenset(
-    {
-        *("nothing-checks", "ambiguous-pose", "three-lengths", "three-known", "measurement-null"),
-        *("line-unseen", "known-unseen"),
-    }
+    {"nothing-checks", "ambiguous-pose", "three-lengths", "three-known", "measurement-null"}
 )
-"""Codes of what nothing decides or checks, and of what is not used as a label is missing."""
+"""Codes of what nothing decides or checks: reasons where a measurement is not in order."""
 
 
 def pass_verdict(
@@ -83,7 +80,7 @@ def pass_verdict(
         Codes of causes that bend the result, or measurements of it, no longer: it was mended.
     """
     still = [m for m in messages if m.code not in put_right]
-    bent = fit.core < CONTRADICTED or any(m.code in BENDING for m in still)
+    bent = fit.core < CONTRADICTED or any(m.code in CONTRADICTING for m in still)
     status = statuses(
         table,
         examined,
@@ -91,17 +88,20 @@ def pass_verdict(
         contradicted=fit.check_labels,
         in_doubt={label for m in still if m.code in TAKING_PART for label in m.labels},
     )
-    told = BENDING | TAKING_PART | NOT_FITTING | UNCHECKED
-    told |= LEARNT if fit.stated < UNCLEAR else frozenset()
+    is_ok = all(one == "ok" for one in status)
+    codes = CONTRADICTING | TAKING_PART | NOT_FITTING
+    codes |= UNCHECKED if not is_ok else frozenset()
     if any(m.code == "misfit" for m in messages):
-        told -= {"group-misfit"}  # the same, of parts of it
-    # What a cause explains is told as information, and is no reason of its own.
-    reasons = [reason_of(m) for m in messages if m.code in told and m.level != "info"]
+        codes -= {"group-misfit"}  # the same, of parts of it
+    # What a cause explains is reported as information, and is no reason of its own.
+    reasons = [reason_of(m) for m in messages if m.code in codes and m.level != "info"]
     reasons.sort(key=lambda one: one.cause in UNCHECKED)  # a misfit comes before what is unchecked
-    level: VerdictLevel = "amber" if reasons or any(one != "ok" for one in status) else "green"
+    level: VerdictLevel | None = "amber" if reasons or not is_ok else "green"
     if bent or fit.checks < CONTRADICTED:
         level = "red"
         status = tuple("doubtful" if one == "ok" else one for one in status)
+    if not status:
+        level = None
     return Verdict(level=level, reasons=tuple(reasons)), status
 
 

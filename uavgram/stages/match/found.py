@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -100,6 +100,12 @@ class Record:
         }
         rest = {pair: one for pair, one in self.found.items() if pair not in pairs}
         return replace(self, found=rest).with_results(out)
+
+    def without_labels(self, labels: Collection[str]) -> Record:
+        """The record as if some labels had not been looked for."""
+        found = {pair: one for pair, one in self.found.items() if pair[1] not in labels}
+        missed = {pair: all_ for pair, all_ in self.missed.items() if pair[1] not in labels}
+        return Record(found, missed)
 
     @property
     def in_vain(self) -> dict[Pair, str]:

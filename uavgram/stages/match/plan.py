@@ -112,6 +112,6 @@ def lines_left(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
     record
         The search so far.
     """
-    tried = np.array([pair in record.missed for pair in candidates.pair], dtype=np.bool_)
-    there = np.array([pair in record.found for pair in candidates.pair], dtype=np.bool_)
-    return np.flatnonzero(candidates.is_alone & wanted & ~tried & ~there)
+    over = record.missed.keys() | record.found.keys()
+    is_open = np.array([pair not in over for pair in candidates.pair], dtype=np.bool_)
+    return np.flatnonzero(candidates.is_alone & wanted & is_open)

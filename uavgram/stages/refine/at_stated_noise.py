@@ -2,46 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.known_frames import odd_ones_out
-from uavgram.estimation.first_poses.line_poses import are_alone, odd_lines
-from uavgram.estimation.survey.adjustment import LeftOut, Refined
-from uavgram.estimation.survey.selection import select_picks
+from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.begin.starts import in_lens
-from uavgram.stages.refine.blunders.gross_control import (
-    control_beyond_doubt,
-    control_left_out,
-    doubtful_control,
-    without_control,
-)
-from uavgram.stages.refine.blunders.gross_known import known_beyond_doubt
-from uavgram.stages.refine.blunders.gross_lengths import (
-    doubtful,
-    fits,
-    wrong_beyond_doubt,
-)
-from uavgram.stages.refine.blunders.misfit import TRIAL
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.identify import Identified, identify
-from uavgram.stages.refine.causes.labels.heights import heights_by_causes
+from uavgram.stages.refine.causes.labels.heights import freed_heights
 from uavgram.stages.refine.minima import Participants, best_minima
-from uavgram.stages.refine.off_ground.heights import found_free, with_free
+from uavgram.stages.refine.off_ground.heights import with_free
 from uavgram.stages.refine.off_ground.unseen import with_unseen_heights
-from uavgram.stages.refine.remarks import (
-    contradiction,
-)
-from uavgram.stages.refine.robust_adjustment import adjust_survey
+from uavgram.stages.refine.robust import adjust_robustly
 
 TAKEN = "The results take it into account."
 
@@ -90,27 +71,44 @@ def adjusted_as_stated(
     """
     keep, reason = in_lens(given)
     keep &= ~removed
-    survey, refined, left_out = _without_gross_control(given, keep, reason)
-    off_ground = found_free(survey, refined)
-    survey = with_free(survey, off_ground)
+    none = np.zeros(len(given.line_start), dtype=np.bool_)
+    robust = adjust_robustly(Participants(given, keep, none, reason))
+    survey, refined, off_ground = robust.survey, robust.refined, list(robust.labels)
+    left_out = list(robust.messages(given))
     survey, refined, unseen = with_unseen_heights(survey, refined, [*off_ground, *shown])
     refined = replace(refined, pick_removed=removed)
-    found = identify(Standing(participants(survey, refined), refined, frozenset(off_ground)))
+    found = identify(Standing(participants(survey, refined), refined))
     causes = found.causes
-    back, up = (heights_by_causes(survey, causes, free=free) for free in (False, True))
-    if back or up:
-        before, off_ground = off_ground, sorted((set(off_ground) - back) | up)
+    if found.right or found.lines:
+        refined = replace(_exchanged(survey, refined, found), pick_removed=removed)
+    if up := freed_heights(survey, causes):
+        before, off_ground = off_ground, sorted({*off_ground, *up})
         survey = with_free(survey, off_ground, before)
         refined = replace(best_minima(participants(survey, refined)), pick_removed=removed)
     if options.noise == "estimate":
-        survey, refined, causes = _freed(
-            survey, refined, found, lambda one: _without_gross_known(one, keep, reason)
-        )
+        survey, refined, causes = _freed(survey, refined, found, keep, reason)
     return AtStatedNoise(given, survey, refined, off_ground, causes, (*left_out, *unseen))
 
 
+WRONG = LeftOut(LeftOutCause.MISPLACED_FRAME, "its picks fit once they are put back")
+
+
+def _exchanged(survey: Survey, refined: Refined, found: Identified) -> Refined:
+    """Adjusted without picks that are wrong, and with those that were left out for them."""
+    taking = participants(survey, refined)
+    keep = taking.keep.copy()
+    keep[list(found.right)] = True
+    reason = {k: why for k, why in taking.reason.items() if k not in found.right}
+    other = replace(taking, keep=keep, reason=reason).without_lines(sorted(found.lines))
+    try:
+        after = best_minima(other.without_picks(dict.fromkeys(sorted(found.wrong), WRONG)))
+    except GeometryError:
+        return refined
+    return after if after.adjustment.minimum.converged else refined
+
+
 def _freed(
-    survey: Survey, refined: Refined, found: Identified, adjust: Callable[[Survey], Refined]
+    survey: Survey, refined: Refined, found: Identified, keep: Bools, reason: dict[int, LeftOut]
 ) -> tuple[Survey, Refined, tuple[Cause, ...]]:
     """Adjusted anew without the prior knowledge that is wrong; as it was where that cannot be.
 
@@ -122,8 +120,8 @@ def _freed(
         Its adjustment.
     found
         Causes, and what each gives up.
-    adjust
-        What makes an adjustment of a survey.
+    keep, reason
+        (P,) picks that may take part, and why others do not.
     """
     known_less = survey
     causes = list(found.causes)
@@ -133,100 +131,14 @@ def _freed(
             causes[k] = replace(causes[k], message=replace(message, text=f"{message.text} {TAKEN}"))
     if known_less is survey:
         return survey, refined, found.causes
+    none = np.zeros(len(survey.line_start), dtype=np.bool_)
     try:
-        after = adjust(known_less)
+        after = adjust_robustly(Participants(known_less, keep, none, reason))
     except GeometryError:
         return survey, refined, found.causes
-    return known_less, replace(after, pick_removed=refined.pick_removed), tuple(causes)
-
-
-def _without_gross_control(
-    survey: Survey, keep: Bools, reason: dict[int, LeftOut]
-) -> tuple[Survey, Refined, list[Message]]:
-    """Adjusted without control points and lengths that are wrong beyond doubt.
-
-    The survey without these control points, the result, and what is to be said of them; those that
-    the result does not rule out come back.
-    """
-    out = doubtful_control(survey, keep)
-    while True:
-        rest = without_control(survey, out)
-        refined = _without_gross_known(rest, keep, reason)
-        control = np.flatnonzero(out)
-        wrong = control_beyond_doubt(survey, refined, control)
-        if wrong.all():
-            return rest, refined, list(control_left_out(survey, refined, control))
-        out = out.copy()
-        out[control[~wrong]] = False
-
-
-def _without_gross_known(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> Refined:
-    """Adjusted without the known things, and the lengths, that are wrong beyond doubt.
-
-    Only where all does not fit together at once is it asked what fits without any known thing; or,
-    where these place the photos, without which one the others agree: of lines of known position
-    too, without which nothing has a place.
-    """
-    wrong: frozenset[int] = frozenset()
-    if survey.known and not _fits_at_once(survey, keep, reason):
-        if are_alone(survey):
-            wrong = odd_lines(select_picks(survey, keep).survey)
-            return _without_gross_lengths(survey, keep, reason, wrong)
-        everything = frozenset(thing.index for thing in survey.known)
-        try:
-            rest = _without_gross_lengths(survey, keep, reason, everything)
-            wrong = known_beyond_doubt(survey, rest) if fits(rest) else wrong
-        except GeometryError:
-            wrong = odd_ones_out(select_picks(survey, keep).survey)
-    return _without_gross_lengths(survey, keep, reason, wrong)
-
-
-def _fits_at_once(survey: Survey, keep: Bools, reason: dict[int, LeftOut]) -> bool:
-    """Whether everything fits but for what is in doubt anyway."""
-    try:
-        return fits(best_minima(Participants(survey, keep, doubtful(survey, keep), reason), TRIAL))
-    except GeometryError:
-        return False
-
-
-def _without_gross_lengths(
-    survey: Survey,
-    keep: Bools,
-    reason: dict[int, LeftOut],
-    known_removed: frozenset[int] = frozenset(),
-) -> Refined:
-    """Adjusted without the lengths that are wrong beyond doubt.
-
-    It starts without all that are in doubt; those that the result does not rule out come back, and
-    so do all where too few are left.
-
-    Parameters
-    ----------
-    survey
-        All observations.
-    keep, reason
-        (P,) picks that take part, and why others do not.
-    known_removed
-        Numbers of known things that do not.
-    """
-    out = doubtful(survey, keep)
-    while True:
-        try:
-            taking = Participants(survey, keep, out, reason, known_removed)
-            refined = adjust_survey(taking, heights_sought=True)
-        except GeometryError as why:
-            if survey.telemetry is not None:
-                raise
-            if not out.any():
-                raise GeometryError(f"{why}{contradiction(survey, keep)}") from why
-            out = np.zeros_like(out)
-            continue
-        line = np.flatnonzero(out)
-        wrong = wrong_beyond_doubt(survey, refined, line)
-        if wrong.all():
-            return refined
-        out = out.copy()
-        out[line[~wrong]] = False
+    if not after.refined.adjustment.minimum.converged:
+        return survey, refined, found.causes
+    return after.survey, replace(after.refined, pick_removed=refined.pick_removed), tuple(causes)
 
 
 def participants(survey: Survey, refined: Refined) -> Participants:

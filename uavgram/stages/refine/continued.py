@@ -34,6 +34,9 @@ def carried(adjustment: Adjustment, problem: SurveyProblem) -> State:
     point = np.zeros((problem.layout.points, problem.layout.point_size))
     shared = min(point.shape[1], state.point.shape[1])
     point[:, :shared] = state.point[:, :shared]
+    picked = np.array(point[survey.identified])
+    _, new, kept = np.intersect1d(survey.identified, before.survey.identified, return_indices=True)
+    picked[new, :shared] = state.picked[kept, :shared]
     tie = np.zeros((problem.layout.ties, problem.layout.point_size))
     tie[:, :shared] = state.tie[:, :shared]
     relief = np.zeros(problem.layout.relief)
@@ -47,7 +50,18 @@ def carried(adjustment: Adjustment, problem: SurveyProblem) -> State:
     readout = state.readout
     if len(readout) != problem.layout.readout:
         readout = np.zeros(0) if survey.rolling is None else survey.rolling.first_value
-    return replace(state, point=point, tie=tie, relief=relief, readout=readout, turning=turning)
+    scale = dict(zip(before.tapes, state.tape.tolist(), strict=True))
+    tape = np.array([scale.get(name, 0.0) for name in problem.tapes])
+    return replace(
+        state,
+        point=point,
+        picked=picked,
+        tie=tie,
+        relief=relief,
+        readout=readout,
+        turning=turning,
+        tape=tape,
+    )
 
 
 def lines_used(adjustment: Adjustment) -> Bools:

@@ -75,6 +75,13 @@ class Participants:
         picks = np.flatnonzero(self.keep & (self.survey.pick_frame == frame))
         return self.without_picks(dict.fromkeys(picks.tolist(), why))
 
+    def without_frames(self, names: Sequence[str], why: LeftOut) -> Participants:
+        """The same without the picks of some frames, by name."""
+        taking = self
+        for name in names:
+            taking = taking.without_frame(self.survey.frame_id.index(name), why)
+        return taking
+
     def without_lines(self, lines: Sequence[int]) -> Participants:
         """The same without some known lengths."""
         removed = self.line_removed.copy()
@@ -91,7 +98,7 @@ def best_minima(taking: Participants, most: int | None = None) -> Refined:
     `pick_reason` of the result says why. The rest goes on. Without telemetry, frames in doubt
     begin once more in another pose, without a say in where others stand.
     """
-    refined = _minima_from(taking, first_values, most)
+    refined = minima_from(taking, first_values, most)
     if taking.survey.telemetry is not None:
         return refined
     picks = int(taking.keep.sum())
@@ -106,6 +113,19 @@ def best_minima(taking: Participants, most: int | None = None) -> Refined:
         if gain < LEAST_GAIN:
             break
     return refined
+
+
+TRIAL = 20
+"""Iterations of an adjustment that only has to show whether what was left out was the trouble:
+where it was, few are needed."""
+
+
+def trial_adjustment(taking: Participants, most: int | None = TRIAL) -> Refined | None:
+    """Adjust in few iterations, to see what a change does; None without a result."""
+    try:
+        return best_minima(taking, most)
+    except GeometryError:
+        return None
 
 
 def _with_rivals(best: Refined, other: Refined) -> Refined:
@@ -154,7 +174,7 @@ def _begun_elsewhere(
         return found
 
     with suppress(GeometryError):
-        return _minima_from(taking, begin, most)
+        return minima_from(taking, begin, most)
     return None
 
 
@@ -167,8 +187,10 @@ def _is_again(survey: Survey, values: FirstValues, of: Survey, earlier: FirstVal
     )
 
 
-def _minima_from(
-    taking: Participants, begin: Callable[[Survey], list[FirstValues]], most: int | None
+def minima_from(
+    taking: Participants,
+    begin: Callable[[Survey], list[FirstValues]],
+    most: int | None = None,
 ) -> Refined:
     """The best minimum, and its rivals, of those that some first values lead to.
 
@@ -302,6 +324,7 @@ def _minimise(
         telemetry=problem.telemetry_mean if layout.telemetry else np.zeros(0),
         tape=np.zeros(layout.tape),
         readout=np.zeros(0) if survey.rolling is None else survey.rolling.first_value,
+        picked=point[survey.identified],
         tie=tied[:, : layout.point_size],
         turning=np.zeros((layout.frames, layout.frame_size - 6)),
     )

@@ -99,6 +99,10 @@ def _with_labels(survey: Survey, labels: tuple[str, ...]) -> Survey:
         label=(*survey.label, *labels),
         height_above_m=np.append(survey.height_above_m, none),
         height_sigma_m=np.append(survey.height_sigma_m, none + departs),
+        identification_sigma_m=np.append(
+            survey.identification_sigma_m,
+            none + survey.identification_sigma_m.max(initial=0.0),
+        ),
         is_free=np.append(survey.is_free, none.astype(np.bool_)),
         area=np.append(survey.area, none.astype(np.int64)),
     )

@@ -26,11 +26,11 @@ from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.geometry.ground.relief import spread_knots
-from uavgram.model.arrays import Floats
-from uavgram.model.result.noise import AreaNoise, Noise, PickNoise, SurfaceShape
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.result.noise import AreaNoise, LearntSigma, Noise, PickNoise, SurfaceShape
 from uavgram.model.survey.survey import Relief, Survey
-from uavgram.stages.refine.blunders.outstanding import Outstanding, outstanding
 from uavgram.stages.refine.continued import carried, continued, lines_used
+from uavgram.stages.refine.outstanding import Outstanding, outstanding
 
 STATED_WEIGHT = 20.0
 """Of the stated sigma of picks, as so many residuals."""
@@ -38,14 +38,24 @@ STATED_WEIGHT = 20.0
 STATED_ROUGHNESS_WEIGHT = 5.0
 """The same of a stated roughness; a ground that nobody said to be rough has no such prior."""
 
+STATED_IDENTIFICATION_WEIGHT = 5.0
+"""The same of how far people pick beside what was meant: lengths and known things tell little."""
+
+STATED_LENGTH_WEIGHT = 5.0
+"""The same of the stated sigma of taped lengths."""
+
 LITTLE = 30.0
 """Redundancy of the picks below which their sigmas are never taken as smaller than stated."""
+
+FEW_LENGTHS = 10.0
+"""The same of taped lengths."""
 
 SAME = 0.03
 """Relative change of a sigma that is not worth another adjustment."""
 
-BY_HAND, TARGETS = -1, -2
-"""Stand for picks that people made, and for targets, where else the index of an area does."""
+BY_HAND, TARGETS, IDENTIFIED, TAPED = -1, -2, -3, -4
+"""Stand for picks that people made, for targets, for picks beside what was meant, and for taped
+lengths, where else the index of an area does."""
 
 UNIT_M = 0.05
 """Roughness and relief that the search starts from [m]."""
@@ -80,9 +90,9 @@ class _Model(NamedTuple):
     shape
         Of the ground; None: as it was stated.
     problem
-        The likelihood with the stated sigmas of picks, and units of roughness and relief.
+        The likelihood with the stated sigmas, and units of roughness and relief.
     components, areas
-        The picks' first; area by index of each that is of the ground, else whose picks they are.
+        The picks' first; area by index of each that is of the ground, else what it is of.
     """
 
     shape: SurfaceShape | None
@@ -154,7 +164,7 @@ def _with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refine
 
 def _as_stated(stated: Adjustment, redundancy: float) -> _Model:
     """Nothing is learnt but the noise of the picks, and a roughness that was stated."""
-    return _components(None, stated.problem, stated.survey, 1.0 if redundancy < LITTLE else 0.0)
+    return _components(None, stated.problem, stated, 1.0 if redundancy < LITTLE else 0.0)
 
 
 def _grown(stated: Adjustment, *, fits: bool) -> list[_Model]:
@@ -211,11 +221,11 @@ def _model(shape: SurfaceShape, stated: Adjustment, relief: Sequence[Relief | No
     )
     survey = replace(stated.survey, grounds=grounds)
     problem = SurveyProblem(survey, stated.problem.pivot_m, lines_used(stated))
-    return _components(shape, problem, stated.survey, 0.0)
+    return _components(shape, problem, stated, 0.0)
 
 
 def _components(
-    shape: SurfaceShape | None, problem: SurveyProblem, stated: Survey, smallest: float
+    shape: SurfaceShape | None, problem: SurveyProblem, adjustment: Adjustment, smallest: float
 ) -> _Model:
     """What is to be learnt of a likelihood in units.
 
@@ -225,11 +235,12 @@ def _components(
         Of the ground.
     problem
         The likelihood.
-    stated
-        The survey as it was stated: what it says of roughness is a prior.
+    adjustment
+        Of the survey as it was stated: what it says of sigmas is a prior.
     smallest
         Factor of the picks' sigmas that they never fall below.
     """
+    stated = adjustment.survey
     targets = stated.pick_is_target
     found, areas = [], []
     for target in (False, True):
@@ -237,6 +248,14 @@ def _components(
             rows = None if (targets == target).all() else np.flatnonzero(targets == target)
             found.append(Component("pixels", rows, STATED_WEIGHT, smallest))
             areas.append(TARGETS if target else BY_HAND)
+    if len(stated.identified):
+        found.append(Component("identification", None, STATED_IDENTIFICATION_WEIGHT))
+        areas.append(IDENTIFIED)
+    taped = np.flatnonzero(_is_taped(stated)[problem.line_index])
+    if len(taped):
+        least = 1.0 if redundancy_of(adjustment, "lengths") < FEW_LENGTHS else 0.0
+        found.append(Component("lengths", taped, STATED_LENGTH_WEIGHT, least))
+        areas.append(TAPED)
     for area, ground in enumerate(problem.survey.grounds):
         rows = np.flatnonzero(stated.area[problem.third.rough] == area)
         if ground.roughness_sigma_m > 0 and len(rows):
@@ -248,6 +267,13 @@ def _components(
             found.append(Component("relief", problem.ground.relief_rows(area)))
             areas.append(area)
     return _Model(shape, problem, tuple(found), tuple(areas))
+
+
+def _is_taped(survey: Survey) -> Bools:
+    """(L,) which lengths people taped: not those of plates, whose tape has a prior of its own."""
+    plates = {name for name, _ in survey.own_scale_sigma}
+    taped = [tape not in plates for tape in survey.line_tape]
+    return np.array(taped or [True] * len(survey.line_start), dtype=np.bool_)
 
 
 def _fitted(
@@ -326,10 +352,21 @@ def _learnt(fitted: _Fitted, survey: Survey) -> Survey:
             own = replace(relief, sigma_m=size) if size > LEAST_M else None
             grounds[area] = replace(grounds[area], relief=own)
     sigma = np.array(survey.pick_sigma_px)
+    length_m, beside_m = np.array(survey.length_sigma_m), survey.identification_sigma_m
     for area, scale in zip(fitted.model.areas, factor.tolist(), strict=True):
-        if area < 0:
+        if area in (BY_HAND, TARGETS):
             sigma[survey.pick_is_target == (area == TARGETS)] *= scale
-    return replace(survey, pick_sigma_px=sigma, grounds=tuple(grounds))
+        if area == TAPED:
+            length_m[_is_taped(survey)] *= scale
+        if area == IDENTIFIED:
+            beside_m = scale * beside_m
+    return replace(
+        survey,
+        pick_sigma_px=sigma,
+        length_sigma_m=length_m,
+        identification_sigma_m=beside_m,
+        grounds=tuple(grounds),
+    )
 
 
 def _chance(fitted: _Fitted, tried: Sequence[_Fitted]) -> float:
@@ -359,9 +396,16 @@ def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey, chance: floa
     components = zip(fitted.model.components, fitted.model.areas, sigma.tolist(), strict=True)
     rough = {area: own for one, area, own in components if one.block == "roughness"}
     units = fitted.model.problem.survey.grounds
-    picks = []
+    picks, others = [], {}
     for k, area in enumerate(fitted.model.areas):
-        if area < 0:
+        if area in (IDENTIFIED, TAPED):
+            own = stated.length_sigma_m[_is_taped(stated)]
+            own = stated.identification_sigma_m if area == IDENTIFIED else own
+            size = float(np.sqrt(np.mean(own**2)))
+            others[area] = LearntSigma(
+                stated_m=size, factor=float(factor[k]), sigma=float(sigma[k])
+            )
+        if area in (BY_HAND, TARGETS):
             own = stated.pick_sigma_px[stated.pick_is_target == (area == TARGETS)]
             picks.append(
                 PickNoise(
@@ -383,4 +427,9 @@ def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey, chance: floa
         )
         for area, ground in enumerate(_learnt(fitted, stated).grounds)
     ]
-    return Noise(picks=tuple(picks), roughness=tuple(areas))
+    return Noise(
+        picks=tuple(picks),
+        roughness=tuple(areas),
+        lengths=others.get(TAPED),
+        identification=others.get(IDENTIFIED),
+    )

@@ -26,7 +26,7 @@ LOOK = {
 
 
 def noise_remarks(noise: Noise | None) -> Iterator[Message]:
-    """Ground that is no plane, and picks that are better or worse than stated."""
+    """Ground that is no plane; picks and lengths that are better or worse than stated."""
     if noise is None:
         return
     for area in noise.roughness:
@@ -34,6 +34,14 @@ def noise_remarks(noise: Noise | None) -> Iterator[Message]:
     for picks in noise.picks:
         if abs(picks.factor - 1.0) > SURE * picks.sigma:
             yield from _picks(picks, noise.called(picks))
+    lengths = noise.lengths
+    if lengths is not None and lengths.factor > max(WORSE, 1.0 + lengths.sigma):
+        text = (
+            f"The taped lengths fit less well than stated: {lengths.stated_m:.2g} m stated, "
+            f"{lengths.stated_m * lengths.factor:.2g} m found. All uncertainties are wider for "
+            "that. State in sigma_m how finely the tape was read."
+        )
+        yield Message("warning", "lengths-less-exact", text)
 
 
 def _ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:

@@ -72,5 +72,5 @@ def _again(refined: Refined, survey: Survey) -> Refined:
     """The same observations with another motion, or none, from where the result stands."""
     try:
         return replace(refined, adjustment=continued(refined.adjustment, survey))
-    except SingularError:  # it was determined before, so only by rounding
+    except (SingularError, ValueError):  # only by rounding; or the other motion is impossible here
         return refined

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Refined, Removal
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
@@ -15,18 +14,10 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.at_stated_noise import adjusted_as_stated, participants
 from uavgram.stages.refine.begin.photo_motion import with_motion_by_photos
 from uavgram.stages.refine.begin.tied_frames import with_tied_frames
-from uavgram.stages.refine.blunders.gross_known import with_gross_known
-from uavgram.stages.refine.blunders.gross_lengths import (
-    fits,
-    with_gross_lengths,
-    wrong_beyond_doubt,
-)
-from uavgram.stages.refine.blunders.misfit import TRIAL, is_settled
-from uavgram.stages.refine.blunders.outstanding import outstanding, with_little_weight
-from uavgram.stages.refine.blunders.snooping import MOST, best_of, blunders
 from uavgram.stages.refine.causes.adapt import adapted
-from uavgram.stages.refine.continued import continued
+from uavgram.stages.refine.causes.photos.mirrored import mirrored_solution, undecided
 from uavgram.stages.refine.learnt import learnt_remarks
+from uavgram.stages.refine.left_out import with_gross_known, with_gross_lengths
 from uavgram.stages.refine.minima import best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
@@ -38,7 +29,8 @@ from uavgram.stages.refine.remarks import (
     remarks,
     too_many,
 )
-from uavgram.stages.refine.robust_adjustment import adjust_survey
+from uavgram.stages.refine.robust import adjust_robustly
+from uavgram.stages.refine.snooping import MOST, blunders
 from uavgram.stages.refine.sound_ties import (
     remarks_on_ties,
     with_noise_of_ties,
@@ -88,23 +80,30 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     if options.noise == "estimate":
         survey, refined = with_noise_learnt(survey, refined)
         refined = replace(refined, noise=with_noise_of_ties(refined.noise, stated, sound))
+    noise, stated_fit, found_free = refined.noise, refined.stated, list(begun.off_ground)
+    search: list[Message] = []
     if options.outliers == "remove":
-        noise = refined.noise
         refined, search = _without_blunders(survey, refined, options.significance)
-        refined = replace(refined, noise=noise)  # that it was adjusted with
-    else:
-        refined, search = _with_the_accused(survey, refined, options.significance), []
-        if options.noise == "estimate":
-            refined = _with_little_weight(refined)
+    else:  # what stands out of the noise that was learnt takes no part either
+        robust = adjust_robustly(participants(survey, refined), refined)
+        found_free = [*found_free, *robust.labels]
+        search += robust.messages(survey)
+        survey = robust.survey
+        refined = replace(robust.refined, pick_removed=taken_out)
+    refined = replace(refined, noise=noise, stated=stated_fit)
     refined = with_gross_lengths(survey, with_gross_known(survey, refined))
     refined = replace(
         refined,
-        off_ground=frozenset(begun.off_ground) | shown,
+        off_ground=frozenset(found_free) | shown,
         causes=(*(one.cause for one in mends if one.cause), *begun.causes),
         removals=(*mends, *refined.removals),
         matches_left_out=sound.matches_left_out,
         pick_removed=refined.pick_removed | taken_out,
     )
+    mirrored = mirrored_solution(refined.adjustment)
+    if mirrored is not None:
+        refined = replace(refined, mirrored=mirrored)
+        search.append(undecided())
     # A point off the ground is told once, with the height at which it was adjusted.
     causes = (one.message for one in begun.causes if not _is_adjusted_so(one.message, refined))
     told = (*causes, *begun.messages)
@@ -124,82 +123,31 @@ def _without_blunders(
     """Take out one blunder at a time and adjust anew, until none is left or can be chosen."""
     most = int(MOST * (len(survey.pick_frame) + len(survey.line_start) + len(survey.known)))
     while True:
-        choices, undecided = blunders(refined, significance)
-        if not choices:
+        choice, undecided = blunders(refined, significance)
+        if choice is None:
             return refined, [not_located(refined, suspicion) for suspicion in undecided]
         if len(refined.removals) >= most:
             return refined, [too_many(len(refined.removals))]
-        tried = _tried(survey, refined, choices)
-        if isinstance(tried, GeometryError):  # nothing is left to solve by: better with it
-            return refined, [indispensable(refined, choices[0], tried)]
-        removal, after = best_of(tried)
-        if not is_settled(after):
-            settled = adjust_survey(participants(survey, after))
-            after = replace(settled, pick_removed=after.pick_removed)
-        refined = replace(after, removals=(*refined.removals, removal))
-
-
-def _with_the_accused(survey: Survey, refined: Refined, significance: float) -> Refined:
-    """The same, with the observation that adjustments without each of several point at.
-
-    Lengths that are then wrong beyond doubt are left out, if the rest fits: they would bend it.
-    """
-    first, without = refined, refined
-    while True:
-        choices, _ = blunders(without, significance)
-        tried = _tried(survey, without, choices) if len(choices) > 1 else []
-        if isinstance(tried, GeometryError) or not tried:
-            return without if fits(without) else first
-        removal, after = best_of(tried)
-        if without is refined:
-            alone = is_settled(after) and blunders(after, significance) == ([], [])
-            accused = removal.suspicion.accused
-            first = replace(refined, accused=accused, accused_alone=alone)
-        line = np.array([removal.index] if removal.kind == "line" else [], dtype=np.int64)
-        if not (is_settled(after) and wrong_beyond_doubt(survey, after, line).any()):
-            return first if without is refined or not fits(without) else without
-        without = after
-
-
-def _with_little_weight(refined: Refined) -> Refined:
-    """The same, with little weight for few observations that stand out, where all else fits."""
-    adjustment = refined.adjustment
-    few, fits = outstanding(adjustment)
-    located = any(one.located.any() for one in few.values())
-    if not located or not fits or not adjustment.minimum.converged:
-        return refined
-    softer = with_little_weight(adjustment.problem, few)
-    try:
-        after = continued(adjustment, softer)
-    except SingularError:
-        return refined
-    return replace(refined, adjustment=after, full_weight=adjustment)
-
-
-def _tried(
-    survey: Survey, refined: Refined, choices: list[Removal]
-) -> list[tuple[Removal, Refined]] | GeometryError:
-    """Adjustments without each choice; the error where the likeliest one cannot be missed.
-
-    What was left out before stays out: a frame of nonsense would drown what a length does.
-    """
-    taking = participants(survey, refined)
-    tried = []
-    for choice in choices:
-        pick, line = refined.pick_removed.copy(), refined.line_removed.copy()
-        known = refined.known_removed
-        if choice.kind == "known":
-            known |= {choice.index}
-        else:
-            (pick if choice.kind == "pick" else line)[choice.index] = True
         try:
-            without = replace(
-                taking, keep=taking.keep & ~pick, line_removed=line, known_removed=known
-            )
-            after = best_minima(without, TRIAL)
-        except GeometryError as why:
-            if choice is choices[0]:
-                return why
-            continue
-        tried.append((choice, replace(after, pick_removed=pick, line_removed=line)))
-    return tried
+            after = _adjusted_without(survey, refined, choice)
+        except GeometryError as why:  # nothing is left to solve by: better with it
+            return refined, [indispensable(refined, choice, why)]
+        refined = replace(after, removals=(*refined.removals, choice))
+
+
+def _adjusted_without(survey: Survey, refined: Refined, choice: Removal) -> Refined:
+    """The adjustment without one more observation; what was left out before stays out."""
+    taking = participants(survey, refined)
+    pick, line, known = (
+        refined.pick_removed.copy(),
+        refined.line_removed.copy(),
+        taking.known_removed,
+    )
+    if choice.kind == "known":
+        known |= {choice.index}
+    else:
+        (pick if choice.kind == "pick" else line)[choice.index] = True
+    after = best_minima(
+        replace(taking, keep=taking.keep & ~pick, line_removed=line, known_removed=known)
+    )
+    return replace(after, pick_removed=pick)

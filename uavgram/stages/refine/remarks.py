@@ -21,12 +21,14 @@ from uavgram.model.message import Message, Several
 from uavgram.model.remedy import Remedy
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.blunders.gross_lengths import odd_in_view, ratios_in_view
-from uavgram.stages.refine.causes.lengths.common import odd_scale
+from uavgram.stages.refine.lengths_in_view import odd_in_view, ratios_in_view
 from uavgram.stages.remedies import read_first, unpicked, without_lengths
 
 LOWEST_M, HIGHEST_M = 0.3, 1000.0
 """Heights of a drone's camera above the ground, beyond which lengths or log are in question."""
+
+LOW_M, HIGH_M = 3.0, 150.0
+"""Heights from which most drones take photos of the ground: others are ordinary too, if rarer."""
 
 MOST_LISTED = 12
 """Lengths that are listed, oddest first."""
@@ -115,10 +117,13 @@ def _odd_height(adjustment: Adjustment) -> Iterator[Message]:
     """Cameras at a height from which no drone takes photos of the ground."""
     above = adjustment.state.center[:, 2] - adjustment.state.plane[0]
     height = float(np.median(above))
-    if adjustment.survey.telemetry is None and adjustment.survey.gauge == "plane":
-        yield from odd_scale(height)
-        return
     if LOWEST_M <= height <= HIGHEST_M:
+        if adjustment.survey.gauge == "plane" and not LOW_M <= height <= HIGH_M:
+            text = (
+                f"By the lengths, the cameras were {height:.2g} m above the ground (median). If "
+                "they were not, look in which unit the lengths are: they must be in metres."
+            )
+            yield Message("info", "unusual-height", text)
         return
     size = f"{height / 1000:.3g} km" if height > HIGHEST_M else f"{height:.2g} m"
     text = (

@@ -195,6 +195,7 @@ def _without(adjustment: Adjustment, out: Bools) -> Adjustment:
     start = replace(
         state,
         point=state.point[:, :size],
+        picked=state.picked[:, :size],
         tie=state.tie[points, :size],
         turning=state.turning[:, :rates],
     )

@@ -35,7 +35,7 @@ def hanging_on(index: int, layout: Layout, survey: Survey) -> Bools:
     if layout.first_tie <= index < layout.first_frame:
         return np.zeros(len(survey.pick_label), dtype=np.bool_)
     if index < layout.first_tie:
-        return np.asarray(survey.pick_label == index // layout.point_size)
+        return np.asarray(survey.pick_label == layout.label_of(index, survey))
     frame = (index - layout.first_frame) // layout.frame_size
     return np.asarray((survey.pick_frame == frame) & (index < layout.first_intrinsic))
 

@@ -36,6 +36,11 @@ from uavgram.stages.seed.stated_mount import with_stated_mount
 # 1.5 to 2.9 in wind. The floors stand for what changes from frame to frame; what stays wrong all
 # through a flight is `position_bias_sigma_m` and `heading_bias_sigma_deg`, shared unknowns.
 POSITION_FLOOR_M = 0.5
+# With a fixed RTK solution of centimetres the stated sigmas hold, down to what base, antenna and
+# timing add: horizontal and vertical, as of the photos' own RTK positions. (A simulator claims a
+# fixed solution too, of some decimetres.)
+RTK_FLOOR_M = (0.05, 0.10)
+RTK_MOST_M = 0.1
 TILT_FLOOR_DEG, YAW_FLOOR_DEG = 1.0, 2.0
 WITHOUT = "use another one, or leave `log` out to measure by known lengths alone"
 
@@ -238,7 +243,10 @@ def _sigmas(
     if options.position_sigma_m == "auto":
         stated = (silent, silent) if sigmas is None else (sigmas.horizontal_m, sigmas.vertical_m)
         # fmax takes the floor where the log is silent (NaN)
-        position = np.fmax(np.stack(stated, axis=1), POSITION_FLOOR_M)
+        position = np.stack(stated, axis=1)
+        fixed = np.zeros(1, np.bool_) if sigmas is None else sigmas.is_fixed
+        fixed = (fixed & (position[:, 0] < RTK_MOST_M))[:, None] & np.isfinite(position)
+        position = np.fmax(position, np.where(fixed, RTK_FLOOR_M, POSITION_FLOOR_M))
     else:
         position = np.tile(np.array(options.position_sigma_m), (count, 1))
     if options.attitude_sigma_deg == "auto":

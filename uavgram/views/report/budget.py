@@ -14,6 +14,7 @@ from uavgram.views.wording import computed_first, number
 # Okabe and Ito (2008): told apart by colour-blind readers; in the order of the bars.
 COLOURS = {
     "picks": "#0072b2",
+    "identification": "#332288",
     "matches": "#88ccee",
     "tie points": "#b3b35c",
     "lens": "#cc79a7",
@@ -33,6 +34,10 @@ WORDS = {
     "picks": (
         "how exactly the points were picked in the photos",
         "Picking them in more photos, or with more care, would help there.",
+    ),
+    "identification": (
+        "how well the points that were picked are the ones that were meant, alike in all photos",
+        "Sharp marks or targets would help there; more photos do not.",
     ),
     "matches": (
         "how exactly picked points were found in other photos",

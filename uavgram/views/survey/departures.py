@@ -13,6 +13,8 @@ from uavgram.views.style import diverging_colours
 
 # Smaller departures are not worth a picture.
 LEAST_M = 5e-4
+# Sigmas by which one point at least must be off it: ordinary roughness is no news.
+SURE = 3.0
 # Quantile of their sizes at which colours are full: one far off does not pale all others.
 FULL_SHARE = 0.9
 
@@ -48,11 +50,11 @@ class Departures:
 
 
 def departures(result: Result) -> Departures | None:
-    """How far points' ground departs from its plane; None where it is a plane."""
+    """How far points' ground departs from its plane; None where no point is surely off it."""
     rows = np.flatnonzero(result.points.departs)
-    value = result.points.departure_m[rows]
+    value, sigma = result.points.departure_m[rows], result.points.departure_sigma_m[rows]
     size = np.abs(value)
-    if size.max(initial=0.0) < LEAST_M:
+    if not (size > np.maximum(SURE * sigma, LEAST_M)).any():
         return None
     full = max(float(np.quantile(size, FULL_SHARE)), LEAST_M)
-    return Departures(rows, value, result.points.departure_sigma_m[rows], full)
+    return Departures(rows, value, sigma, full)

@@ -8,31 +8,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.model.naming import counted, listed
+from uavgram.model.naming import counted
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
-from uavgram.views.wording import NOT_COMPUTED
+from uavgram.views.wording import NOT_COMPUTED, with_sigma
 
 # The usual limit of the trade for a check.
 THREE_SIGMA = 3.0
 
-LEVEL_WORDS: dict[VerdictLevel, str] = {
+LEVEL_WORDS: dict[VerdictLevel | None, str] = {
     "green": "green, in order",
     "amber": "amber, check this first",
     "red": "red, do not use these numbers",
+    None: "none, as nothing is measured",
 }
-UNDECIDED = frozenset(
-    {
-        *("ambiguous-pose", "three-lengths", "three-known", "measurement-null", "not-judged"),
-        *("line-unseen", "known-unseen"),
-    }
-)
-"""Causes of which none is a misfit."""
-
-MOST_NAMES = 2
-
-ALL_IS_WELL = "Everything fits, and something checks every measurement."
+MOST_VALUES = 1
+"""Measurements up to which the headline gives their values; of more it gives a count."""
 
 STATUS_WORDS: dict[MeasurementStatus, str] = {
     "ok": "ok",
@@ -64,7 +56,7 @@ class VerdictWords(NamedTuple):
         How much of what was given was used.
     """
 
-    level: VerdictLevel
+    level: VerdictLevel | None
     sentence: str
     reasons: tuple[Reason, ...]
     scale: str
@@ -84,19 +76,20 @@ def verdict_words(result: Result) -> VerdictWords:
 
 
 def verdict_sentence(result: Result) -> str:
-    """``Verdict: amber. Nothing checks 'south': ...``: the colour, and the first reason."""
+    """``Verdict: amber: D1 is 24.43 ± 0.79 m. Not checked: ...``: colour, value, reason."""
     verdict = result.verdict
     why = [reason_sentence(reason) for reason in verdict.reasons[:1]]
-    if verdict.level == "green":
-        why = [ALL_IS_WELL]
+    known = f": {_known(result)}" if verdict.level in ("green", "amber") else "."
     if (more := len(verdict.reasons) - 1) > 0:
         why.append(f"(And {counted(more, 'other reason')}.)")
-    return " ".join([f"Verdict: {LEVEL_WORDS[verdict.level]}.", *why])
+    return " ".join([f"Verdict: {LEVEL_WORDS[verdict.level]}{known}", *why])
 
 
 def reason_sentence(reason: Reason) -> str:
     """What is wrong and what to do: plainly where that is known, else as the message has it."""
     remedies = [one.words for one in (reason.mend, *reason.instead) if one is not None]
+    if reason.cause == "nothing-checks" and reason.plain and not remedies:
+        return reason.plain
     if not reason.plain or not remedies:
         return reason.text
     todo = ", or ".join(f"{words[0].lower()}{words[1:]}" for words in remedies)
@@ -104,26 +97,27 @@ def reason_sentence(reason: Reason) -> str:
 
 
 def headline(result: Result) -> str:
-    """``Check: nothing would show an error in 'south'``: what stands beside the light."""
-    level, reasons = result.verdict.level, result.verdict.reasons
-    if level == "green":
-        return "In order: everything fits"
+    """``Check: 3 of 4 measurements are in order.``: what is known, beside the light."""
+    level = result.verdict.level
+    if level is None or not result.measurements.name:
+        return "Nothing is measured yet"
     if level == "red":
         return "Do not use: it does not fit together"
-    if reasons and reasons[0].cause in UNDECIDED:
-        return "Check: not everything is decided"
-    unchecked = _unchecked(result)
-    if unchecked and (not reasons or reasons[0].cause == "nothing-checks"):
-        return f"Check: nothing would show an error in {unchecked}"
-    return "Check: something does not fit"
+    return f"{'Check' if level == 'amber' else 'In order'}: {_known(result)}"
 
 
-def _unchecked(result: Result) -> str:
-    """``'whole', 'south' and 3 more``; empty where there is none."""
+def _known(result: Result) -> str:
+    """The value of the only measurement, or how many are in order."""
     rows = result.measurements
-    named = zip(rows.name, rows.status, rows.value.tolist(), strict=True)
-    names = [repr(n) for n, status, value in named if status == "not-checked" and isfinite(value)]
-    return listed(names, MOST_NAMES)
+    if len(rows.name) <= MOST_VALUES:
+        return (
+            f"{rows.name[0]} is {with_sigma(rows.value[0], rows.sigma[0], rows.unit[0])}"
+            f"{', and is checked' if result.verdict.level == 'green' else ''}."
+        )
+    if result.verdict.level == "green":
+        return f"all {len(rows.name)} measurements fit and are checked."
+    in_order = sum(status == "ok" for status in rows.status)
+    return f"{in_order} of {len(rows.name)} measurements are in order."
 
 
 def named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:

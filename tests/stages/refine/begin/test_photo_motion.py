@@ -53,6 +53,7 @@ def strips(readout_s: float, seed: int) -> tuple[Survey, Floats]:
         height_above_m=np.zeros(LABELS),
         height_sigma_m=np.zeros(LABELS),
         is_free=np.zeros(LABELS, np.bool_),
+        identification_sigma_m=np.zeros(0),
         area=np.zeros(LABELS, np.int64),
         pick_frame=np.array([frame[f"p{f:02d}.jpg"] for f in rays.frame[rows]]),
         pick_label=np.array([int(np.flatnonzero(chosen == t)[0]) for t in rays.point[rows]]),

@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem
     from uavgram.estimation.survey.unknowns import State
 
-LINKED_M = 0.001
-"""How far the ground below a picked pixel may depart from that below what was meant [m]."""
-
 ANYWHERE_M = 100.0
 """Prior sigma of a tie point's height about the ground's: what photos from nearly one place show
 still has a depth then."""
@@ -229,14 +226,9 @@ class TiedPoints:
         return blocks | self._heights(state)
 
     def _heights(self, state: State) -> dict[str, Block]:
-        """What is known of the third coordinates: chains have those of their labels."""
+        """What is known of the third coordinates of tie points."""
         layout, survey, blocks = self._problem.layout, self._problem.survey, dict[str, Block]()
-        chain, tie = np.split(np.arange(state.tie.shape[-2]), [survey.matches.points])
-        if layout.point_size == 3 and len(chain):
-            apart = (state.tie[..., chain, 2] - state.point[..., self.label, 2])[..., None]
-            both = layout.tie_columns(chain)[:, 2], layout.point_columns(self.label)[:, 2]
-            jacobian = np.broadcast_to([1.0 / LINKED_M, -1.0 / LINKED_M], (len(chain), 1, 2))
-            blocks["linked"] = Block(apart / LINKED_M, np.stack(both, axis=1), jacobian)
+        tie = np.arange(survey.matches.points, state.tie.shape[-2])
         if len(tie):
             ground_m = 0.0 if layout.free_gauge else survey.ground.height_m
             off = (state.tie[..., tie, 2] - ground_m)[..., None]

@@ -247,11 +247,12 @@ def sigmas(tables: Tables, core: int) -> EstimatorSigmas | None:
         v = [numbers(columns, f"V{i:02d}") for i in (7, 8, 9)]
         horizontal, vertical = (np.sqrt(np.abs(x)) for x in ((v[0] + v[1]) / 2, v[2]))
         parts.append(positions_known(name, boot_time_s(columns), horizontal, vertical))
-    _, columns = receiver(tables)
+    gps, columns = receiver(tables)
+    fix = (boot_time_s(gps), numbers(gps, "Status")) if gps else None
     if columns:
         stated = numbers(columns, "HAcc"), numbers(columns, "VAcc")
         parts.append(positions_known("GPA", boot_time_s(columns), *stated))
     name, columns = of_core(tables, ("XKF4", "NKF4"), core)
     if name:
         parts.append((name, boot_time_s(columns), {"tilt": numbers(columns, "errRP")}))
-    return merged_sigmas(parts)
+    return merged_sigmas(parts, fix)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.io.logs.quality.rows import plausible_rows
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.log import EstimatorSigmas
+
+RTK_FIXED = 6
+"""Type of fix with solved ambiguities: GPS_FIX_TYPE_RTK_FIXED, in ArduPilot and PX4 alike."""
 
 Stated = tuple[str, Floats, dict[str, Floats]]
 """What one message states: its name, times (N,) and columns (N,) by what they are of."""
@@ -27,7 +30,16 @@ def positions_known(name: str, time_s: Floats, horizontal_m: Floats, vertical_m:
     return name, time_s, {"horizontal": horizontal_m, "vertical": vertical_m}
 
 
-def merged_sigmas(parts: list[Stated]) -> EstimatorSigmas | None:
+def _is_fixed(at_s: Floats, fix: tuple[Floats, Floats] | None) -> Bools:
+    """(N,) whether the receiver's solutions before and after are fixed RTK ones."""
+    if fix is None or not len(fix[0]):
+        return np.zeros(len(at_s), dtype=np.bool_)
+    return np.asarray(np.interp(at_s, fix[0], (fix[1] == RTK_FIXED).astype(float)) == 1.0)
+
+
+def merged_sigmas(
+    parts: list[Stated], fix: tuple[Floats, Floats] | None = None
+) -> EstimatorSigmas | None:
     """Statements of several messages, interpolated to the times of the first that says anything.
 
     Parameters
@@ -35,6 +47,8 @@ def merged_sigmas(parts: list[Stated]) -> EstimatorSigmas | None:
     parts
         Message name, (N,) times, and its columns by ``horizontal``, ``vertical`` [m], ``tilt``,
         ``yaw`` [rad]; where two messages state the same, the larger holds.
+    fix
+        (N,) times since boot, and the receiver's type of fix then, as MAVLink counts them.
     """
     base: Floats | None = None
     used: list[str] = []
@@ -59,5 +73,6 @@ def merged_sigmas(parts: list[Stated]) -> EstimatorSigmas | None:
         vertical_m=merged.get("vertical", silent),
         tilt_rad=merged.get("tilt", silent),
         yaw_rad=merged.get("yaw", silent),
+        is_fixed=_is_fixed(base, fix),
         source="+".join(used),
     )

@@ -215,6 +215,7 @@ def sigmas(stream: Stream) -> EstimatorSigmas | None:
     EKF_STATUS_REPORT's variances are test ratios, no standard deviations.
     """
     parts: list[Stated] = []
+    fix = None
     columns, rows = stream.columns("ESTIMATOR_STATUS")
     if columns:
         horizontal = as_numbers(columns["pos_horiz_accuracy"])
@@ -224,4 +225,5 @@ def sigmas(stream: Stream) -> EstimatorSigmas | None:
     if columns:
         horizontal, vertical = columns["h_acc"] / 1e3, columns["v_acc"] / 1e3
         parts.append(positions_known("GPS_RAW_INT", stream.boot_s(rows), horizontal, vertical))
-    return merged_sigmas(parts)
+        fix = stream.boot_s(rows), as_numbers(columns["fix_type"])
+    return merged_sigmas(parts, fix)

@@ -233,11 +233,12 @@ def sigmas(tables: UlogTables) -> EstimatorSigmas | None:
 
     The test ratios of estimator_status are no standard deviations.
     """
-    topics = (tables.topic("vehicle_global_position", "vehicle_local_position"), receiver(tables))
-    return merged_sigmas(
-        [
-            positions_known(t.name, t.time_s, t.column("eph"), t.column("epv"))
-            for t in topics
-            if t is not None
-        ]
-    )
+    gps = receiver(tables)
+    topics = (tables.topic("vehicle_global_position", "vehicle_local_position"), gps)
+    parts = [
+        positions_known(t.name, t.time_s, t.column("eph"), t.column("epv"))
+        for t in topics
+        if t is not None
+    ]
+    fix = None if gps is None else (gps.time_s, gps.column("fix_type"))
+    return merged_sigmas(parts, fix)

@@ -17,6 +17,7 @@ export class Clicks {
   /** @param {Pane} pane @param {number} u @param {number} v @param {number | null} sigma_px */
   at(pane, u, v, sigma_px) {
     const { names, notice, question, rebuild, state } = this.tools;
+    if (this.tools.again.takes(pane, u, v)) return;
     if (question.isOpen) {
       question.cancel();
       return;

@@ -6,6 +6,7 @@ import { Question } from "../elements/question.js";
 import { entryMessage, noNumber, parse, showFault, typedForm } from "../panel/entry.js";
 import { placeFault } from "../panel/speed.js";
 import { byHand, goneWith } from "../photos/sources.js";
+import { Again } from "./again.js";
 import { Clicks } from "./clicks.js";
 import { Heights } from "./heights.js";
 import { Proposals } from "./proposals.js";
@@ -53,6 +54,7 @@ export class Tools {
     this.offers = new Offers({ link, notice });
     this.edits = new LabelEdits({ tools: this, question: this.question, notice });
     this.clicks = new Clicks(this);
+    this.again = new Again(this);
   }
 
   /** @param {Change} change */
@@ -240,6 +242,7 @@ export class Tools {
   cancel() {
     const { state, panes } = this;
     this.notice.hide();
+    this.again.end();
     panes.active?.calm();
     const nothing = !state.draft.length && !state.entry;
     Object.assign(state, { draft: [], entry: null, alike: null });

@@ -55,7 +55,7 @@ export type Calibration = { t: "calibration" } & (
 export interface Fit { image: number; label: string; residual_px: Maybe[]; w: Maybe; status: string; spread: Spread | null }
 // The one verdict: likeliest reason (without text where all is well), what more is to be said. All of it is the server's.
 // `reasons`: how many there are; `unseen`: in which lengths a wrong reading would not show.
-export interface Verdict { level: "green" | "amber" | "red"; words: string; first: Remark; why: Remark[]; reasons: number; unseen: string }
+export interface Verdict { level: "green" | "amber" | "red" | null; words: string; first: Remark; why: Remark[]; reasons: number; unseen: string }
 // How far a row can be trusted, in a word where it is not in order, and why.
 export interface Trust { status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string; why: string }
 // `shows`: the smallest error in it that would show, and what it would do; or of what no error would show.
@@ -105,11 +105,11 @@ export interface Sample { file: string; text: string }
 export interface InitialState extends Standing {
   t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null;
   control: string[]; check: string[]; named: string[]; sample: Sample | null; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[];
-  state: { picks: Pick[]; lines: Line[]; measurements: Measurement[] };
+  state: { picks: Pick[]; repeated: Pair[]; lines: Line[]; measurements: Measurement[] };
   live: FullLive | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;
 }
 export interface Changed extends Standing {
-  t: "changed"; diff: { picks?: { put: Pick[]; gone: [number, string][] }; lines?: Line[]; measurements?: Measurement[] };
+  t: "changed"; diff: { picks?: { put: Pick[]; gone: Pair[] }; repeated?: Pair[]; lines?: Line[]; measurements?: Measurement[] };
 }
 export interface Refused { t: "refused"; why: string }
 export type ServerMessage = { seq?: number | null } & (
@@ -128,7 +128,7 @@ export interface Merge { t: "merge"; label: string; into: string; keep?: string 
 export type Change = SingleChange | { t: "all"; changes: SingleChange[] } | { t: "accept"; pairs: Pair[] } | { t: "undo" } | { t: "redo" };
 // One that can be made together with others, in one step; a swap without a photo is of all photos.
 export type SingleChange = Place | SetLine | SetMeasurement
-  | { t: "unpick"; image: number; label: string } | { t: "forget"; label: string } | { t: "rename"; label: string; new: string }
+  | { t: "repeat"; image: number; label: string; u_px: number; v_px: number } | { t: "unpick"; image: number; label: string } | { t: "forget"; label: string } | { t: "rename"; label: string; new: string }
   | Merge | { t: "split"; label: string; new: string; images: number[] } | { t: "swap"; image: number | null; label: string; other: string }
   | { t: "sigma"; image: number; label: string; sigma_px: Maybe } | SetHeight
   | { t: "remove-line"; name: string } | { t: "remove-measurement"; name: string };

@@ -28,6 +28,7 @@ import { useUnits } from "../elements/units.js";
  * @property {number | null} aside how many changes an earlier session could not save
  * @property {Calibration | null} calibration
  * @property {Map<string, Pick>} picks "image|label" -> pick
+ * @property {string[]} repeated "image|label" of what was clicked again
  * @property {Line[]} lines
  * @property {Measurement[]} measurements
  * @property {Map<string, Proposal>} found "image|label" -> what the program found there
@@ -70,6 +71,7 @@ export const store = {
   aside: null,
   calibration: null,
   picks: new Map(),
+  repeated: [],
   lines: [],
   measurements: [],
   found: new Map(),
@@ -111,7 +113,7 @@ export function receive(message, moved) {
 
 /** @param {InitialState} message */
 function begin({ project, units, photos, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, ...message }) {
-  const { picks, lines, measurements } = message.state;
+  const { picks, repeated, lines, measurements } = message.state;
   useUnits(units);
   Object.assign(store, {
     begun: true, project, photos, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, lines, measurements,
@@ -120,6 +122,7 @@ function begin({ project, units, photos, camera, control, check, named, sample, 
     controlLines: message.control_lines,
     opening: message.messages,
     picks: byKey(picks),
+    repeated: repeated.map((pair) => pickKey(...pair)),
     found: byKey(message.proposals.found),
     asked: byKey(message.proposals.asked),
     seeking: 0,
@@ -139,14 +142,15 @@ function standing({ version, undo, redo }) {
 
 /** @param {Changed} message @param {Set<string>} moved */
 function changed(message, moved) {
-  const { picks, lines, measurements } = message.diff;
+  const { picks, repeated, lines, measurements } = message.diff;
   for (const [image, label] of picks?.gone ?? []) store.picks.delete(pickKey(image, label));
   const put = (picks?.put ?? []).filter((pick) => !moved.has(pickKey(pick.image, pick.label)) && !isThere(pick));
   for (const pick of put) store.picks.set(pickKey(pick.image, pick.label), pick);
+  if (repeated) store.repeated = repeated.map((pair) => pickKey(...pair));
   if (lines) store.lines = lines;
   if (measurements) store.measurements = measurements;
   standing(message);
-  return Boolean(put.length || picks?.gone.length || lines || measurements);
+  return put.length > 0 || Boolean(picks?.gone.length) || Object.keys(message.diff).some((what) => what !== "picks");
 }
 
 /** @param {Pick} pick */

@@ -5,7 +5,7 @@ import { adjusted, store } from "./store.js";
 
 /** @import { Trust, Verdict } from "./protocol.js" */
 /** @typedef {"current" | "first-order" | "old" | "none" | "lost"} Age of the numbers */
-/** @typedef {{ level: Verdict["level"] | "none", words: string }} Light */
+/** @typedef {{ level: NonNullable<Verdict["level"]> | "none", words: string }} Light */
 
 /** @type {Record<Exclude<Age, "current">, string>} */
 const WORDS = {
@@ -27,7 +27,7 @@ export function ageOfNumbers() {
 export function light() {
   const age = ageOfNumbers();
   const verdict = adjusted()?.verdict;
-  return age === "current" && verdict ? { level: verdict.level, words: verdict.words } : { level: "none", words: WORDS[age === "current" ? "none" : age] };
+  return age === "current" && verdict ? { level: verdict.level ?? "none", words: verdict.words } : { level: "none", words: WORDS[age === "current" ? "none" : age] };
 }
 
 /** What is said of the point with this label. @param {string} label @returns {Trust | undefined} */

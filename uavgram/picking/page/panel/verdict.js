@@ -40,10 +40,11 @@ const isTold = ({ text }, others) => others.some((other) => other.text.startsWit
 // What would put it right, the likeliest first, and a way to see it. Of old numbers only that: what would put
 // right what was marked before may put wrong what is marked now.
 /** @param {Remark} remark @param {boolean} isOld @param {Tools} tools */
-function actionsOf({ mends, show }, isOld, tools) {
+function actionsOf({ code, labels, mends, show }, isOld, tools) {
   const ways = mends.map((mend) => ({ name: "mend", words: mend.words, rank: rankOf(mend), disabled: isOld, act: () => { putRight(mend, tools); } }));
   const looks = show ? [{ name: "show", words: "Show me", rank: LOOK, disabled: false, act: () => tools.panes.look(show.image, show.label) }] : [];
-  const all = [...ways, ...looks].sort((a, b) => a.rank - b.rank);
+  const again = code === "nothing-checks" && labels.length ? [{ name: "again", words: "Click again", rank: MEND, disabled: isOld, act: () => tools.again.begin(labels) }] : [];
+  const all = [...ways, ...again, ...looks].sort((a, b) => a.rank - b.rank);
   return all.length ? node("span", { class: "mends" }, ...all.map(({ name, words, disabled, act }, k) => node("button", { name, class: k ? "" : "main", disabled, onclick: act }, words))) : null;
 }
 

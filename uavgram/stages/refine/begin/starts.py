@@ -270,7 +270,8 @@ def unusable(survey: Survey, values: FirstValues) -> dict[int, LeftOut]:
     world = np.column_stack([values.point_m[label], up])
     depth = np.einsum("ni,ni->n", world - values.center[frame], values.rotation[frame][:, :, 2])
     placed = np.isfinite(values.center[frame, 0])
-    usable = placed & (np.nan_to_num(depth, nan=-1.0) > 0)
+    from_above = survey.off_ground[label] | (values.center[frame, 2] > up)
+    usable = placed & (np.nan_to_num(depth, nan=-1.0) > 0) & from_above
     one_place = survey.is_free[label] & np.isnan(values.point_m[label, 0])
     why = np.where(one_place, 2, placed)
     causes = (NOT_JOINED, NO_GROUND, ONE_PLACE)

@@ -14,9 +14,11 @@ import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import CHECKED, Explained, Moved
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.observations import Along
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.begin.doubt import LOST
 from uavgram.stages.refine.minima import Participants
@@ -25,11 +27,7 @@ PRICE = 6.0
 """Logarithm of the odds that an observed number that may have any value is where it is: of the
 range of values that gross errors take over the sigma of the number."""
 
-SPOILT = (
-    LeftOutCause.MISPLACED_FRAME,
-    LeftOutCause.CONTRADICTED,
-    LeftOutCause.GROSS,
-)
+SPOILT = (LeftOutCause.MISPLACED_FRAME, LeftOutCause.GROSS)
 """Why picks are left out that somebody should look at."""
 
 
@@ -42,13 +40,10 @@ class Standing(NamedTuple):
         What takes part, and what was left out.
     refined
         Its adjustment.
-    freed
-        Names of labels whose heights are free in it, though nobody said that they are.
     """
 
     taking: Participants
     refined: Refined
-    freed: frozenset[str] = frozenset()
 
     @property
     def survey(self) -> Survey:
@@ -98,11 +93,19 @@ class Hypothesis:
         What is to be done on request, where that is not what it is tested by; None: the mend.
     is_clear
         Whether nothing else would explain the same: else it is told, and not mended on request.
+    back
+        Picks that it leaves as they are, and that take part again where they had been left out.
+    is_of_all
+        Whether the whole survey begins elsewhere with it: it is adjusted from first values.
+    begun
+        The state that its adjustment begins from, of the present one; None: the present one.
     freed
         The survey with less prior knowledge, by which it is adjusted from then on: no reading is
         changed by it. Where neither is there, only the linear test judges it.
     moved
         How its unknowns move the observations in the linear model; none where nothing is known.
+    amount
+        Value of its only unknown, where that is known; None: any.
     checked
         Share of its directions that has to show in the residuals (see `explained`).
     settled
@@ -121,8 +124,12 @@ class Hypothesis:
     mend: Mend | None = None
     remedy: Mend | None = None
     is_clear: bool = True
+    back: frozenset[int] = frozenset()
+    is_of_all: bool = False
+    begun: Callable[[State], State] | None = None
     freed: Callable[[Survey], Survey] | None = None
     moved: tuple[Moved, ...] = ()
+    amount: float | None = None
     checked: float = CHECKED
     settled: Callable[[Adjustment], tuple[Floats, Floats]] | None = None
     price: float = 0.0
@@ -130,7 +137,9 @@ class Hypothesis:
     settles: frozenset[str] = frozenset()
 
 
-def mended(standing: Standing, mend: Mend) -> Participants:
+def mended(
+    standing: Standing, mend: Mend, back: frozenset[int] = frozenset(), *, lines_back: bool = False
+) -> Participants:
     """What takes part once a survey is mended.
 
     Picks and lengths that the mend changes take part again where they had been left out, and so do
@@ -142,14 +151,18 @@ def mended(standing: Standing, mend: Mend) -> Participants:
         Where it stands.
     mend
         By index into its survey.
+    back
+        Picks that take part again as they are.
+    lines_back
+        Whether lengths that were left out take part again.
     """
     taking, refined = standing.taking, standing.refined
     survey = mended_survey(standing.survey, mend)
     used = np.zeros(len(survey.pick_frame), dtype=np.bool_)
     used[refined.pick_index] = True
-    used[list(mend.picks)] = True
+    used[list(mend.picks | back)] = True
     used[list(mend.without_picks)] = False
-    removed = refined.line_removed.copy()
+    removed = refined.line_removed & (not lines_back)
     removed[lines_touched(standing.survey, mend)] = False
     removed[list(mend.without_lines)] = True
     reason = {
@@ -158,12 +171,6 @@ def mended(standing: Standing, mend: Mend) -> Participants:
         if not used[i] and i not in mend.without_picks
     }
     return Participants(survey, used & taking_part(taking), removed, reason, taking.known_removed)
-
-
-def still_freed(standing: Standing, mend: Mend) -> frozenset[str]:
-    """Names of labels whose heights a mended survey has free, though nobody said so."""
-    back = {standing.survey.label[k] for k, free in mend.free.items() if not free}
-    return standing.freed - back
 
 
 def lines_touched(survey: Survey, mend: Mend) -> Bools:
@@ -207,6 +214,12 @@ def mended_survey(survey: Survey, mend: Mend) -> Survey:
         start[line], end[line] = ends
     for of, height in mend.free.items():
         free[of] = height
+    along: tuple[Along, ...] = survey.line_along
+    if mend.level:
+        written: list[Along] = [*along] or ["slope"] * len(start)
+        for line in mend.level:
+            written[line] = "horizontal"
+        along = tuple(written)
     return replace(
         survey,
         pick_label=label,
@@ -215,4 +228,5 @@ def mended_survey(survey: Survey, mend: Mend) -> Survey:
         line_end=end,
         length_m=length,
         is_free=free,
+        line_along=along,
     )

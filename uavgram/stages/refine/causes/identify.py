@@ -18,26 +18,40 @@ from uavgram.model.survey.mend import Cause, Mend
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.detection import asks
 from uavgram.stages.refine.causes.flight.camera import other_camera_file
-from uavgram.stages.refine.causes.flight.log import stepped_places, turned_camera, wrong_clock
+from uavgram.stages.refine.causes.flight.log import (
+    shifted_control,
+    stepped_places,
+    turned_camera,
+    wrong_clock,
+)
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.elsewhere import elsewhere_in_a_photo
 from uavgram.stages.refine.causes.labels.everywhere import swapped_everywhere
-from uavgram.stages.refine.causes.labels.heights import off_the_ground, wrong_pick_on_the_ground
+from uavgram.stages.refine.causes.labels.heights import off_the_ground
 from uavgram.stages.refine.causes.labels.in_a_photo import swapped_in_a_photo, wrong_picks
 from uavgram.stages.refine.causes.labels.two_views import swapped_beside_another
-from uavgram.stages.refine.causes.lengths.common import common_to_lengths
+from uavgram.stages.refine.causes.lengths.common import common_to_lengths, taped_level
 from uavgram.stages.refine.causes.lengths.ends import labels_instead, other_ends
 from uavgram.stages.refine.causes.lengths.readings import wrong_lengths, wrong_readings
+from uavgram.stages.refine.causes.photos.mirrored import all_mirrored
 from uavgram.stages.refine.causes.photos.other_camera import photos_of_another_zoom
 from uavgram.stages.refine.causes.photos.turned import (
     photos_elsewhere,
     photos_in_disorder,
+    photos_in_order,
+    photos_turned_together,
     turned_photos,
 )
-from uavgram.stages.refine.causes.trials import Judged, as_noisy_as_it_is, screened, tried
+from uavgram.stages.refine.causes.trials import (
+    Judged,
+    as_noisy_as_it_is,
+    screened,
+    tried,
+    without_lengths,
+)
 from uavgram.stages.remedies import with_remedies
 
-MOST_CAUSES, MOST_TRIED, MOST_OF_A_KIND, MOST_DOUBTED = 6, 10, 3, 3
+MOST_CAUSES, MOST_TRIED, MOST_OF_A_KIND, MOST_DOUBTED = 6, 9, 3, 2
 """Causes that are told; hypotheses for which a mended survey is adjusted each time, and of each
 kind; and for which it is adjusted with the noise that would explain the misfit instead."""
 
@@ -52,14 +66,18 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     wrong_readings,
     other_ends,
     common_to_lengths,
+    taped_level,
     elsewhere_in_a_photo,
     swapped_everywhere,
-    wrong_pick_on_the_ground,
     off_the_ground,
+    photos_in_order,
     turned_photos,
+    photos_turned_together,
     photos_in_disorder,
+    all_mirrored,
     wrong_clock,
     turned_camera,
+    shifted_control,
     stepped_places,
     other_camera_file,
     photos_of_another_zoom,
@@ -76,10 +94,17 @@ class Identified(NamedTuple):
         Likeliest first; none where everything fits.
     freed
         What of the prior knowledge each gives up, for the survey to go on without; None: nothing.
+    wrong, right
+        Picks that take part and are wrong, and those that were left out for them.
+    lines
+        Lengths for which picks were left out.
     """
 
     causes: tuple[Cause, ...]
     freed: tuple[Callable[[Survey], Survey] | None, ...]
+    wrong: frozenset[int] = frozenset()
+    right: frozenset[int] = frozenset()
+    lines: frozenset[int] = frozenset()
 
 
 def identify(standing: Standing) -> Identified:
@@ -90,22 +115,50 @@ def identify(standing: Standing) -> Identified:
     standing
         The survey as it is adjusted at the stated noise.
     """
+    found = _one_after_another(standing)
+    if not (found.causes or found.right) and asks(standing):
+        # One length against a log shows beside what the log says of it, and not in a compromise.
+        without = without_lengths(standing)
+        other = found if without is standing else _one_after_another(without)
+        if other.causes:
+            right = frozenset(np.flatnonzero(standing.spoilt).tolist())
+            mends = [cause.mend for cause in other.causes if cause.mend is not None]
+            lines = frozenset(line for mend in mends for line in mend.lines)
+            found = other._replace(right=right, lines=lines)
+    rest = photos_elsewhere(standing, found.causes, found.right)
+    return found._replace(
+        causes=(*found.causes, *rest), freed=(*found.freed, *(None for _ in rest))
+    )
+
+
+def _one_after_another(standing: Standing) -> Identified:
+    """The likeliest cause, then that of what is left, until the rest fits."""
     causes: list[Cause] = []
     freed: list[Callable[[Survey], Survey] | None] = []
+    wrong, right = frozenset[int](), frozenset[int]()
     stated = standing
     for _ in range(MOST_CAUSES):
-        found = _likeliest(standing) if asks(standing) else None
+        is_asked = asks(standing) or _are_taped_level(standing)
+        found = _likeliest(standing) if is_asked else None
         if found is None:
             break
         best, rival = found
         if best.hypothesis.tell is not None:
             causes.append(_with_remedies(_cause(best, rival), best, rival, stated.survey))
-            freed.append(best.hypothesis.freed)
+            # Of two causes that explain as much, the result rests on neither.
+            freed.append(best.hypothesis.freed if rival is None else None)
+        if best.hypothesis.back and best.hypothesis.mend is not None and rival is None:
+            wrong |= best.hypothesis.mend.picks
+            right |= best.hypothesis.back
         if best.after is None:
             break
         standing = best.after
-    rest = photos_elsewhere(stated, causes)
-    return Identified((*causes, *rest), (*freed, *(None for _ in rest)))
+    return Identified(tuple(causes), tuple(freed), wrong, right)
+
+
+def _are_taped_level(standing: Standing) -> bool:
+    """Whether the linear test alone shows it, in a survey in which nothing else is wrong."""
+    return any(one.odds > SURE for one in screened(standing, taped_level(standing)))
 
 
 def _cause(best: Judged, rival: Judged | None) -> Cause:
@@ -130,6 +183,8 @@ def _cause(best: Judged, rival: Judged | None) -> Cause:
 def _with_remedies(cause: Cause, best: Judged, rival: Judged | None, written: Survey) -> Cause:
     """The cause with what would put right what people wrote, and what else could."""
     one, rivals = best.hypothesis, [] if rival is None else [rival.hypothesis]
+    if rival is not None and _blames_tapes(rival) and not _blames_tapes(best):
+        rivals = []  # nobody is to change a right reading by a button
     mends = [each.remedy or each.mend for each in (one, *rivals)]
     if mends[0] is not None:
         mends.append(labels_instead(written, mends[0]))
@@ -141,13 +196,15 @@ def _with_remedies(cause: Cause, best: Judged, rival: Judged | None, written: Su
 
 def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:
     """The likeliest hypothesis, if neither chance nor noise explains it as well; and its rival."""
-    kinds = [screened(standing, propose(standing))[:MOST_OF_A_KIND] for propose in PROPOSALS]
+    kinds = [_nearly_as_likely(screened(standing, propose(standing))) for propose in PROPOSALS]
     every = sorted((one for kind in kinds for one in kind), key=lambda one: -one.odds)
     proposed = list(_each_once(standing.survey, every))
     trials: list[Judged] = []
     for one in proposed[:MOST_TRIED]:
         best = max((each.odds for each in trials if not _blames_tapes(each)), default=-np.inf)
-        if one.odds < 0.0 or best > one.odds + SURE:
+        # Before a tape is accused, what explains as much is tried, though it is less likely.
+        accused = any(each.odds > SURE and _blames_tapes(each) for each in trials)
+        if one.odds < (-SURE if accused else 0.0) or best > one.odds + SURE:
             break  # what the linear model promises of the rest is less
         trials.append(tried(standing, one))
     # What is left may still be noisier than stated: noise grows last, but must not be blamed. It
@@ -163,6 +220,11 @@ def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:
         if noisy is standing or tried(noisy, one).odds > SURE:
             return _with_rival(one, trials)
     return None
+
+
+def _nearly_as_likely(kind: Sequence[Judged]) -> list[Judged]:
+    """The likeliest of one kind, and others only where the linear model hardly parts them."""
+    return [one for one in kind[:MOST_OF_A_KIND] if one.odds > kind[0].odds - 2.0 * SURE]
 
 
 def _each_once(survey: Survey, proposed: Iterable[Judged]) -> Iterator[Judged]:

@@ -10,7 +10,6 @@ import numpy as np
 from uavgram.estimation.reliability.core import core_fit
 from uavgram.estimation.reliability.hypotheses import Explained, explained
 from uavgram.model.survey.mend import Mend
-from uavgram.stages.refine.blunders.misfit import trial_adjustment
 from uavgram.stages.refine.causes.detection import MISFIT
 from uavgram.stages.refine.causes.hypothesis import (
     PRICE,
@@ -18,8 +17,9 @@ from uavgram.stages.refine.causes.hypothesis import (
     Standing,
     lines_touched,
     mended,
-    still_freed,
 )
+from uavgram.stages.refine.causes.readjusted import BENT, readjusted
+from uavgram.stages.refine.minima import trial_adjustment
 from uavgram.stages.refine.noise import with_noise_learnt
 
 
@@ -77,18 +77,32 @@ def screened(standing: Standing, hypotheses: Iterable[Hypothesis]) -> list[Judge
     return sorted(judged, key=lambda one: -one.odds)
 
 
+def _left_out(standing: Standing) -> frozenset[int]:
+    """Picks that were left out because they contradict the rest."""
+    return frozenset(np.flatnonzero(standing.spoilt).tolist())
+
+
 def _judged(standing: Standing, hypothesis: Hypothesis, found: Explained | None) -> Judged:
     gain = hypothesis.promise if found is None else found.gain
-    back = _brought_back(standing, hypothesis)
+    if found is not None and hypothesis.amount is not None:
+        away = hypothesis.amount - float(found.value[0])
+        gain -= away**2 / float(found.covariance[0, 0])
+    back = _brought_back(standing, hypothesis, gain)
     return Judged(hypothesis, found, gain, gain / 2.0 + PRICE * back - hypothesis.price)
 
 
-def _brought_back(standing: Standing, hypothesis: Hypothesis) -> int:
-    """Numbers that had been left out, and that it accounts for."""
-    mend = hypothesis.mend
-    if mend is None:
-        return 0
-    picks = int(standing.spoilt[list(mend.picks | mend.without_picks)].sum())
+def _brought_back(standing: Standing, hypothesis: Hypothesis, gain: float) -> int:
+    """Numbers that had been left out, and that it accounts for.
+
+    What is common to a flight may have spoilt any of them: if it explains what takes part as well,
+    or if nothing checks what takes part.
+    """
+    if hypothesis.freed is not None and hypothesis.moved:
+        shows = gain / 2.0 > hypothesis.price
+        return standing.left_out if shows or core_fit(standing.adjustment).degrees < 1.0 else 0
+    mend = hypothesis.mend or Mend()
+    back = mend.picks | mend.without_picks | hypothesis.back
+    picks = int(standing.spoilt[list(back)].sum())
     lines = int((standing.refined.line_removed & lines_touched(standing.survey, mend)).sum())
     return 2 * picks + lines
 
@@ -107,18 +121,23 @@ def tried(standing: Standing, judged: Judged) -> Judged:
     if hypothesis.mend is None and hypothesis.freed is None:
         return screened(standing, [hypothesis])[0]
     mend = hypothesis.mend or Mend()
-    taking = mended(standing, mend)
+    # What is freed may account for all that was left out.
+    lines_back = hypothesis.freed is not None or hypothesis.is_of_all
+    back = hypothesis.back | (_left_out(standing) if lines_back else frozenset())
+    taking = mended(standing, mend, back, lines_back=lines_back)
     if hypothesis.freed is not None:
         taking = replace(taking, survey=hypothesis.freed(taking.survey))
-    refined = trial_adjustment(taking)
-    if refined is None or not refined.adjustment.minimum.converged:
+    refined = readjusted(standing, taking, hypothesis)
+    # What is freed may end along a valley: its gain is at least that of where it is.
+    if refined is None or not (refined.adjustment.minimum.converged or hypothesis.freed):
         return Judged(hypothesis, judged.found, 0.0, -np.inf)
-    after = Standing(taking, refined, still_freed(standing, mend))
+    after = Standing(taking, refined)
     fit = core_fit(refined.adjustment)
     noise = fit.squares / max(fit.degrees, 1.0) if fit.probability < MISFIT else 1.0
     gain, found = standing.cost - after.cost, judged.found
     if found is not None and hypothesis.freed is not None:
-        gain = min(gain, judged.gain)  # a survey may be freed of more than the unknowns
+        # A survey may be freed of more than the unknowns.
+        gain = min(gain, judged.gain + 2.0 * PRICE * standing.left_out)
     if hypothesis.settled is not None:
         value, covariance = hypothesis.settled(refined.adjustment)
         found = Explained(gain, len(value), value, covariance)
@@ -135,4 +154,24 @@ def as_noisy_as_it_is(standing: Standing) -> Standing:
     survey, refined = with_noise_learnt(standing.survey, standing.refined)
     if survey is standing.survey:
         return standing
-    return Standing(replace(standing.taking, survey=survey), refined, standing.freed)
+    return Standing(replace(standing.taking, survey=survey), refined)
+
+
+def without_lengths(standing: Standing) -> Standing:
+    """The survey adjusted without any length, where the one with them is of no use.
+
+    So it is where it does not come to rest or is bent, or where no length is left in it. What log
+    and photos say of the lengths then shows what is wrong with them.
+    """
+    survey, minimum = standing.survey, standing.adjustment.minimum
+    is_bent = standing.spoilt.any() and core_fit(standing.adjustment).probability < BENT
+    of_use = minimum.converged and "lengths" in minimum.blocks and not is_bent
+    if of_use or survey.telemetry is None or standing.refined.line_removed.all():
+        return standing
+    everything = mended(standing, Mend(), _left_out(standing))
+    taking = everything.without_lines(range(len(survey.line_start)))
+    refined = trial_adjustment(taking)
+    if refined is None or not refined.adjustment.minimum.converged:
+        return standing
+    without = Standing(taking, refined)
+    return without if core_fit(refined.adjustment).probability > MISFIT else standing

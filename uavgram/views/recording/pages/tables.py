@@ -46,7 +46,7 @@ from uavgram.views.wording import (
     worst_fit_first,
 )
 
-LEVEL_MARKS = {"green": "✔", "amber": "⚠", "red": "⚠"}
+LEVEL_MARKS = {"green": "✔", "amber": "⚠", "red": "⚠", None: "-"}
 """What stands before the headline. The viewer's font has few signs, and it ends at one that it has
 not."""
 

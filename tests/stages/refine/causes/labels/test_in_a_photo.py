@@ -17,8 +17,7 @@ from uavgram.stages.refine.causes.hypothesis import Standing, mended_survey
 from uavgram.stages.refine.causes.identify import identify
 from uavgram.stages.refine.causes.labels.heights import off_the_ground
 from uavgram.stages.refine.minima import Participants, best_minima
-from uavgram.stages.refine.off_ground.heights import with_free
-from uavgram.stages.refine.robust_adjustment import adjust_survey
+from uavgram.stages.refine.robust import adjust_robustly
 
 OPTIONS = {"frames": 6, "labels": 10, "lines": 8, "spread": 6.0, "tilt": 0.2}
 
@@ -42,7 +41,7 @@ def picks_of(survey: Survey, frame: int) -> Ints:
 def causes_of(survey: Survey) -> tuple[Cause, ...]:
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), none, {})
-    return identify(Standing(taking, adjust_survey(taking))).causes
+    return identify(Standing(taking, adjust_robustly(taking).refined)).causes
 
 
 def test_labels_that_changed_places_in_a_photo_are_told_and_put_back(
@@ -123,26 +122,6 @@ def test_labels_swapped_in_all_photos_are_told_by_the_lengths_that_end_at_them(
     touch = np.isin(survey.line_start, (first, second)) ^ np.isin(survey.line_end, (first, second))
     assert cause.settles
     assert cause.settles <= {survey.line_name[k] for k in np.flatnonzero(touch)}
-
-
-def test_a_height_that_one_wrong_pick_called_for_is_taken_back(
-    scene_factory: Callable[..., Scene],
-) -> None:
-    survey = clean(scene_factory)
-    pick = int(picks_of(survey, 1)[3])
-    label = int(survey.pick_label[pick])
-    pixel = np.array(survey.pixel_px)
-    pixel[pick] += (40.0, 20.0)
-    freed = with_free(replace(survey, pixel_px=pixel), [survey.label[label]])
-    none = np.zeros(len(survey.line_start), dtype=np.bool_)
-    taking = Participants(freed, np.ones(len(pixel), dtype=np.bool_), none, {})
-    (cause,) = identify(
-        Standing(taking, best_minima(taking), frozenset([survey.label[label]]))
-    ).causes
-    assert cause.message.code == "pick-suspect"
-    assert cause.mend is not None
-    assert dict(cause.mend.free) == {label: False}
-    assert set(cause.mend.without_picks) == {pick}
 
 
 def test_a_point_off_the_ground_is_no_wrong_pick(scene_factory: Callable[..., Scene]) -> None:

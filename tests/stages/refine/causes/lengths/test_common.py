@@ -14,7 +14,7 @@ from uavgram.estimation.reliability.hypotheses import explained
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.identify import identify
-from uavgram.stages.refine.causes.lengths.common import CHECKED, _common, common_misfit, odd_scale
+from uavgram.stages.refine.causes.lengths.common import CHECKED, _common, common_misfit
 from uavgram.stages.refine.minima import Participants, best_minima
 
 PAIRS = (*((k, k + 6) for k in range(6)), (0, 1), (2, 3), (4, 5))
@@ -94,14 +94,3 @@ def test_without_a_log_a_factor_is_checked_by_nothing(
     assert np.isinf(found.covariance[0, 0])
     assert found.gain == 0.0
     assert not common_misfit(given.adjustment)
-
-
-def test_only_odd_heights_are_told_with_the_unit_that_makes_them_ordinary() -> None:
-    assert list(odd_scale(60.0)) == list(odd_scale(120.0)) == list(odd_scale(5.0)) == []
-    (message,) = odd_scale(197.0)
-    assert message.code == "lengths-wrong-unit"
-    assert message.text.startswith("All lengths may be in feet: ")
-    assert "197 m above the ground" in message.text
-    assert "60 m then" in message.text
-    (message,) = odd_scale(2.5)
-    assert "may be turned from feet into metres twice" in message.text

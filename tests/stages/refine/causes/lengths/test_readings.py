@@ -14,12 +14,12 @@ from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Cause, Ends, Mend
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.blunders.gross_lengths import seen_lengths
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 from uavgram.stages.refine.causes.identify import identify
 from uavgram.stages.refine.causes.lengths.doubted import doubted
 from uavgram.stages.refine.causes.lengths.ends import other_ends
 from uavgram.stages.refine.causes.lengths.readings import slips_of, wrong_readings
+from uavgram.stages.refine.left_out import seen_lengths
 from uavgram.stages.refine.minima import Participants, best_minima
 
 PAIRS = tuple((k, k + 6) for k in range(6))

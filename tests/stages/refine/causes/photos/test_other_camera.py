@@ -16,7 +16,7 @@ from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 from uavgram.stages.refine.causes.photos.other_camera import LEAST, photos_of_another_zoom
 from uavgram.stages.refine.minima import Participants, best_minima
-from uavgram.stages.refine.robust_adjustment import MISPLACED
+from uavgram.stages.refine.robust import MISPLACED
 
 OPTIONS: dict[str, Any] = {"frames": 6, "labels": 10, "lines": 4, "spread": 6.0, "tilt": 0.2}
 EXACT: dict[str, Any] = OPTIONS | {"noise": 0.1}

@@ -23,6 +23,7 @@ from uavgram.model.flight.pose import TelemetryPrior
 from uavgram.model.message import Message
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
+from uavgram.stages.refine.causes.photos.turned import misplaced_photos
 
 ANY_S, ANY_RAD = 60.0, float(np.radians(60.0))
 """Prior sigmas of a clock that is wrong, and of a camera or a compass that is turned."""
@@ -32,6 +33,9 @@ USUAL_S, USUAL_RAD = 20.0, float(np.radians(20.0))
 
 FARTHEST_S, STEP_S = 20.0, 0.5
 """Corrections of the clock that are looked at."""
+
+ANY_SHIFT_M, USUAL_SHIFT_M = 1e5, 100.0
+"""The same of control points that are shifted together, as by another datum."""
 
 ANY_M = 50.0
 """Prior sigma of a frame's place beyond a step of the log."""
@@ -88,17 +92,57 @@ def _best_clock(standing: Standing, prior: TelemetryPrior) -> tuple[float, float
     return (0.0, 0.0) if is_near else (float(tried[best]), float(cost[0] - cost[best]))
 
 
+def shifted_control(standing: Standing) -> Iterator[Hypothesis]:
+    """All control points are shifted by the same vector against the log."""
+    adjustment = standing.adjustment
+    prior = _telemetry(adjustment)
+    if prior is None or not len(adjustment.survey.control_label):
+        return
+    stated = float(np.exp(np.log(prior.position_bias_sigma_m).mean()))
+    yield Hypothesis(
+        tell=partial(_control_shifted, adjustment.survey),
+        moved=(prior_moved(adjustment, kind="position_bias"),),
+        settled=partial(_of_flight, kind="position_bias"),
+        freed=partial(_with_prior, position_bias_sigma_m=np.full(3, ANY_SHIFT_M)),
+        price=widened(3, USUAL_SHIFT_M, stated),
+    )
+
+
+def _control_shifted(survey: Survey, found: Explained | None) -> Message:
+    assert found is not None  # noqa: S101
+    east, north, up = -found.value
+    size = float(np.linalg.norm(found.value))
+    toward = found.value / size if size else found.value
+    sigma = float(np.sqrt(toward @ found.covariance @ toward))
+    return Message(
+        "warning",
+        "control-shifted",
+        f"All control points are shifted against the flight log by {size:.1f} ± {sigma:.1g} m "
+        f"({east:+.1f} m east, {north:+.1f} m north, {up:+.1f} m up): they agree with each other, "
+        "but not with the log. Look at the coordinate system, the datum and the heights of the "
+        "control points.",
+        labels=tuple(survey.label[k] for k in survey.control_label),
+    )
+
+
 def turned_camera(standing: Standing) -> Iterator[Hypothesis]:
     """The camera is turned in its mount, or all headings of the log are."""
-    prior = _telemetry(standing.adjustment)
-    if prior is None:
+    adjustment = standing.adjustment
+    prior = _telemetry(adjustment)
+    if prior is None or adjustment.survey.track is None:
         return
+    # How a camera hung that no gimbal turned was written by hand, or not at all; a gimbal's angles
+    # are rarely wrong.
+    track = adjustment.survey.track
+    is_fixed = not isinstance(track, PhotoExposures) and not len(track.gimbal_time_s)
+    known = 0.0 if is_fixed else float(np.log(20.0))
     yield Hypothesis(
         tell=_camera_turned,
         moved=(prior_moved(standing.adjustment, kind="boresight"),),
         settled=partial(_of_flight, kind="boresight"),
         freed=partial(_with_prior, boresight_sigma_rad=ANY_RAD),
-        price=widened(3, USUAL_RAD, prior.boresight_sigma_rad),
+        is_of_all=True,
+        price=known + widened(3, USUAL_RAD, prior.boresight_sigma_rad),
     )
     yield Hypothesis(
         tell=_compass_turned,
@@ -120,16 +164,60 @@ def stepped_places(standing: Standing) -> Iterator[Hypothesis]:
     since = (prior.time_s - prior.time_s.mean()) / max(float(np.ptp(prior.time_s)), 1e-9)
     everywhere = Moved("telemetry", np.arange(len(order)), by_place * since[:, None, None])
     yield Hypothesis(tell=None, moved=(everywhere,), price=3.0 * PRICE / 2.0)
+    yield from _step_before_lost(standing)
     gaps = _likely_gaps(adjustment, order, by_place)
     for gap in gaps.tolist():
         later = order[gap:]
         few = later if 2 * len(later) <= len(order) else order[:gap]
         yield Hypothesis(
-            tell=partial(_jumped, standing, (int(order[gap - 1]), int(order[gap]))),
+            tell=partial(_jumped, *_between(adjustment, order, gap)),
             moved=(Moved("telemetry", later, by_place[later]),),
             freed=partial(_without_places, _names(adjustment, few)),
             price=3.0 * PRICE / 2.0 + float(np.log(len(order) - 1)),
         )
+
+
+def _between(adjustment: Adjustment, order: Ints, gap: int) -> tuple[str, str]:
+    """Names of the frames before and behind a gap, in order of time."""
+    prior, survey = adjustment.survey.telemetry, adjustment.survey
+    assert prior is not None  # noqa: S101  (there are rows of it)
+    before, after = (survey.frame_id[prior.frame_index[row]] for row in order[gap - 1 : gap + 1])
+    return before, after
+
+
+def _step_before_lost(standing: Standing) -> Iterator[Hypothesis]:
+    """The log steps where all photos before, or behind, were left out."""
+    survey, every = standing.survey, standing.survey.telemetry
+    lost = misplaced_photos(standing)
+    if every is None or not len(lost):
+        return
+    order = every.frame_index[np.argsort(every.time_s, kind="stable")]
+    is_lost = np.isin(order, lost)
+    ends = np.flatnonzero(np.diff(is_lost.astype(np.int64)))
+    if len(ends) != 1:
+        return
+    gap = int(ends[0]) + 1
+    names = frozenset(survey.frame_id[k] for k in lost)
+    picks = standing.spoilt & np.isin(survey.pick_frame, lost)
+    yield Hypothesis(
+        tell=partial(_jumped, survey.frame_id[order[gap - 1]], survey.frame_id[order[gap]]),
+        back=frozenset(np.flatnonzero(picks).tolist()),
+        freed=partial(_without_places, names),
+        settled=partial(_step, names),
+        price=3.0 * PRICE / 2.0 + float(np.log(len(order) - 1)),
+        settles=names,
+    )
+
+
+def _step(names: frozenset[str], adjustment: Adjustment) -> tuple[Floats, Floats]:
+    """By how much the log has some frames elsewhere (3,), and the covariance, of their mean."""
+    prior = adjustment.survey.telemetry
+    assert prior is not None  # noqa: S101  (only with a log)
+    some = np.array([adjustment.survey.frame_id[k] in names for k in prior.frame_index])
+    white = adjustment.problem.telemetry_whitening
+    off = np.linalg.solve(white, adjustment.minimum.blocks["telemetry"].residual[..., None])
+    own = adjustment.frame_covariance()[prior.frame_index[some], :3, :3]
+    return -off[some, :3, 0].mean(axis=0), own.mean(axis=0)
 
 
 def prior_moved(adjustment: Adjustment, *, kind: str) -> Moved:
@@ -190,7 +278,7 @@ def _clock(stated: TelemetryPrior, adjustment: Adjustment) -> tuple[Floats, Floa
     return value + stated.middle_s - prior.middle_s, covariance
 
 
-def _with_prior(survey: Survey, **sigma: float) -> Survey:
+def _with_prior(survey: Survey, **sigma: float | Floats) -> Survey:
     """A survey that knows less of what its flight has in common."""
     if survey.telemetry is None:
         return survey
@@ -247,16 +335,17 @@ def _camera_turned(found: Explained | None) -> Message:
     angle = np.degrees(found.value)
     sigma = np.degrees(np.sqrt(found.covariance.diagonal()))
     said = ", ".join(
-        f"{a:+.1f} ± {s:.1g} degrees about {axis}"
+        f"{a:+.1f} ± {s:.2g} degrees about {axis}"
         for a, s, axis in zip(angle, sigma, about, strict=True)
-        if np.isfinite(s)
+        if s < abs(a)
     )
+    angles = f" ({said})" if said else ""
     return Message(
         "warning",
         "gimbal-off",
         f"The camera is turned by {np.linalg.norm(angle):.0f} degrees against what mount and "
         "gimbal say: look at `mount` in the project, and whether the log has the angles of the "
-        f"gimbal that the camera hung on ({said}).",
+        f"gimbal that the camera hung on{angles}.",
     )
 
 
@@ -272,12 +361,8 @@ def _compass_turned(found: Explained | None) -> Message:
     )
 
 
-def _jumped(standing: Standing, between: tuple[int, int], found: Explained | None) -> Message:
+def _jumped(before: str, after: str, found: Explained | None) -> Message:
     assert found is not None  # noqa: S101
-    survey = standing.adjustment.survey
-    prior = survey.telemetry
-    assert prior is not None  # noqa: S101
-    before, after = (survey.frame_id[prior.frame_index[row]] for row in between)
     size = float(np.linalg.norm(found.value))
     toward = found.value / size if size else found.value
     sigma = float(np.sqrt(toward @ found.covariance @ toward))

@@ -33,6 +33,7 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
     ends = ends[labels_of(standing)[ends] >= 0]
     if not len(ends):
         return
+    spoilt = frozenset(np.flatnonzero(standing.spoilt).tolist())
     first, second, better = _gains(standing, ends)
     labels = len(standing.adjustment.survey.label)
     best = np.argsort(-better, kind="stable")[:MOST_PAIRS]
@@ -54,6 +55,7 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
             tell=partial(_swapped, standing, (a, b), lines),
             mend=Mend(label_of_pick=right),
             is_clear=not alone,
+            back=spoilt,  # lengths between wrong labels bend everything, whole photos too
             promise=max(min(fall, cost), 0.0 if none_left_out else easier),
             price=float(np.log(labels * (labels - 1) / 2.0)) + alone,
             settles=frozenset(survey.line_name[k] for k in lines if survey.line_name),

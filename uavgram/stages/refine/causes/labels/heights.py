@@ -1,4 +1,4 @@
-"""Labels that may lie off the ground, or have one wrong pick on it."""
+"""Labels that may be off the ground."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message
 from uavgram.model.survey.mend import Cause, Mend
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import STRAYS, labels_of, strays
 from uavgram.stages.refine.off_ground.remarks import off_ground_message
-from uavgram.stages.refine.off_ground.rivals import least_squares
-from uavgram.stages.refine.off_ground.search import LEAST_HEIGHT_M
+from uavgram.stages.refine.robust import OFF_GROUND_M
 
 STEP_M = 0.01
 """By which points are raised to see how their pixels move."""
@@ -29,65 +28,10 @@ LEAST_PICKS = 3
 """Picks of a label from which on a wrong one can be told from a height."""
 
 
-def wrong_pick_on_the_ground(standing: Standing) -> Iterator[Hypothesis]:
-    """Labels whose heights were freed unasked: on the ground, and one of their picks is wrong."""
-    adjustment, refined = standing.adjustment, standing.refined
-    sigma = adjustment.survey.pick_sigma_px
-    found = strays(standing)
-    fall = dict(zip(found.pick.tolist(), found.fall.tolist(), strict=True))
-    for name in sorted(standing.freed & set(adjustment.survey.label)):
-        rows = np.flatnonzero(adjustment.survey.pick_label == adjustment.label_index(name))
-        if len(rows) < LEAST_PICKS:
-            continue
-        free = least_squares(adjustment, rows, sigma[rows], free=True)
-        label = standing.survey.label.index(name)
-        for row in rows.tolist():
-            rest = rows[rows != row]
-            on_it = least_squares(adjustment, rest, sigma[rest], free=False)
-            pick = int(refined.pick_index[row])
-            yield Hypothesis(
-                tell=partial(_wrong_pick, standing.survey, pick),
-                mend=Mend(free={label: False}, without_picks=frozenset([pick])),
-                # A wrong pick bends the ground, and with it what the others seem to lose on it.
-                promise=max(free - on_it, fall.get(pick, 0.0)),
-                price=PRICE + float(np.log(len(rows))),
-                settles=frozenset([standing.survey.frame_id[standing.survey.pick_frame[pick]]]),
-            )
-
-
-def heights_by_causes(survey: Survey, causes: Sequence[Cause], *, free: bool) -> frozenset[str]:
-    """Names of labels that stand off the ground, or lie on it after all, by what was found.
-
-    Parameters
-    ----------
-    survey
-        All observations.
-    causes
-        That were found.
-    free
-        Whether those whose heights are to be free, or those that are on the ground.
-    """
+def freed_heights(survey: Survey, causes: Sequence[Cause]) -> frozenset[str]:
+    """Names of labels that some causes put off the ground."""
     mends = [cause.mend for cause in causes if cause.mend is not None]
-    return frozenset(
-        survey.label[k] for mend in mends for k, own in mend.free.items() if own == free
-    )
-
-
-def _wrong_pick(survey: Survey, pick: int, _: Explained | None) -> Message:
-    label = survey.label[survey.pick_label[pick]]
-    frame = survey.frame_id[survey.pick_frame[pick]]
-    what = f"{label!r} in {frame!r}"
-    return Message(
-        "warning",
-        "pick-suspect",
-        f"The pick of {what} does not fit: look at the place and at the label. Without it, all "
-        f"others of {label!r} lie on the ground.",
-        frames=(frame,),
-        labels=(label,),
-        several=Several(
-            "{count} picks do not fit", what, ending="Look at their places and at their labels."
-        ),
-    )
+    return frozenset(survey.label[k] for mend in mends for k, free in mend.free.items() if free)
 
 
 def off_the_ground(standing: Standing) -> Iterator[Hypothesis]:
@@ -105,7 +49,7 @@ def off_the_ground(standing: Standing) -> Iterator[Hypothesis]:
     height = dict(zip(moved, (float(one.value[0]) for one in found), strict=True))
     index = {int(a): k for k, a in enumerate(at) if a >= 0}
     for k, one in moved.items():
-        if abs(height[k]) < LEAST_HEIGHT_M:
+        if abs(height[k]) < OFF_GROUND_M:
             continue
         yield Hypothesis(
             tell=partial(_off_ground, adjustment.survey.label[k], int(picks[k])),

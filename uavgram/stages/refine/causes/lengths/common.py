@@ -15,7 +15,6 @@ import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
 from uavgram.estimation.reliability.test_statistics import falls_without
-from uavgram.estimation.reliability.wrong_units import likely_unit_of_height
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.size import by_size
 from uavgram.estimation.survey.terms.tapes import taped_lines
@@ -40,6 +39,9 @@ CHECKED = 1e-5
 """Share of what is common to all lengths that has to show in the residuals: that of a factor is
 small where only a log speaks of the scale, as lengths are so much better."""
 
+LEVEL = float(np.log(20.0))
+"""Logarithm of the odds that lengths were taped along a slope, where nobody wrote how."""
+
 NOT_CHANCE = 4.0
 """Sigmas from which on something that all lengths have in common is told, and asks for a cause by
 itself: who is told that all his lengths are wrong can use none of them."""
@@ -47,9 +49,6 @@ itself: who is told that all his lengths are wrong can use none of them."""
 
 STILL, MOST_DOUBTED = 3.0, 6
 """The same without any single length; and lengths that are left aside for it, worst first."""
-
-LOWEST_M, HIGHEST_M = 3.0, 150.0
-"""Heights from which most drones take photos of the ground: 120 m is the limit of most laws."""
 
 
 class _Tape(NamedTuple):
@@ -96,6 +95,43 @@ def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
         )
 
 
+def taped_level(standing: Standing) -> Iterator[Hypothesis]:
+    """All lengths were taped level, as on a slope, and that was not written."""
+    adjustment = standing.adjustment
+    if "lengths" not in adjustment.minimum.blocks or not adjustment.minimum.converged:
+        return
+    survey, line = adjustment.survey, adjustment.problem.line_index
+    taped = taped_lines(survey, line)
+    if taped.level.all():
+        return
+    level = taped._replace(level=np.ones_like(taped.level))
+    reading, *_ = adjustment.problem.readings(adjustment.state, taped)
+    shorter = adjustment.problem.readings(adjustment.state, level)[0] - reading
+    along = (shorter / survey.length_sigma_m[line])[:, None, None]
+    rows = np.arange(len(line))
+    lines = frozenset(_lines(standing, rows).tolist())
+    yield Hypothesis(
+        tell=partial(_taped_level, standing, _names(standing, rows)),
+        mend=Mend(level=lines),
+        moved=(Moved("lengths", rows, along),),
+        amount=1.0,
+        checked=CHECKED,
+        price=LEVEL,
+        settles=frozenset(_names(standing, rows)),
+    )
+
+
+def _taped_level(standing: Standing, names: tuple[str, ...], _: Explained | None) -> Message:
+    """The message on lengths that were taped level."""
+    slope = float(np.degrees(np.arctan(np.hypot(*standing.adjustment.state.plane[1:3]))))
+    text = (
+        f"All lengths seem to have been taped level on a ground that slopes by {slope:.0f} "
+        "degrees: they fit as horizontal distances, and not along the slope. Ask how the tape was "
+        "held, and write 'horizontal' into the column along of the lengths if it was level."
+    )
+    return Message("warning", "lengths-level", text, lengths=names)
+
+
 def _is_common(adjustment: Adjustment, one: _Common) -> bool:
     """Whether it shows still where any single length is wrong by whatever it may."""
     block = adjustment.minimum.blocks["lengths"]
@@ -119,26 +155,6 @@ def common_misfit(adjustment: Adjustment) -> bool:
     """Whether all lengths have something in common that is hardly chance."""
     tests = explained(adjustment, [one.moved for one in _common(adjustment)], CHECKED)
     return any(one.gain > NOT_CHANCE**2 for one in tests)
-
-
-def odd_scale(height_m: float) -> Iterator[Message]:
-    """That all lengths may be in another unit, by nothing but the height of the cameras.
-
-    Parameters
-    ----------
-    height_m
-        Above the ground, where nothing but lengths says so.
-    """
-    if LOWEST_M <= height_m <= HIGHEST_M:
-        return
-    words, otherwise = likely_unit_of_height(height_m)
-    size = f"{height_m / 1000:.3g} km" if height_m > 1000.0 else f"{height_m:.3g} m"
-    text = (
-        f"All lengths may be {words}: by them the cameras stand {size} above the ground (median); "
-        f"it would be {otherwise:.3g} m then. Nothing else tells: look in which unit they were "
-        "taken, and from what height the photos were."
-    )
-    yield Message("warning", "lengths-wrong-unit", text)
 
 
 def _common(adjustment: Adjustment) -> list[_Common]:
@@ -166,7 +182,8 @@ def _common(adjustment: Adjustment) -> list[_Common]:
 
 def _tapes(tape_of_line: tuple[str, ...]) -> list[_Tape]:
     tapes = dict.fromkeys(tape_of_line)
-    found = [_Tape(np.arange(len(tape_of_line)), "All lengths")]
+    only = f" of the tape {tape_of_line[0]!r}" if len(tapes) == 1 and tape_of_line[0] else ""
+    found = [_Tape(np.arange(len(tape_of_line)), f"All lengths{only}")]
     if len(tapes) > 1:
         own = {tape: [k for k, one in enumerate(tape_of_line) if one == tape] for tape in tapes}
         found += [

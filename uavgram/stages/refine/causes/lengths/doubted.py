@@ -17,8 +17,8 @@ from uavgram.estimation.survey.names import named_ends
 from uavgram.estimation.survey.terms.tapes import Taped, taped_lines
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
-from uavgram.stages.refine.blunders.gross_lengths import seen_lengths
 from uavgram.stages.refine.causes.hypothesis import PRICE, Standing
+from uavgram.stages.refine.left_out import seen_lengths
 
 STRAYS = 9.0
 """Fall of the sum of squares without a length, from which on it is looked at."""

@@ -13,9 +13,9 @@ from uavgram.estimation.first_poses.homography import resect_from_plane
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.camera.projection import project
 from uavgram.model.arrays import Floats, Ints
-from uavgram.stages.refine.blunders.consensus import AGREES, SMALLEST, consensus, seen_at
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.labels.places import labels_of
+from uavgram.stages.refine.causes.photos.consensus import AGREES, SMALLEST, consensus, seen_at
 
 REACH = 0.2
 """Distance of a pick from where the log has its label, as a share of the photo's width."""

@@ -13,9 +13,9 @@ from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.mend import Mend
-from uavgram.stages.refine.blunders.consensus import SMALLEST, seen_at
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import labels_of
+from uavgram.stages.refine.causes.photos.consensus import SMALLEST, seen_at
 from uavgram.stages.refine.causes.photos.turned import against_the_log, misplaced_photos, picks_of
 
 STRAINED, MOST_PHOTOS = 16.0, 4

@@ -15,10 +15,11 @@ from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message, Several
+from uavgram.model.naming import listed_photos
 from uavgram.model.survey.mend import Cause, Mend
-from uavgram.stages.refine.blunders.consensus import AGREES, SMALLEST, seen_at
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import labels_of
+from uavgram.stages.refine.causes.photos.consensus import AGREES, SMALLEST, seen_at
 from uavgram.stages.refine.causes.photos.disorder import right_labels
 
 MOST_PHOTOS = 12
@@ -48,6 +49,9 @@ STRAINED, MOST_STRAINED = 10.0, 3
 """Residual of a pose that the log tells, in its sigmas, from which on a photo may be turned; and
 photos that are looked at for it."""
 
+RARE = float(np.log(20.0))
+"""Logarithm of the odds against a photo that was turned, where nothing speaks for it."""
+
 HEADING = np.radians(45.0)
 """Between a pose and the one that the log tells, beyond which it is another one."""
 
@@ -76,6 +80,18 @@ def against_the_log(standing: Standing) -> dict[int, float]:
     }
 
 
+def photos_in_order(standing: Standing) -> Iterator[Hypothesis]:
+    """Photos that were left out, and fit as they are once what spoilt them is gone."""
+    for frame in misplaced_photos(standing).tolist():
+        yield Hypothesis(
+            tell=None,
+            mend=Mend(),
+            back=frozenset(picks_of(standing, frame).tolist()),
+            price=RARE,
+            settles=frozenset([standing.survey.frame_id[frame]]),
+        )
+
+
 def turned_photos(standing: Standing) -> Iterator[Hypothesis]:
     """Photos of which the picks fit once they are mirrored or turned."""
     survey, camera = standing.survey, standing.survey.calibration
@@ -89,12 +105,39 @@ def turned_photos(standing: Standing) -> Iterator[Hypothesis]:
                 continue
             places = {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
             yield Hypothesis(
-                tell=partial(_turned, survey.frame_id[frame], how),
+                tell=partial(_turned, (survey.frame_id[frame],), how),
                 mend=Mend(pixel_of_pick=places),
                 promise=gain,
                 price=float(np.log(len(MIRRORED) + len(TURNED))),
                 settles=frozenset([survey.frame_id[frame]]),
             )
+
+
+def photos_turned_together(standing: Standing) -> Iterator[Hypothesis]:
+    """All photos that take part were turned, and those that were left out were not."""
+    survey = standing.survey
+    left_out = misplaced_photos(standing)
+    if not len(left_out) or survey.telemetry is None:
+        return
+    names = standing.adjustment.survey.frame_id
+    if len(names) > 2 * len(left_out):
+        return  # it would be odd if so many were turned
+    frames = [survey.frame_id.index(name) for name in names]
+    back = frozenset(np.concatenate([picks_of(standing, k) for k in left_out]).tolist())
+    for how, turn in (TURNED | MIRRORED).items():
+        places: dict[int, tuple[float, float]] = {}
+        for frame in frames:
+            picks = picks_of(standing, frame)
+            pixel = _put_back(survey.pixel_px[picks], turn, survey.calibration)
+            places |= {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
+        yield Hypothesis(
+            tell=partial(_turned, names, how),
+            mend=Mend(pixel_of_pick=places),
+            back=back,
+            is_of_all=True,
+            price=float(np.log(len(MIRRORED) + len(TURNED))) + len(frames) * RARE,
+            settles=frozenset([*names, *(survey.frame_id[k] for k in left_out)]),
+        )
 
 
 def photos_in_disorder(standing: Standing) -> Iterator[Hypothesis]:
@@ -121,7 +164,9 @@ def photos_in_disorder(standing: Standing) -> Iterator[Hypothesis]:
         )
 
 
-def photos_elsewhere(standing: Standing, causes: Sequence[Cause]) -> tuple[Cause, ...]:
+def photos_elsewhere(
+    standing: Standing, causes: Sequence[Cause], right: frozenset[int]
+) -> tuple[Cause, ...]:
     """Photos that were left out, and of which nothing explains it: they show something else.
 
     Parameters
@@ -130,9 +175,12 @@ def photos_elsewhere(standing: Standing, causes: Sequence[Cause]) -> tuple[Cause
         The survey as it was adjusted.
     causes
         That were found.
+    right
+        Picks that were found to fit after all.
     """
-    settled = frozenset[str]().union(*(cause.settles for cause in causes))
     survey, found = standing.survey, []
+    settled = {name for cause in causes for name in cause.settles}
+    settled |= {survey.frame_id[survey.pick_frame[pick]] for pick in right}
     for frame in misplaced_photos(standing).tolist():
         name = survey.frame_id[frame]
         if name in settled:
@@ -197,18 +245,29 @@ def _shows_the_ground(standing: Standing, frame: int, picks: Ints, pixel: Floats
     return bool(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)) < HEADING)
 
 
-def _turned(frame: str, how: str, _: Explained | None) -> Message:
+def _turned(frames: Sequence[str], how: str, _: Explained | None) -> Message:
+    """The message on photos that were shown mirrored or turned."""
+    named = listed_photos(frames)
+    one = len(frames) == 1
+    what, they = (
+        (f"The photo {frames[0]!r} seems", "it was")
+        if one
+        else (f"The photos {named} seem", "they were")
+    )
+    file = "file, as the camera wrote it" if one else "files, as the camera wrote them"
     return Message(
         "warning",
         "photo-mirrored" if how in MIRRORED else "photo-turned",
-        f"The photo {frame!r} seems to have been {how} when it was picked: pick it anew in the "
-        "original file, as the camera wrote it. Its picks fit once they are put back.",
-        frames=(frame,),
+        f"{what} to have been {how} when {they} picked: pick {'it' if one else 'them'} anew in the "
+        f"original {file}. {'Its' if one else 'Their'} picks fit once they are put back.",
+        frames=tuple(frames),
         several=Several(
             "{count} photos seem to have been mirrored or turned when they were picked",
-            f"{frame!r} {how}",
+            f"{frames[0]!r} {how}",
             ending="Pick them anew in the original files, as the camera wrote them.",
-        ),
+        )
+        if one
+        else None,
     )
 
 

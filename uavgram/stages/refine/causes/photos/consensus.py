@@ -1,8 +1,7 @@
-"""Which picks of a frame contradict all its others: a few wrong labels do not condemn a frame.
+"""Find the pose that most picks of a photo agree on.
 
-Where a frame spoils an adjustment, the others tell where its points are. The pose that most of its
-picks agree on is found by consensus of the smallest sets that determine one (Fischler & Bolles
-1981), here all of them or a fixed sample.
+By consensus of the smallest sets that determine one (Fischler and Bolles 1981), here all of them or
+a fixed sample.
 """
 
 from __future__ import annotations
@@ -13,10 +12,7 @@ from math import comb
 import numpy as np
 
 from uavgram.estimation.first_poses.homography import resect_from_plane
-from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
-from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.survey import Survey
 
 SMALLEST = 4
 """Picks that determine a pose above known points of a plane."""
@@ -27,52 +23,6 @@ MOST_SETS = 500
 AGREES = 12.0
 """Distance from the predicted place, in sigmas of a pick, up to which a pick agrees: what four
 picks with errors of a sigma each predict is itself uncertain by several."""
-
-MAJORITY = 0.6
-"""Share of a frame's picks that must agree, and at least one more than determine the pose."""
-
-CONTRADICTED = LeftOut(
-    LeftOutCause.CONTRADICTED,
-    "all other picks of its frame contradict it: look at its place and its label",
-)
-
-
-def contradicting(survey: Survey, picks: Ints, rest: Refined) -> dict[int, LeftOut]:
-    """Picks of a frame that contradict the majority of its others, each with what is wrong.
-
-    Parameters
-    ----------
-    survey
-        All observations.
-    picks
-        (n,) indices of the frame's picks.
-    rest
-        The survey adjusted without the frame; tells where its points are.
-
-    Returns
-    -------
-    dict
-        Empty where all agree or no majority does: then the frame as a whole is the matter.
-    """
-    world, known = _places(survey, picks, rest.adjustment)
-    picks = picks[known]
-    if len(picks) <= SMALLEST:
-        return {}
-    parameters = survey.calibration.parameters
-    ray = back_project(survey.calibration.model, parameters, survey.pixel_px[picks])
-    sigma = survey.pick_sigma_px[picks] / parameters[0]
-    agree = consensus(world, ray, sigma)
-    if agree is None or agree.all() or agree.sum() < max(SMALLEST + 1, MAJORITY * len(picks)):
-        return {}
-    return dict.fromkeys(picks[~agree].tolist(), CONTRADICTED)
-
-
-def _places(survey: Survey, picks: Ints, adjustment: Adjustment) -> tuple[Floats, Ints]:
-    """Places (n, 2) in the plane of the picks whose points are known, and which these are."""
-    label = survey.pick_label[picks]
-    at = adjustment.label_rows(survey.label[k] for k in label)
-    known = np.flatnonzero((at >= 0) & ~survey.off_ground[label])
-    return adjustment.state.point[at[known], :2], known
 
 
 def consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:

@@ -1,0 +1,101 @@
+"""The round in which points are clicked again: no mark is shown, and each click is a second row."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from large_photos import write_large_project
+from opened_pages import PageOpener
+from picking_pages import eventually, place, to_page, wait_until_adjusted
+from picking_server import served
+from playwright.sync_api import expect
+
+from uavgram.model.result.result import Result
+from uavgram.model.result.verdict import Reason, Verdict
+from uavgram.pipeline.pick.live import Adjusted, Observed
+
+PLACES = {"New": (700.0, 500.0), "Other": (900.0, 640.0)}
+
+
+def unchecked(result: Result) -> Result:
+    """Two points are clicked once."""
+    reason = Reason(
+        cause="nothing-checks",
+        text="'D1' is not checked: a wrong click on New or Other would not be noticed.",
+        plain="Not checked: mark New and Other in one more photo, or click them again.",
+        labels=tuple(PLACES),
+        measurements=("D1",),
+    )
+    return replace(result, verdict=Verdict(level="amber", reasons=(reason,)))
+
+
+def test_each_point_is_shown_without_a_mark_and_its_second_click_is_kept(
+    tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    project = write_large_project(tmp_path, 1600, 1200, labels=25)
+    with served(project) as server:
+        survey, adjust = server.picking.survey, server.picking.survey.adjust
+
+        def adjusted(observed: Observed) -> Adjusted:
+            found = adjust(observed)
+            return replace(found, computed=found.computed._replace(result=unchecked(found.result)))
+
+        monkeypatch.setattr(survey, "adjust", adjusted)
+        page = open_page(server)
+        for label, at in PLACES.items():
+            place(page, label, *at)
+            page.keyboard.press("Escape")
+        wait_until_adjusted(page)
+        marks = page.locator(".pane svg.marks > *")
+        again = page.get_by_role("button", name="Click again")
+        expect(page.locator("#first")).to_contain_text("Not checked: mark New and Other")
+        again.click()
+        for label, (u, v) in PLACES.items():
+            expect(page.locator("#notice")).to_contain_text(f"Click {label} again")
+            assert not any(mark.is_visible() for mark in marks.all())
+            page.mouse.click(*to_page(page, u + 1.0, v - 1.0))
+        expect(page.locator("#notice")).to_contain_text("All were clicked again")
+        expect(page.locator('.mark[data-label="New"]')).to_be_visible()
+
+        def rows() -> list[tuple[str, float, float]]:
+            with (tmp_path / "picks.csv").open(encoding="utf-8", newline="") as file:
+                found = [row for row in csv.DictReader(file) if row["label"] in PLACES]
+            return [(row["label"], float(row["u_px"]), float(row["v_px"])) for row in found]
+
+        eventually(page, lambda: len(rows()) == 4)
+        for label, (u, v) in PLACES.items():
+            first, second = [row[1:] for row in rows() if row[0] == label]
+            assert first == pytest.approx((u, v), abs=1.0)
+            assert second == pytest.approx((u + 1.0, v - 1.0), abs=1.0)
+            assert second != first
+        wait_until_adjusted(page)
+        again.click()  # nothing is left to be clicked again
+        expect(page.locator('.mark[data-label="New"]')).to_be_visible()
+        page.keyboard.press("Control+z")
+        eventually(page, lambda: len(rows()) == 3)
+        assert not open_page.errors
+
+
+def test_escape_ends_the_round(
+    tmp_path: Path, open_page: PageOpener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with served(write_large_project(tmp_path, 1600, 1200, labels=25)) as server:
+        survey, adjust = server.picking.survey, server.picking.survey.adjust
+
+        def adjusted(observed: Observed) -> Adjusted:
+            found = adjust(observed)
+            return replace(found, computed=found.computed._replace(result=unchecked(found.result)))
+
+        monkeypatch.setattr(survey, "adjust", adjusted)
+        page = open_page(server)
+        place(page, "New", *PLACES["New"])
+        page.keyboard.press("Escape")
+        wait_until_adjusted(page)
+        page.get_by_role("button", name="Click again").click()
+        expect(page.locator('.mark[data-label="New"]')).to_be_hidden()
+        page.keyboard.press("Escape")
+        expect(page.locator('.mark[data-label="New"]')).to_be_visible()
+        assert not open_page.errors

@@ -1,0 +1,143 @@
+"""Corners of roofs picked without a height: found where they are, or refused; the ground is found.
+
+Photos of a flat, textured ground from straight above, with even roofs whose edges lead along the
+flight: such an edge falls on itself at any height.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from uavgram.imaging.raster import Image
+from uavgram.model.arrays import Floats
+from uavgram.pipeline.match.asked import may_be_raised
+from uavgram.pipeline.match.run import match_picks
+from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.stages.match.outcome import Matches
+
+SIZE = np.array([1000, 750])
+MIDDLE = (SIZE - 1) / 2
+FOCAL_PX, HEIGHT_M, ROOF_M = 1200.0, 40.0, 1.45
+CENTERS_M = [(-4.0, 0.3), (-2.0, -0.4), (0.0, 0.0), (2.0, 0.4), (4.0, -0.3)]
+SOURCE = 2
+ROOFS_M = [(-7.0, 3.0), (-1.5, 4.0), (3.5, -4.5), (-3.5, -3.0)]
+HALF_M = np.array([1.1, 0.7])
+WRONG_SIGMAS = 5.0
+
+
+def seen(place_m: Floats, photo: int) -> Floats:
+    """(n, 2) pixels of places (n, 3)."""
+    away = (place_m[:, :2] - CENTERS_M[photo]) / (HEIGHT_M - place_m[:, 2:])
+    return MIDDLE + FOCAL_PX * away * [1.0, -1.0]
+
+
+def corners(roof: tuple[float, float]) -> Floats:
+    """(4, 3) of a roof, around it."""
+    turns = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return np.column_stack([np.array(roof) + turns * HALF_M, np.full(4, ROOF_M)])
+
+
+def photo(number: int, rng: np.random.Generator) -> Image:
+    """A photo of the ground and the roofs."""
+    grain = np.random.default_rng(4)
+    side, texel = 1000, 0.04
+    ground = np.full((side, side), 110.0, np.float32)
+    for cells in (side // 2, side // 6, side // 18, side // 54):
+        coarse = grain.normal(0, 14.0, (cells, cells)).astype(np.float32)
+        ground += cv2.resize(coarse, (side, side), interpolation=cv2.INTER_CUBIC)
+    scale = FOCAL_PX / HEIGHT_M * texel
+    offset = seen(np.array([[-side / 2 * texel, side / 2 * texel, 0.0]]), number)[0]
+    to_photo = np.array([[scale, 0, offset[0]], [0, scale, offset[1]]])
+    picture = cv2.warpAffine(ground, to_photo, SIZE.tolist(), flags=cv2.INTER_CUBIC)
+    for roof, shade in zip(ROOFS_M, (50.0, 190.0, 35.0, 205.0), strict=True):
+        corner = np.round(seen(corners(roof), number) * 256).astype(np.int32)
+        cv2.fillConvexPoly(picture, corner, shade, cv2.LINE_AA, 8)
+    noisy = cv2.GaussianBlur(picture, (0, 0), 0.7) + rng.normal(0, 1.5, picture.shape)
+    return np.asarray(np.clip(noisy, 0, 255), dtype=np.uint8)
+
+
+@pytest.fixture(scope="module")
+def points() -> dict[str, Floats]:
+    rng, place = np.random.default_rng(2), dict[str, Floats]()
+    while len(place) < 16:
+        at = rng.uniform([-8.0, -8.0], [8.0, 8.0])
+        if min(np.abs(at - roof).max() for roof in ROOFS_M) > 2.2:
+            place[f"P{len(place)}"] = np.array([*at, 0.0])
+    for k, roof in enumerate(ROOFS_M):
+        place |= {f"V{k}{i}": corner for i, corner in enumerate(corners(roof))}
+    return place
+
+
+@pytest.fixture(scope="module")
+def project(points: dict[str, Floats], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder, rng = tmp_path_factory.mktemp("roofs"), np.random.default_rng(3)
+    rows = ["image,label,u_px,v_px,height_m"]
+    ground = [label for label in points if label[0] == "P"]
+    for number in range(len(CENTERS_M)):
+        cv2.imwrite(str(folder / f"{number}.png"), photo(number, rng))
+        for label in [*ground[:6], *(points if number == SOURCE else ())]:
+            (u, v) = seen(points[label][None], number)[0]
+            row = f"{number}.png,{label},{u:.3f},{v:.3f},"
+            rows += [row] * (row not in rows)
+    (folder / "picks.csv").write_text("\n".join(rows) + "\n")
+    lengths = ["name,from,to,length_m,sigma_m"]
+    for a, b in zip(ground[0:6:2], ground[1:6:2], strict=True):
+        lengths.append(f"L{a},{a},{b},{np.linalg.norm(points[a] - points[b]):.4f},0.01")
+    (folder / "lines.csv").write_text("\n".join(lengths) + "\n")
+    (folder / "measure.csv").write_text("name,kind,points\n")
+    (folder / "camera.yaml").write_text(
+        f"name: still\nmodel: brown\nwidth_px: {SIZE[0]}\nheight_px: {SIZE[1]}\n"
+        f"parameters: [{FOCAL_PX}, {FOCAL_PX}, {MIDDLE[0]}, {MIDDLE[1]}, 0, 0, 0, 0, 0]\n"
+        "sigma: [1.0, 1.0, 1.0, 1.0, 0.0001, 0.0001, 0.00001, 0.00001, 0.0001]\n"
+    )
+    (folder / "project.yaml").write_text(
+        "name: roofs\nimages: '*.png'\ncamera: camera.yaml\npicks: picks.csv\n"
+        "lines: lines.csv\nmeasure: measure.csv\n"
+    )
+    return folder / "project.yaml"
+
+
+@pytest.fixture(scope="module")
+def matches(project: Path) -> Matches:
+    return match_picks(project, dry_run=True)
+
+
+def test_corners_of_roofs_without_a_height_are_found_where_they_are_or_not_at_all(
+    matches: Matches, points: dict[str, Floats]
+) -> None:
+    wrong = {
+        (image, label): float(np.linalg.norm(off))
+        for (image, label), one in matches.record.found.items()
+        for off in [one.pixel_px - seen(points[label][None], int(image[0]))[0]]
+        if np.linalg.norm(off) > WRONG_SIGMAS * one.sigma_px
+    }
+    assert wrong == {}
+    assert sum(label[0] == "V" for _, label in matches.record.found) > 10
+
+
+def test_points_on_the_ground_are_found_as_exactly_as_ever(
+    matches: Matches, points: dict[str, Floats]
+) -> None:
+    found = {pair: one for pair, one in matches.record.found.items() if pair[1][0] == "P"}
+    missed = [pair for pair in matches.record.in_vain if pair[1][0] == "P"]
+    assert len(found) >= 0.97 * (len(found) + len(missed)) > 30
+    off = [
+        np.array(one.pixel_px) - seen(points[label][None], int(image[0]))[0]
+        for (image, label), one in found.items()
+    ]
+    assert np.sqrt(np.mean(np.square(off))) < 0.1
+
+
+def test_a_label_that_many_photos_do_not_show_on_the_ground_may_be_off_it(project: Path) -> None:
+    picks = read_inputs(project).picks
+    there = [(f"{k}.png", "V00") for k in range(3)]
+    assert may_be_raised(picks, there, [("3.png", "V00")]) == set()
+    assert may_be_raised(picks, there, [("3.png", "V00"), ("4.png", "V00")]) == {"V00"}
+    assert may_be_raised(picks, [], [("3.png", "V01")]) == {"V01"}
+    stated = np.where(np.array(picks.label) == "V01", 1.4, np.nan)
+    assert may_be_raised(replace(picks, height_m=stated), [], [("3.png", "V01")]) == set()

@@ -1,0 +1,225 @@
+"""The robust adjustment: gross errors leave, all else is as an ordinary adjustment has it.
+
+How many surveys each kind of gross error gets fits the time that every run of the tests may take;
+the environment raises it:
+
+    UAVGRAM_REPETITIONS=20 pytest tests/stages/refine/test_robust.py
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from gross_errors import (
+    FAULTS,
+    LOG,
+    NO_LOG,
+    WITH_LOG_ONLY,
+    largest_error,
+    left_out,
+    survey_with,
+)
+from scenes import Scene, make_scene
+from whole_surveys import all_of, with_all
+
+from uavgram.errors import GeometryError
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.adjustment import Refined
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats
+from uavgram.stages.refine import annealing, robust
+from uavgram.stages.refine.annealing import NEARLY_NONE
+from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.robust import adjust_robustly
+
+AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
+SURVEYS, OF_PHOTOS = max(4, AT_LEAST), max(1, AT_LEAST)
+MISSED = 0.05
+FARTHEST = 5.0
+"""Sigmas that a distance may be wrong after a gross error."""
+
+BASES: Mapping[str, Mapping[str, Any]] = {"log": LOG, "no log": NO_LOG}
+BOTH = pytest.mark.parametrize("base", BASES)
+
+
+@BOTH
+@pytest.mark.parametrize("seed", range(8))
+def test_a_clean_survey_is_adjusted_as_ever_to_the_last_bit(base: str, seed: int) -> None:
+    scene, wrong = survey_with("nothing", BASES[base], seed)
+    taking = all_of(wrong.survey)
+    ordinary, robust = best_minima(taking), adjust_robustly(taking)
+
+    assert not any(left_out(robust))
+    assert robust.survey is wrong.survey
+    for name in ("point", "center", "rotation", "intrinsic", "plane"):
+        one, other = (getattr(r.adjustment.state, name) for r in (ordinary, robust.refined))
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(
+        ordinary.adjustment.points()[1], robust.refined.adjustment.points()[1]
+    )
+    assert largest_error(robust.refined.adjustment, scene) < FARTHEST
+
+
+# --- the standardised misfit --------------------------------------------------------------------
+
+
+def dense(block: Block, unknowns: int) -> Floats:
+    """The Jacobian (n, r, unknowns) of a block."""
+    found = np.zeros((*block.residual.shape, unknowns))
+    for row, (columns, jacobian) in enumerate(zip(block.columns, block.jacobian, strict=True)):
+        for column, values in zip(columns, jacobian.T, strict=True):
+            if column >= 0:
+                found[row, :, column] += values
+    return found
+
+
+def information(blocks: Mapping[str, Block], unknowns: int) -> Floats:
+    """Normal matrix (unknowns, unknowns) of all observations."""
+    total = np.zeros((unknowns, unknowns))
+    for block in blocks.values():
+        rows = dense(block, unknowns).reshape(-1, unknowns)
+        total += rows.T @ rows
+    return total
+
+
+@pytest.mark.parametrize("weight", [1.0, 0.3, NEARLY_NONE])
+@pytest.mark.parametrize("kind", ["pixels", "lengths", "telemetry"])
+def test_the_misfit_is_that_against_the_prediction_of_all_others(kind: str, weight: float) -> None:
+    """Of any weight: the error of what the others predict, over its own covariance."""
+    problem = with_all(make_scene(5, **LOG).survey).adjustment.problem
+    start = with_all(make_scene(5, **LOG).survey).adjustment.state
+    whole = problem.evaluate(start)
+    assert whole is not None
+    for row in (0, 2):
+        own = np.ones(len(whole[kind].residual))
+        own[row] = weight
+        minimum = annealing.weighted_minimum(problem, start, {kind: own})
+        found = annealing.squared_misfits(problem, minimum, {kind: own})[kind][row]
+
+        unknowns = problem.layout.size
+        full = problem.evaluate(minimum.state)
+        assert full is not None
+        jacobian, residual = dense(full[kind], unknowns)[row], full[kind].residual[row]
+        others = information(full, unknowns) - jacobian.T @ jacobian
+        weighted = others + weight * jacobian.T @ jacobian
+        # A step from the weighted minimum to that without the observation changes its residual.
+        step = np.linalg.solve(others, weight * jacobian.T @ residual)
+        predicted = residual + jacobian @ step
+        covariance = np.eye(len(residual)) + jacobian @ np.linalg.solve(others, jacobian.T)
+        expected = float(predicted @ np.linalg.solve(covariance, predicted))
+        assert found == pytest.approx(expected, rel=1e-3, abs=1e-6)
+        if weight == 1.0:  # Baarda's statistic
+            cofactor = np.eye(len(residual)) - jacobian @ np.linalg.solve(weighted, jacobian.T)
+            baarda = float(residual @ np.linalg.solve(cofactor, residual))
+            assert found == pytest.approx(baarda, rel=1e-3, abs=1e-6)
+
+
+# --- one gross error ----------------------------------------------------------------------------
+
+
+def outcomes(fault: str, base: str) -> list[tuple[int, bool, float]]:
+    """Seed, whether just that is left out that is wrong, and the largest error in sigmas."""
+    found = []
+    for seed in range(OF_PHOTOS if fault.startswith("photo") else SURVEYS):
+        scene, wrong = survey_with(fault, BASES[base], seed)
+        try:
+            robust = adjust_robustly(all_of(wrong.survey))
+        except GeometryError:
+            found.append((seed, False, np.inf))
+            continue
+        alone = left_out(robust) == wrong.what
+        found.append((seed, alone, largest_error(robust.refined.adjustment, scene)))
+    return found
+
+
+CASES = [
+    (fault, base)
+    for base in BASES
+    for fault in FAULTS
+    if fault != "nothing" and (base == "log" or fault not in WITH_LOG_ONLY)
+]
+
+
+@pytest.mark.parametrize(("fault", "base"), CASES)
+def test_a_gross_error_is_left_out_alone_and_bends_nothing(fault: str, base: str) -> None:
+    found = outcomes(fault, base)
+    most = MISSED * len(found)
+
+    bent = [(seed, error) for seed, _, error in found if error > FARTHEST]
+    assert len(bent) <= most, f"values are wrong by so many sigmas: {bent}"
+    not_alone = [seed for seed, alone, _ in found if not alone]
+    assert len(not_alone) <= most, f"wrong ones stay, or right ones leave: seeds {not_alone}"
+
+
+# --- its work -----------------------------------------------------------------------------------
+
+
+class Counted:
+    """Calls of the two functions that adjust."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.ordinary, self.weighted = 0, 0
+        adjust, weigh = best_minima, annealing.weighted_minimum
+
+        def best(taking: Participants) -> Refined:
+            self.ordinary += 1
+            return adjust(taking)
+
+        def weighted(
+            problem: SurveyProblem,
+            state: State,
+            weight: Mapping[str, Floats],
+            softness: Mapping[str, float] | None = None,
+        ) -> Minimum[State]:
+            self.weighted += 1
+            return weigh(problem, state, weight, softness)
+
+        monkeypatch.setattr(robust, "best_minima", best)
+        monkeypatch.setattr(robust, "weighted_minimum", weighted)
+        monkeypatch.setattr(annealing, "weighted_minimum", weighted)
+
+
+@BOTH
+def test_a_clean_survey_costs_one_adjustment(monkeypatch: pytest.MonkeyPatch, base: str) -> None:
+    taking = all_of(survey_with("nothing", BASES[base], 1)[1].survey)
+    counted = Counted(monkeypatch)
+    adjust_robustly(taking)
+    assert (counted.ordinary, counted.weighted) == (1, 0)
+
+
+@BOTH
+@pytest.mark.parametrize("fault", ["pick", "length by 2 m", "known thing"])
+def test_one_gross_error_costs_four_adjustments_and_those_of_two_starts(
+    monkeypatch: pytest.MonkeyPatch, fault: str, base: str
+) -> None:
+    """As found, with hundredfold sigmas, with free heights, and without the error."""
+    taking = all_of(survey_with(fault, BASES[base], 0)[1].survey)
+    counted = Counted(monkeypatch)
+    adjust_robustly(taking)
+    assert counted.ordinary <= 4
+    assert counted.weighted <= len(annealing.SCHEDULE) + 1 + 2 * annealing.MOST_ROUNDS
+
+
+# --- more than first values can bear ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("factor", [1000.0, 0.1])
+def test_first_values_that_hang_on_the_wrong_length_are_not_the_only_ones(
+    scene_factory: Callable[..., Scene], factor: float
+) -> None:
+    pairs = tuple((k, k + 6) for k in range(6))
+    scene = scene_factory(2, frames=4, ends=pairs, telemetry=False, gauge="plane")
+    length = np.array(scene.survey.length_m)
+    length[4] *= factor
+    robust = adjust_robustly(all_of(replace(scene.survey, length_m=length)))
+
+    assert np.flatnonzero(robust.refined.line_removed).tolist() == [4]
+    assert robust.refined.pick_reason == {}
+    assert largest_error(robust.refined.adjustment, scene) < FARTHEST

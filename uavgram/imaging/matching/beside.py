@@ -1,0 +1,91 @@
+"""Small windows that hold a point, each with more of what is on one side of it.
+
+About a corner that is off the ground, some of them show the thing, the others what is behind its
+edge: they do not move alike from photo to photo (shiftable windows: Kang, Szeliski and Chai 2001,
+"Handling occlusions in dense multi-view stereo").
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from uavgram.imaging.matching.least_squares import Fitted
+from uavgram.imaging.matching.patches import Grey
+from uavgram.imaging.matching.shared_corner import grid
+from uavgram.model.arrays import Bools, Floats
+
+SUPPORT = 5
+"""Half the side of a window [steps]."""
+
+EVEN = 4.0
+"""Standard deviation [grey values] up to which a window says nothing."""
+
+
+class Windows(NamedTuple):
+    """w windows about a point.
+
+    Attributes
+    ----------
+    grid
+        (s, 2) places that they cover together, about the point.
+    middle
+        (w, 2) of each.
+    weight
+        (w, s) of the places; each window's sum is 1.
+    """
+
+    grid: Floats
+    middle: Floats
+    weight: Floats
+
+    def likeness(self, own: Grey, there: Grey) -> tuple[Floats, Floats]:
+        """Correlation (..., w) of values (..., s) with own ones (s,), and the variance of these."""
+        mean, middle = self.weight @ own, there @ self.weight.T
+        variance = self.weight @ own**2 - mean**2
+        spread = np.maximum(there**2 @ self.weight.T - middle**2, 1.0)
+        both = (there * own) @ self.weight.T - middle * mean
+        return both / np.sqrt(spread * np.maximum(variance, 1.0)), variance
+
+
+def windows_beside(aside: int) -> Windows:
+    """The point in the middle, and so many steps from it in either direction."""
+    places, middle = grid(SUPPORT + aside), aside * grid(1)
+    away = places - middle[:, None]
+    within = (np.abs(away) <= SUPPORT).all(axis=2)
+    weight = np.where(within, np.exp(-2.0 * (away**2).sum(axis=2) / SUPPORT**2), 0.0)
+    return Windows(places, middle, weight / weight.sum(axis=1, keepdims=True))
+
+
+_ASIDE = 3  # steps: the point's own edges count in every window
+_SIDES = windows_beside(_ASIDE)
+_OTHERS: Floats = np.array([0.0, -4.0, -3.0, 3.0, 4.0])  # steps along the line of sight
+_MOST = 0.75  # of what is unlike at such a place: what may be unlike where the point was found
+_NOISE = 0.25  # variance of what two windows of the same may differ by [grey values squared]
+
+
+def fixed_on_all_sides(near: Grey, far: Grey, there: Fitted, along: Floats) -> Bools:
+    """(m,) whether all that is about a point has one place along its line of sight, and the same.
+
+    Parameters
+    ----------
+    near, far
+        (m, s, s) windows about the point, and about where it was sought.
+    there
+        How the first match in the second.
+    along
+        (m, 2) direction of the line of sight there; 0: where the point is along it is known.
+    """
+    edge = near.shape[1] // 2 - SUPPORT - _ASIDE
+    fixed = np.ones(len(near), np.bool_)
+    for i in np.flatnonzero(along.any(axis=1)).tolist():
+        start = _SIDES.grid @ there.linear[i].T + there.place[i] + far.shape[1] // 2
+        aside = _OTHERS[:, None, None] * along[i] / np.hypot(*along[i])
+        place = (start + aside).astype(np.float32)
+        seen = cv2.remap(far[i], place[..., 0], place[..., 1], cv2.INTER_CUBIC)
+        like, variance = _SIDES.likeness(near[i, edge:-edge, edge:-edge].ravel(), seen)
+        unlike = (variance * (1.0 - like))[:, variance > EVEN**2]
+        fixed[i] = (unlike[0] + _NOISE <= _MOST * unlike[1:].min(axis=0)).all()
+    return fixed

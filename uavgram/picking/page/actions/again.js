@@ -1,0 +1,55 @@
+// A round of second clicks: the surroundings of each point without any mark, one after another. A second click
+// that the first one has not led checks it, and shows how exactly this person clicks.
+
+import { pickKey, store } from "../connection/store.js";
+
+/** @import { Pick } from "../connection/protocol.js" */
+/** @import { Pane } from "../photos/pane.js" */
+/** @import { Tools } from "./tools.js" */
+
+const AWAY_PX = 120; // on the screen, at most: the point is not in the middle of what is shown
+
+const away = () => AWAY_PX * (2 * Math.random() - 1);
+
+export class Again {
+  /** @param {Tools} tools */
+  constructor(tools) {
+    this.tools = tools;
+    /** @type {Pick[]} */
+    this.left = []; // to be clicked again
+  }
+
+  // All that a person clicked once of some points.
+  /** @param {string[]} labels */
+  begin(labels) {
+    this.left = [...store.picks.values()].filter(({ image, label, source }) => labels.includes(label) && !source && !store.repeated.includes(pickKey(image, label)));
+    this.next();
+  }
+
+  next() {
+    const { notice, panes: { active } } = this.tools;
+    const [one] = this.left;
+    document.body.classList.toggle("again", Boolean(one));
+    if (!one || !active) return;
+    if (active.image !== one.image) active.show(one.image);
+    active.view.center(one.u_px + away(), one.v_px + away(), 1);
+    active.moved();
+    notice.show(`Click ${one.label} again, where you see it; ${this.left.length} left, Esc ends`);
+  }
+
+  /** Whether a click is one of the round. @param {Pane} pane @param {number} u_px @param {number} v_px */
+  takes({ image }, u_px, v_px) {
+    const [one] = this.left;
+    if (one?.image !== image) return Boolean(one);
+    this.tools.send({ t: "repeat", image, label: one.label, u_px, v_px });
+    this.left.shift();
+    if (!this.left.length) this.tools.notice.show("All were clicked again.", true);
+    this.next();
+    return true;
+  }
+
+  end() {
+    this.left = [];
+    this.next();
+  }
+}

@@ -1,0 +1,382 @@
+"""Adjust robustly from first values: weights by misfit, while sigmas shrink to those stated.
+
+Graduated non-convexity (Blake and Zisserman 1987, "Visual reconstruction"; Yang, Antonante, Tzoumas
+and Carlone 2020, "Graduated non-convexity for robust spatial perception"). All readings begin with
+sigmas a hundred times as large, so that nothing is far off; then the sigmas shrink to those stated,
+and each observation gets the weight of a Cauchy distribution by its own misfit. The misfit is what
+all *other* observations say of it (Baarda's w, here of observations of any weight): so a reading
+that bends its neighbours is found, and not the neighbours. In the end each observation takes part
+whole or not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri
+
+from uavgram.estimation.reliability.test_statistics import cofactors
+from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.terms.tapes import tape_rows, taped_lines
+from uavgram.estimation.survey.unknowns import State, advance
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.stages.refine.begin.softened import SLACK
+from uavgram.stages.refine.off_ground.shown import photos_of
+
+READINGS = ("pixels", "lengths", "known", "control")
+"""Groups whose sigmas shrink: what people read."""
+
+ROBUST = (*READINGS, "roughness", "matches", "ties", "telemetry", "heights", "tape")
+"""Groups whose observations get weights. The scale of a tape stands for all of its lengths, the
+roughness of a point for its being on the ground."""
+
+SCHEDULE = (100.0, 30.0, 10.0, 3.0, 1.0, 1.0, 1.0)
+"""Factors of the sigmas that shrink, one adjustment each."""
+
+CAUCHY = 3.0
+"""Standardised misfit at which an observation has half its weight."""
+
+GROSS_SIGMAS = 6.0
+"""Standardised misfit beyond which an observation is a gross error, times the noise of its kind."""
+
+LEAST_REDUNDANCY = 0.01
+"""Redundancy number below which nothing checks an observation, and its misfit means nothing."""
+
+MOST_OF_A_KIND = 0.4
+"""Share of a kind's observations, or of the frames, that may be gross errors: were there more, the
+kind would be less exact than stated."""
+
+ENOUGH = 8
+"""Checked observations of a kind from which on their median shows how exact they are."""
+
+NOISIEST = 5.0
+"""Factor by which sigmas of lengths, known things, control and the ground may be too small: with
+more, none of them is right, as where all are in another unit."""
+
+MOST_OF_A_FRAME = 0.5
+"""Share of a frame's picks that are gross errors, from which on the frame shows something else."""
+
+MOST_ROUNDS = 6
+"""Rounds in which observations leave and come back."""
+
+NEARLY_NONE = 1e-8
+"""Weight of what takes no part."""
+
+EACH, AT_REST = 15, 1e-4
+"""Iterations of each adjustment, and the predicted fall that is not worth another."""
+
+HALF = 0.5
+"""Weight from which on a point counts as one of the ground."""
+
+ALL = np.ones(1)
+"""The weight of every observation of a group that has none of its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Annealed:
+    """A robust adjustment.
+
+    Attributes
+    ----------
+    problem, minimum
+        The likelihood with the stated sigmas, and the end of the weighted iterations.
+    frames
+        Names of frames most of whose picks are gross errors, or that the log contradicts.
+    weight
+        Weight of each observation, by group: 1 or nearly none.
+    misfit
+        Standardised misfit of each observation, by group, in units of its kind's noise; beyond
+        `GROSS_SIGMAS` where it takes no part.
+    cost
+        Sum of squares, in which no number counts more than a gross error.
+    """
+
+    problem: SurveyProblem
+    minimum: Minimum[State]
+    frames: tuple[str, ...]
+    weight: Mapping[str, Floats]
+    misfit: Mapping[str, Floats]
+    cost: float
+
+    def gross(self, name: str) -> Ints:
+        """Rows of the gross errors of a group."""
+        return np.flatnonzero(self.misfit.get(name, np.zeros(0)) > GROSS_SIGMAS)
+
+
+def anneal(problem: SurveyProblem, state: State, *, on_ground: bool = True) -> Annealed:
+    """Adjust robustly from first values.
+
+    Parameters
+    ----------
+    problem, state
+        The likelihood with the stated sigmas, and first values.
+    on_ground
+        Whether the roughness of the ground shrinks with the readings' sigmas: it does where most
+        points are on it.
+
+    Raises
+    ------
+    SingularError
+        An unknown is not determined.
+    """
+    groups = (*READINGS, "roughness") if on_ground else READINGS
+    minimum = weighted_minimum(problem, state, {}, dict.fromkeys(groups, SCHEDULE[0]))
+    weight: dict[str, Floats] = {}
+    for softness in SCHEDULE[1:]:
+        squares = squared_misfits(problem, minimum, weight)
+        noise = _noise(squares, weight) if softness == 1.0 else dict.fromkeys(squares, 1.0)
+        weight = {
+            name: 1.0 / (1.0 + square / (CAUCHY * noise[name]) ** 2)
+            for name, square in squares.items()
+        }
+        soft = dict.fromkeys(groups, softness)
+        minimum = weighted_minimum(problem, minimum.state, weight, soft)
+    return decide(problem, minimum, weight)
+
+
+def decide(
+    problem: SurveyProblem, minimum: Minimum[State], weight: Mapping[str, Floats]
+) -> Annealed:
+    """Let each observation take part whole, or not at all.
+
+    An observation that takes no part is predicted by the rest, and comes back where it agrees with
+    that; so do neighbours of a gross error, which shared its misfit as long as all had weights. An
+    observation that has to leave a second time stays out.
+
+    Parameters
+    ----------
+    problem
+        The likelihood.
+    minimum, weight
+        The adjustment so far, and its weights.
+    """
+    out: dict[str, Bools] = {}
+    has_returned: dict[str, Bools] = {}
+    frames: tuple[str, ...] = ()
+    misfit: dict[str, Floats] = {}
+    for k in range(MOST_ROUNDS):
+        squares = squared_misfits(problem, minimum, weight)
+        noise = _noise(squares, weight)
+        misfit = {name: np.sqrt(square) / noise[name] for name, square in squares.items()}
+        gross = {name: value > GROSS_SIGMAS for name, value in misfit.items()}
+        if k == 0:
+            frames = _frames_of_other_places(problem, gross["pixels"])
+        elif "tape" in gross:  # no single length explains it
+            gross["lengths"] |= gross["tape"][_tapes(problem)]
+        if "roughness" in gross:
+            _try_heights(problem, gross, out.get("roughness"))
+        for name, is_out in gross.items():
+            before = out.get(name, np.zeros_like(is_out))
+            returned = has_returned.get(name, np.zeros_like(is_out))
+            is_out[returned & before] = True
+            has_returned[name] = returned | (before & ~is_out)
+        if out and all(np.array_equal(is_out, out[name]) for name, is_out in gross.items()):
+            break
+        out = gross
+        weight = {name: np.where(is_out, NEARLY_NONE, 1.0) for name, is_out in out.items()}
+        minimum = weighted_minimum(problem, minimum.state, weight)
+    frames = frames or _turned_frames(problem, minimum, out)
+    beyond = np.nextafter(GROSS_SIGMAS, np.inf)
+    misfit = {
+        name: np.where(out[name], np.maximum(value, beyond), np.minimum(value, GROSS_SIGMAS))
+        for name, value in misfit.items()
+    }
+    blocks = problem.evaluate(minimum.state) or {}
+    cost = sum(_bounded_cost(name, block) for name, block in blocks.items())
+    return Annealed(problem, minimum, frames, weight, misfit, cost)
+
+
+def weighted_minimum(
+    problem: SurveyProblem,
+    state: State,
+    weight: Mapping[str, Floats],
+    softness: Mapping[str, float] | None = None,
+) -> Minimum[State]:
+    """Iterate to the minimum with weights.
+
+    Parameters
+    ----------
+    problem, state
+        The likelihood, and first values.
+    weight
+        (n,) of the observations, by group; 1 where a group has none.
+    softness
+        Factors of the sigmas, by group; 1 where a group has none.
+    """
+
+    def evaluate(now: State) -> dict[str, Block] | None:
+        blocks = problem.evaluate(now)
+        if blocks is None:
+            return None
+        return {
+            name: _scaled(block, np.sqrt(weight.get(name, ALL)) / soft.get(name, 1.0))
+            for name, block in blocks.items()
+        }
+
+    layout, soft = problem.layout, softness or {}
+    return minimise(
+        state,
+        evaluate,
+        lambda now, step: advance(layout, now, step),
+        layout.size,
+        layout.structure,
+        EACH,
+        at_rest=AT_REST,
+        slack=SLACK,
+    )
+
+
+def squared_misfits(
+    problem: SurveyProblem, minimum: Minimum[State], weight: Mapping[str, Floats]
+) -> dict[str, Floats]:
+    """Compute squared standardised misfits (n,) of all observations, by group.
+
+    Parameters
+    ----------
+    problem, minimum
+        The likelihood, and a weighted adjustment.
+    weight
+        Its weights, by group; 1 where a group has none.
+
+    Notes
+    -----
+    Of an observation of weight w, let r be its whitened residual and A its covariance that follows
+    from the unknowns' (both at full weight), and Q = I - w A its cofactor matrix. The prediction
+    from all others then errs by Q^-1 r, with the covariance I + Q^-1 A, and the square is
+
+        r^T [(Q + A) Q]^-1 r,
+
+    with w = 1 Baarda's statistic (1968), with w = 0 the test of a new observation. Axes that
+    nothing checks count 0.
+    """
+    covariance = minimum.factor.covariance()
+    found = {}
+    for name in ROBUST:
+        block = minimum.blocks.get(name)
+        if block is None or not len(block.residual):
+            continue
+        own = weight.get(name, np.ones(len(block.residual)))
+        redundancy, axes = np.linalg.eigh(cofactors(block, covariance))
+        residual = np.einsum("nra,nr->na", axes, block.residual) / np.sqrt(own)[:, None]
+        is_checked = redundancy > LEAST_REDUNDANCY
+        redundancy = np.where(is_checked, redundancy, 1.0)
+        predicted = np.maximum(1.0 - redundancy, 0.0) / own[:, None]
+        square = residual**2 / ((redundancy + predicted) * redundancy)
+        found[name] = np.sum(np.where(is_checked, square, 0.0), axis=1)
+    if "roughness" in found:  # one photo alone shows no height
+        photos = photos_of(problem.survey)[problem.third.rough]
+        found["roughness"][photos < 2] = 0.0
+    return found
+
+
+def _noise(squares: Mapping[str, Floats], weight: Mapping[str, Floats]) -> dict[str, float]:
+    """Estimate by which factor the sigmas of each kind are too small, at least one.
+
+    From the median of the squares over that of chi-square, and so large that no more than a share
+    of the kind are gross errors. Most points may be off the ground: there those on it tell.
+    """
+    factor = {}
+    for name, square in squares.items():
+        is_ground = name == "roughness"
+        counts = square > 0
+        if is_ground and name in weight:
+            counts &= weight[name] > HALF
+        checked = np.sort(square[counts])[::-1]
+        large = 1.0
+        if len(checked) >= ENOUGH:
+            usual = float(chdtri(_axes(name), 0.5))
+            large = max(large, float(np.sqrt(np.median(checked) / usual)))
+        most = max(1, int(MOST_OF_A_KIND * len(checked)))
+        if len(checked) > most and not is_ground:
+            large = max(large, float(np.sqrt(checked[most])) / GROSS_SIGMAS)
+        is_stated = name in ("lengths", "known", "control", "roughness")
+        factor[name] = min(large, NOISIEST) if is_stated else large
+    return factor
+
+
+def _axes(name: str) -> int:
+    """Number of numbers of an observation of a kind."""
+    return {"pixels": 2, "matches": 2, "ties": 2, "control": 3, "telemetry": 6}.get(name, 1)
+
+
+def _try_heights(problem: SurveyProblem, gross: dict[str, Bools], before: Bools | None) -> None:
+    """Where most picks of a point are gross errors on the ground, let them take part off it.
+
+    Parameters
+    ----------
+    problem
+        The likelihood.
+    gross
+        What is to take no part, by group; changed in place.
+    before
+        Points of rough ground that are off it already: their picks do not agree on a height either.
+    """
+    survey, rough = problem.survey, problem.third.rough
+    number = np.bincount(survey.pick_label, minlength=len(survey.label))
+    wrong = np.bincount(survey.pick_label[gross["pixels"]], minlength=len(survey.label))
+    is_new = (2 * wrong > number)[rough] & (photos_of(survey) > 1)[rough]
+    if before is not None:
+        is_new &= ~before
+    gross["roughness"][is_new] = True
+    gross["pixels"] &= ~np.isin(survey.pick_label, rough[is_new])
+
+
+def _frames_of_other_places(problem: SurveyProblem, gross: Bools) -> tuple[str, ...]:
+    """Find frames most of whose picks are gross errors (P,)."""
+    survey = problem.survey
+    frames = len(survey.frame_id)
+    number = np.bincount(survey.pick_frame, minlength=frames)
+    wrong = np.bincount(survey.pick_frame[gross], minlength=frames)
+    return _names_of_few(problem, (wrong > MOST_OF_A_FRAME * number) & (wrong > 2))
+
+
+def _turned_frames(
+    problem: SurveyProblem, minimum: Minimum[State], gross: Mapping[str, Bools]
+) -> tuple[str, ...]:
+    """Find frames that the log has turned otherwise.
+
+    A photo that was turned when it was picked fits by all of its picks, but not by the log.
+    """
+    telemetry = problem.survey.telemetry
+    if telemetry is None or not gross["telemetry"].any():
+        return ()
+    blocks = problem.evaluate(minimum.state)
+    assert blocks is not None  # noqa: S101  (the iterations ended there)
+    attitude = np.linalg.norm(blocks["telemetry"].residual[:, 3:], axis=1)
+    is_turned = np.zeros(len(problem.survey.frame_id), dtype=np.bool_)
+    turned = gross["telemetry"] & (attitude > GROSS_SIGMAS)
+    is_turned[telemetry.frame_index[turned]] = True
+    return _names_of_few(problem, is_turned)
+
+
+def _names_of_few(problem: SurveyProblem, is_bad: Bools) -> tuple[str, ...]:
+    """Names of bad frames; none where they are too many to be the exception."""
+    if is_bad.sum() > MOST_OF_A_KIND * len(is_bad):
+        return ()
+    return tuple(problem.survey.frame_id[k] for k in np.flatnonzero(is_bad))
+
+
+def _tapes(problem: SurveyProblem) -> Ints:
+    """(n,) row of the tape of each length that takes part."""
+    return tape_rows(problem.tapes, taped_lines(problem.survey, problem.line_index).tape)
+
+
+def _bounded_cost(name: str, block: Block) -> float:
+    """Sum of squares of a group, where no number counts more than a gross error."""
+    square = np.sum(block.residual**2, axis=1)
+    most = GROSS_SIGMAS**2 * block.residual.shape[1]
+    return float(np.minimum(square, most).sum() if name in ROBUST else square.sum())
+
+
+def _scaled(block: Block, by: Floats) -> Block:
+    """Multiply rows by factors, (n,) or (1,) for all."""
+    if (by == 1.0).all():
+        return block
+    each = np.broadcast_to(by, len(block.residual))
+    return Block(
+        block.residual * each[:, None], block.columns, block.jacobian * each[:, None, None]
+    )

@@ -1,1 +1,0 @@
-"""The search for what is wrong: frames, lengths, control points, single observations."""

@@ -1,0 +1,142 @@
+"""All photos mirrored when they were picked: the whole survey is then its own mirror image.
+
+Distances and areas stay right, coordinates do not. Only a log shows it, by the places and
+directions of the photos: over a straight flight that looks straight down it shows nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.solver.normal_equations import SingularError
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.terms.telemetry_terms import TELEMETRY_PARTS
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats
+from uavgram.model.message import Message
+from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.begin.softened import iterate
+from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
+from uavgram.stages.refine.continued import lines_used
+from uavgram.stages.refine.minima import TRIAL
+
+RARE = float(np.log(200.0))
+"""Logarithm of the odds against photos that were all mirrored."""
+
+UNDECIDED = 2.0 * float(np.log(20.0))
+"""Difference of the sums of squares below which neither solution has odds of 20 to 1."""
+
+HOPELESS = 2.0
+"""Mean square of the log's residuals, in sigmas, from which on the log rules out an image."""
+
+
+def all_mirrored(standing: Standing) -> Iterator[Hypothesis]:
+    """All photos were mirrored when they were picked."""
+    adjustment, survey = standing.adjustment, standing.survey
+    if not adjustment.minimum.converged or _image(adjustment) is None:
+        return
+    blocks = adjustment.minimum.blocks
+    strained = sum(
+        float(np.sum(blocks[kind].residual ** 2)) for kind in ("telemetry", *TELEMETRY_PARTS)
+    )
+    pixel = _mirrored(survey)
+    yield Hypothesis(
+        tell=_told,
+        mend=Mend(pixel_of_pick={k: (float(u), float(v)) for k, (u, v) in enumerate(pixel)}),
+        begun=reflected,
+        promise=strained,  # at most: all that contradicts the log
+        price=RARE,
+        settles=frozenset(survey.frame_id),
+    )
+
+
+def mirrored_solution(adjustment: Adjustment) -> Adjustment | None:
+    """The solution of mirrored photos, where the log does not decide between the two; else None."""
+    image = _image(adjustment)
+    if image is None:
+        return None
+    problem, state = image
+    try:
+        blocks = problem.evaluate(state)
+        if blocks is None or np.mean(blocks["telemetry"].residual ** 2) > HOPELESS:
+            return None
+        minimum = iterate(problem, state, TRIAL)
+        if minimum.cost > adjustment.minimum.cost + UNDECIDED:
+            return None
+        return Adjustment(problem, minimum, minimum.factor.covariance())
+    except (SingularError, ValueError):
+        return None
+
+
+def undecided() -> Message:
+    """The message where photos and log fit mirrored photos as well."""
+    text = (
+        "Photos that were all mirrored when they were picked would fit the log as well, as over a "
+        "straight flight: coordinates and directions would be mirrored across it, distances and "
+        "areas would stay. Look at one photo in the page: writing has to read from left to right."
+    )
+    return Message("info", "mirrored-undecided", text)
+
+
+def reflected(state: State) -> State:
+    """The mirror image of a state, across a vertical plane through the middle of the cameras.
+
+    The plane is that along which most photos have their columns, so that the directions of the
+    cameras stay as they are where these look straight down.
+    """
+    up = -state.rotation[:, :2, 1]
+    angle = 0.5 * np.angle(np.sum((up @ np.array([1.0, 1.0j])) ** 2))
+    along = np.array([np.cos(angle), np.sin(angle)])
+    mirror = np.eye(3)
+    mirror[:2, :2] = 2.0 * np.outer(along, along) - np.eye(2)
+    middle = state.center[:, :2].mean(axis=0)
+
+    def across(place: Floats) -> Floats:
+        image = place.copy()
+        image[:, :2] = middle + (place[:, :2] - middle) @ mirror[:2, :2]
+        return image
+
+    plane = state.plane.copy().reshape(-1, 3)
+    plane[:, 1:] = plane[:, 1:] @ mirror[:2, :2]
+    return replace(
+        state,
+        point=across(state.point),
+        tie=across(state.tie),
+        center=across(state.center),
+        rotation=mirror @ state.rotation @ np.diag([-1.0, 1.0, 1.0]),
+        plane=plane.ravel(),
+        turning=np.zeros_like(state.turning),
+    )
+
+
+def _image(adjustment: Adjustment) -> tuple[SurveyProblem, State] | None:
+    """The likelihood of mirrored picks, and the mirror image of the state; None without a log."""
+    survey, problem = adjustment.survey, adjustment.problem
+    if survey.telemetry is None or survey.matches.points or survey.ties.points:
+        return None
+    if len(survey.control_label):
+        return None
+    other = replace(survey, pixel_px=_mirrored(survey))
+    image = SurveyProblem(other, problem.pivot_m, lines_used(adjustment))
+    return image, reflected(adjustment.state)
+
+
+def _mirrored(survey: Survey) -> Floats:
+    pixel = survey.pixel_px.copy()
+    pixel[:, 0] = survey.calibration.width_px - 1.0 - pixel[:, 0]
+    return pixel
+
+
+def _told(_: Explained | None) -> Message:
+    text = (
+        "All photos seem to have been mirrored when they were picked: the log fits only then. Pick "
+        "them anew in the original files, as the camera wrote them. Until then coordinates and "
+        "directions are mirrored."
+    )
+    return Message("warning", "photos-mirrored", text)

@@ -1,0 +1,157 @@
+"""Readjust a survey in which something was changed, from its present adjustment."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.estimation.first_poses.homography import resect_from_plane
+from uavgram.estimation.reliability.core import core_fit
+from uavgram.estimation.solver.normal_equations import SingularError
+from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.selection import Selection, select_picks, without_known
+from uavgram.estimation.survey.unknowns import State
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.ground.plane import intersect_ground
+from uavgram.model.arrays import Floats, Ints
+from uavgram.stages.refine.begin.softened import iterate
+from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
+from uavgram.stages.refine.continued import carried
+from uavgram.stages.refine.minima import TRIAL, Participants, trial_adjustment
+
+BENT = 1e-5
+"""Probability of the core's squares below which a state is no place to begin from."""
+
+
+def readjusted(standing: Standing, taking: Participants, hypothesis: Hypothesis) -> Refined | None:
+    """Adjust what takes part from the present state; None where that has no result.
+
+    From first values instead where the present state is of no use: it is not at rest or bent by
+    what does not fit, the hypothesis changes everything, or ties have other points.
+
+    Parameters
+    ----------
+    standing
+        The survey as it is adjusted.
+    taking
+        What takes part in the changed one.
+    hypothesis
+        By which it was changed.
+    """
+    present = standing.adjustment
+    survey = without_known(taking.survey, taking.known_removed)
+    selection = select_picks(survey, taking.keep)
+    if hypothesis.is_of_all:
+        return trial_adjustment(taking, None)
+    is_bent = core_fit(present).probability < BENT and hypothesis.begun is None
+    if is_bent or not present.minimum.converged or _has_ties(selection):
+        return trial_adjustment(taking)
+    start = _start(standing, selection)
+    if start is None:
+        return trial_adjustment(taking)
+    if hypothesis.begun is not None:
+        start = hypothesis.begun(start)
+    used = ~taking.line_removed[selection.line_index]
+    problem = SurveyProblem(selection.survey, present.problem.pivot_m, used)
+    try:
+        lens = np.linalg.pinv(problem.intrinsic_basis) @ present.problem.intrinsic_basis
+        start = replace(start, intrinsic=lens @ start.intrinsic)
+        present = replace(present, minimum=replace(present.minimum, state=start))
+        minimum = iterate(problem, carried(present, problem), TRIAL)
+        adjustment = Adjustment(problem, minimum, minimum.factor.covariance())
+    except (SingularError, ValueError):
+        return None
+    return Refined(
+        adjustment=adjustment,
+        pick_index=selection.pick_index,
+        line_index=selection.line_index,
+        removals=(),
+        pick_removed=np.zeros(0, dtype=np.bool_),
+        line_removed=taking.line_removed,
+        pick_reason=taking.reason,
+        alternatives=(),
+        undetermined=frozenset(),
+        known_removed=taking.known_removed,
+    )
+
+
+def _has_ties(selection: Selection) -> bool:
+    return bool(selection.survey.matches.points + selection.survey.ties.points)
+
+
+def _start(standing: Standing, selection: Selection) -> State | None:
+    """The present state, with the frames and labels of a selection; None where one is unplaced."""
+    present, survey = standing.adjustment, selection.survey
+    state, ground = present.state, present.survey
+    frame = np.array([_row(ground.frame_id, name) for name in survey.frame_id], dtype=np.int64)
+    label = _former_labels(standing, selection)
+    point = state.point[label].copy()
+    center, rotation = state.center[frame].copy(), state.rotation[frame].copy()
+    known = label >= 0
+    for new in np.flatnonzero(frame < 0).tolist():
+        picks = np.flatnonzero((survey.pick_frame == new) & known[survey.pick_label])
+        pose = _resected(present, selection, picks, label[survey.pick_label[picks]])
+        if pose is None:
+            return None
+        center[new], rotation[new] = pose
+    for new in np.flatnonzero(~known).tolist():
+        pick = int(np.flatnonzero(survey.pick_label == new)[0])
+        at = survey.pick_frame[pick]
+        ray = back_project(
+            survey.calibration.model, survey.calibration.parameters, survey.pixel_px[[pick]]
+        )
+        area = survey.area[new]
+        there = intersect_ground(
+            center[at],
+            (rotation[at] @ ray[0]),
+            state.plane[3 * area : 3 * area + 3],
+            present.problem.pivot_m[area],
+            survey.height_above_m[new],
+        )
+        if not np.isfinite(there).all():
+            return None
+        point[new, :2], point[new, 2:] = there[:2], 0.0
+    turning = np.zeros((len(frame), state.turning.shape[1]))
+    turning[frame >= 0] = state.turning[frame[frame >= 0]]
+    return replace(state, point=point, center=center, rotation=rotation, turning=turning)
+
+
+def _row(names: tuple[str, ...], name: str) -> int:
+    return names.index(name) if name in names else -1
+
+
+def _former_labels(standing: Standing, selection: Selection) -> Ints:
+    """(K,) labels of the adjustment that show the points of a selection; -1 where none does.
+
+    Where all picks of a label had another one before, the point is that one's.
+    """
+    survey = selection.survey
+    before = standing.survey.pick_label[selection.pick_index]
+    own = standing.adjustment.label_rows(survey.label)
+    whole = standing.adjustment.label_rows(standing.survey.label)
+    for label in range(len(survey.label)):
+        picks = np.flatnonzero(survey.pick_label == label)
+        former = np.array([standing.survey.label[k] for k in before[picks]])
+        if not (former == survey.label[label]).any():
+            own[label] = whole[before[picks[0]]]
+    return own
+
+
+def _resected(
+    present: Adjustment, selection: Selection, picks: Ints, label: Ints
+) -> tuple[Floats, Floats] | None:
+    """Pose of a photo that took no part, from the points on the ground that it shows."""
+    survey = selection.survey
+    on_ground = ~survey.off_ground[survey.pick_label[picks]]
+    picks, label = picks[on_ground], label[on_ground]
+    camera = survey.calibration
+    ray = back_project(camera.model, camera.parameters, survey.pixel_px[picks])
+    if len(picks) < 4 or not np.isfinite(ray).all():
+        return None
+    pose = resect_from_plane(present.state.point[label, :2], ray)
+    if pose is None or pose[0][2] <= 0:
+        return None
+    height = present.points_with_jacobian(label)[0][:, 2].mean()
+    return pose[0] + np.array([0.0, 0.0, height]), pose[1]

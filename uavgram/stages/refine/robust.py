@@ -1,0 +1,562 @@
+"""Leave gross errors out of a survey: one robust adjustment over every kind of observation.
+
+Where an ordinary adjustment is in order, that is all. Else robust adjustments begin from several
+first values (`annealing.py`), and the one of least cost decides which observations are gross
+errors. The rest is adjusted as usual; what was left out is reported.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.estimation.reliability.test_statistics import NOT_OBSERVED, cofactors
+from uavgram.estimation.solver.normal_equations import SingularError
+from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.selection import select_picks, without_known
+from uavgram.geometry.ground.plane_of_most import plane_of_most
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.message import Message, Several
+from uavgram.model.naming import listed_photos
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.annealing import (
+    GROSS_SIGMAS,
+    LEAST_REDUNDANCY,
+    MOST_OF_A_KIND,
+    NEARLY_NONE,
+    ROBUST,
+    SCHEDULE,
+    Annealed,
+    anneal,
+    decide,
+    squared_misfits,
+    weighted_minimum,
+)
+from uavgram.stages.refine.continued import carried, lines_used
+from uavgram.stages.refine.left_out import control_left_out
+from uavgram.stages.refine.minima import Participants, best_minima, minima_from
+from uavgram.stages.refine.off_ground.shown import photos_of
+
+ORDINARY_SIGMAS = 5.0
+"""Standardised misfit in an ordinary adjustment up to which nothing is asked."""
+
+MOST_ALTERNATIVES = 4
+"""Other minima of an adjustment from which robust ones begin."""
+
+MOST_STARTS = 12
+"""Lengths, or photos, that are left out of the first values in turn: of more, none."""
+
+MOST_IN_PAIRS = 7
+"""Lengths that are left out in pairs, without a log."""
+
+FEW_GROSS = 0.03
+"""Share of all observations, and at least one, that may be gross errors where no other first values
+are tried."""
+
+RIVAL = 2.0 * float(np.log(20.0))
+"""Difference of costs up to which another explanation has odds of more than 1 in 20."""
+
+OFF_GROUND_M = 0.1
+"""Departure from the ground from which on a point has a height of its own."""
+
+LEAST_ROUGHNESS_M, LEAST_TAPE_SCALE = 0.02, 1e-3
+"""Roughness of the ground, and sigma of the scale of tapes, where less is stated: with none, no
+point could be off the ground, and no tape in another unit."""
+
+MISPLACED = LeftOut(
+    LeftOutCause.MISPLACED_FRAME,
+    "most of its picks contradict the other photos, the lengths and the log: look for labels in "
+    "disorder, for a photo of another place, or one that was mirrored or turned",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Robust:
+    """A survey adjusted without its gross errors.
+
+    Attributes
+    ----------
+    survey
+        Without control points that are gross errors, and with heights of its own for each label
+        that is off the ground.
+    refined
+        Its adjustment; `line_removed`, `known_removed` and `pick_reason` have the rest.
+    control
+        Control points of the survey handed in that were left out.
+    labels
+        Names of labels off the ground.
+    contradicting
+        Names of labels whose picks contradict each other: they have sigmas as large as their
+        misfit, since nothing shows which of them is wrong.
+    """
+
+    survey: Survey
+    refined: Refined
+    control: Ints
+    labels: tuple[str, ...] = ()
+    contradicting: tuple[str, ...] = ()
+
+    def messages(self, survey: Survey) -> Iterator[Message]:
+        """Report control points of a survey that were left out, and picks that contradict."""
+        yield from control_left_out(survey, self.refined, self.control)
+        for label in self.contradicting:
+            own = survey.pick_label == survey.label.index(label)
+            frames = tuple(dict.fromkeys(survey.frame_id[k] for k in survey.pick_frame[own]))
+            what = f"{label!r} in {listed_photos(frames)}"
+            text = (
+                f"The picks of {what} contradict each other. Nothing shows which of them is wrong, "
+                "so the point is uncertain by as much as they differ. Pick it anew in these "
+                "photos, or in another one too."
+            )
+            several = Several(
+                "The picks of {count} points contradict each other",
+                what,
+                ending="Pick them anew in these photos, or in another one too.",
+            )
+            yield Message(
+                "warning",
+                "picks-contradict",
+                text,
+                frames=frames,
+                labels=(label,),
+                several=several,
+            )
+
+
+def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robust:
+    """Adjust without observations that are gross errors.
+
+    Parameters
+    ----------
+    taking
+        What takes part.
+    plain
+        Its ordinary adjustment, where that is known.
+
+    Raises
+    ------
+    GeometryError
+        The observations do not determine the survey.
+    """
+    failed: GeometryError | None = None
+    try:
+        plain = plain or best_minima(taking)
+    except GeometryError as why:
+        failed = why
+    if plain is None or not _is_in_order(taking, plain):
+        agreed = _most_agreed(taking)
+        # A photo of another place spoils the others' tests: these are made anew without it.
+        while agreed and agreed[0].annealed.frames:
+            best = agreed[0]
+            rest = best.taking.without_frames(best.annealed.frames, MISPLACED)
+            agreed = _most_agreed(rest) if _are_most_left(taking, rest) else []
+        robust = _without_outliers(agreed)
+        if robust is not None:
+            return robust
+    if plain is None:
+        assert failed is not None  # noqa: S101  (one of the two is always there)
+        raise failed
+    return Robust(taking.survey, plain, np.zeros(0, dtype=np.int64))
+
+
+def _are_most_left(whole: Participants, rest: Participants) -> bool:
+    """Whether few frames were left out: were there more, the fault is not theirs."""
+    before, after = (np.unique(one.survey.pick_frame[one.keep]) for one in (whole, rest))
+    return len(after) >= (1.0 - MOST_OF_A_KIND) * len(before)
+
+
+def _is_in_order(taking: Participants, refined: Refined) -> bool:
+    """Whether all takes part in an ordinary adjustment, and nothing is far off."""
+    adjustment = refined.adjustment
+    if not adjustment.minimum.converged or len(refined.pick_reason) > len(taking.reason):
+        return False
+    squares = squared_misfits(adjustment.problem, adjustment.minimum, {})
+    return all(square.max(initial=0.0) < ORDINARY_SIGMAS**2 for square in squares.values())
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A robust adjustment from certain first values.
+
+    Attributes
+    ----------
+    taking
+        What takes part.
+    first
+        The adjustment that it began from.
+    annealed
+        Where it ended.
+    """
+
+    taking: Participants
+    first: Refined
+    annealed: Annealed
+
+    def cost(self, picks: int) -> float:
+        """Of the adjustment; each of so many picks that has no place in it counts as gross."""
+        return self.annealed.cost + 2.0 * GROSS_SIGMAS**2 * (picks - len(self.first.pick_index))
+
+    def is_agreed(self, picks: int) -> bool:
+        """Whether nearly everything takes part, and no other length could be wrong instead."""
+        misfit = self.annealed.misfit
+        gross = sum(len(self.annealed.gross(name)) for name in misfit if name != "roughness")
+        if gross > max(1, FEW_GROSS * sum(map(len, misfit.values()))):
+            return False
+        if gross and not misfit.get("lengths", np.ones(1)).all():
+            return False  # nothing checks a length any more: it could be wrong instead
+        if any(_has_rival(self.annealed, row) for row in self.annealed.gross("lengths")):
+            return False
+        return len(self.first.pick_index) == picks and not self._strains_a_prior()
+
+    def _strains_a_prior(self) -> bool:
+        """Whether something that all have in common, as the camera, is far from what is known."""
+        common = (
+            block
+            for name, block in self.annealed.minimum.blocks.items()
+            if name not in (*ROBUST, *NOT_OBSERVED)
+        )
+        return any(np.abs(block.residual).max(initial=0.0) > GROSS_SIGMAS for block in common)
+
+
+def _most_agreed(taking: Participants) -> list[Candidate]:
+    """Robust adjustments from all first values, that of least cost first."""
+    picks, found = int(taking.keep.sum()), list[Candidate]()
+    for candidates in (_from_softened, _without_known, _without_lengths, _without_frames):
+        found = sorted([*found, *candidates(taking)], key=lambda one: one.cost(picks))
+        if found and found[0].is_agreed(picks):
+            return found[:1]
+    return found
+
+
+def _from_softened(taking: Participants) -> Iterator[Candidate]:
+    """Robust adjustments from hundredfold sigmas, and from heights that photos show."""
+    for candidate in _from_all_minima(_softened(taking)):
+        yield replace(candidate, taking=taking)
+    yield from _from_free_heights(taking)
+
+
+def _without_lengths(taking: Participants) -> Iterator[Candidate]:
+    """Robust adjustments from first values without one length, without two, and without any.
+
+    First values may hang on a wrong length; a log may have led all else to agree with lengths that
+    are in another unit.
+    """
+    rough = replace(taking, survey=_softer(taking.survey, 1.0))
+    lines = np.flatnonzero(~taking.line_removed).tolist()
+    sets: list[tuple[int, ...]] = []
+    if taking.survey.telemetry is not None and lines:
+        sets.append(tuple(lines))
+    if 3 < len(lines) <= MOST_STARTS:
+        sets += combinations(lines, 1)
+    if taking.survey.telemetry is None and 4 < len(lines) <= MOST_IN_PAIRS:
+        sets += combinations(lines, 2)
+    for left_out in sets:
+        for candidate in _from_all_minima(rough.without_lines(left_out), rough):
+            yield replace(candidate, taking=taking)
+
+
+def _without_known(taking: Participants) -> Iterator[Candidate]:
+    """Robust adjustments from first values without one known thing, and without all control."""
+    rough = replace(taking, survey=_softer(taking.survey, 1.0))
+    things = [one.index for one in taking.survey.known if one.index not in taking.known_removed]
+    for thing in things if len(things) <= MOST_STARTS else []:
+        rest = replace(rough, known_removed=taking.known_removed | {thing})
+        for candidate in _from_all_minima(rest, rough):
+            yield replace(candidate, taking=taking)
+    if taking.survey.telemetry is not None and len(taking.survey.control_label):
+        rest = replace(rough, survey=_with_control_of(rough.survey, np.zeros(0, dtype=np.int64)))
+        for candidate in _from_all_minima(rest, rough):
+            yield replace(candidate, taking=taking)
+
+
+def _without_frames(taking: Participants) -> Iterator[Candidate]:
+    """Without a log, robust adjustments from first values without one photo."""
+    frames = np.unique(taking.survey.pick_frame[taking.keep]).tolist()
+    if taking.survey.telemetry is not None or not 2 < len(frames) <= MOST_STARTS:
+        return
+    for frame in frames:
+        rest = taking.without_frame(frame, MISPLACED)
+        for candidate in _from_all_minima(_softened(rest)):
+            yield replace(candidate, taking=rest)
+
+
+def _from_free_heights(taking: Participants) -> Iterator[Candidate]:
+    """The robust adjustment from heights that photos show, and the plane that most points lie on.
+
+    Where most points are off the ground, as on roofs and cars, none of them pulls the ground then.
+    """
+    grounds = [replace(one, roughness_sigma_m=ANYWHERE_M) for one in taking.survey.grounds]
+    try:
+        first = best_minima(_softened(taking))
+        adjustment, survey = first.adjustment, _softer(first.adjustment.survey, 1.0 / SCHEDULE[0])
+        anywhere = _with_all(first, replace(survey, grounds=tuple(grounds)))
+        found = anneal(anywhere, carried(adjustment, anywhere), on_ground=False)
+        state, weight = found.minimum.state, dict(found.weight)
+        problem = _with_all(first, survey)
+        is_off = _clear_of_ground(survey, state.point)[problem.third.rough]
+        weight["roughness"] = np.where(is_off, NEARLY_NONE, 1.0)
+        minimum = weighted_minimum(problem, state, weight)
+        yield Candidate(taking, first, decide(problem, minimum, weight))
+    except (GeometryError, SingularError, ValueError):  # undetermined, or impossible
+        return
+
+
+def _with_all(first: Refined, survey: Survey) -> SurveyProblem:
+    """The likelihood of the observations of an adjustment."""
+    return SurveyProblem(survey, first.adjustment.problem.pivot_m, lines_used(first.adjustment))
+
+
+def _clear_of_ground(survey: Survey, point_m: Floats) -> Bools:
+    """(K,) labels clear of the plane that most labels of their area are on, seen in two photos."""
+    seen = np.flatnonzero((photos_of(survey) > 1) & ~survey.off_ground)
+    is_off = np.zeros(len(survey.label), dtype=np.bool_)
+    for area in np.unique(survey.area[seen]):
+        own = seen[survey.area[seen] == area]
+        height, sigma = point_m[own, 2], np.full(len(own), OFF_GROUND_M)
+        plane = plane_of_most(point_m[own, :2], height, sigma)
+        if plane is not None:
+            is_off[own] = np.abs(height - plane) > CLEAR_M
+    return is_off
+
+
+CLEAR_M = 0.3
+"""Height above the plane of most points from which on a point begins off the ground."""
+
+ANYWHERE_M = 3.0
+"""Sigma of the height of a point above the ground, of which nothing is known."""
+
+
+def _from_all_minima(
+    taking: Participants, whole: Participants | None = None
+) -> Iterator[Candidate]:
+    """Robust adjustments from each ordinary minimum of what takes part.
+
+    Parameters
+    ----------
+    taking
+        What takes part, with hundredfold sigmas; or with those stated, but for some lengths,
+        known things or control.
+    whole
+        The same with these: the robust adjustment decides on them.
+    """
+    try:
+        first = best_minima(taking)
+    except GeometryError:
+        return
+    for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
+        used, survey = lines_used(adjustment), adjustment.survey
+        if whole:
+            used = ~whole.line_removed[first.line_index]
+            survey = _with_stated(survey, whole, first.pick_index)
+        else:
+            survey = _softer(survey, 1.0 / SCHEDULE[0])
+        problem = SurveyProblem(survey, adjustment.problem.pivot_m, used)
+        state = carried(adjustment, problem)
+        try:
+            if whole:
+                weight = _weights_without(problem, adjustment, first, taking)
+                annealed = decide(problem, weighted_minimum(problem, state, weight), weight)
+            else:
+                annealed = anneal(problem, state)
+        except (SingularError, ValueError):  # undetermined, or impossible with all of it
+            continue
+        yield Candidate(taking, first, annealed)
+
+
+def _with_stated(reduced: Survey, whole: Participants, pick_index: Ints) -> Survey:
+    """A reduced survey with all known things and control of its picks."""
+    keep = np.zeros(len(whole.keep), dtype=np.bool_)
+    keep[pick_index] = True
+    stated = select_picks(without_known(whole.survey, whole.known_removed), keep).survey
+    return replace(
+        reduced,
+        known=stated.known,
+        control_label=stated.control_label,
+        control_world_m=stated.control_world_m,
+        control_sigma_m=stated.control_sigma_m,
+    )
+
+
+def _weights_without(
+    problem: SurveyProblem, adjustment: Adjustment, first: Refined, taking: Participants
+) -> dict[str, Floats]:
+    """Weights, by group, with nearly none for what took no part in the first adjustment."""
+    lines = taking.line_removed[first.line_index[problem.line_index]]
+    known = [problem.known[k].index in taking.known_removed for k in problem.known_thing]
+    control = ~np.isin(problem.survey.control_label, adjustment.survey.control_label)
+    is_out = {"lengths": lines, "known": np.array(known, dtype=np.bool_), "control": control}
+    return {name: np.where(rows, NEARLY_NONE, 1.0) for name, rows in is_out.items() if len(rows)}
+
+
+def _with_control_of(survey: Survey, rows: Ints) -> Survey:
+    """The survey with some rows of its control alone."""
+    return replace(
+        survey,
+        control_label=survey.control_label[rows],
+        control_world_m=survey.control_world_m[rows],
+        control_sigma_m=survey.control_sigma_m[rows],
+    )
+
+
+def _softened(taking: Participants) -> Participants:
+    """What takes part, with hundredfold sigmas."""
+    return replace(taking, survey=_softer(taking.survey, SCHEDULE[0]))
+
+
+def _softer(survey: Survey, factor: float) -> Survey:
+    """The survey with larger sigmas of readings, and with ground and tapes that may err."""
+    grounds = tuple(
+        replace(one, roughness_sigma_m=factor * max(one.roughness_sigma_m, LEAST_ROUGHNESS_M))
+        for one in survey.grounds
+    )
+    scales = tuple((name, max(sigma, LEAST_TAPE_SCALE)) for name, sigma in survey.own_scale_sigma)
+    return replace(
+        survey,
+        pick_sigma_px=factor * survey.pick_sigma_px,
+        length_sigma_m=factor * survey.length_sigma_m,
+        control_sigma_m=factor * survey.control_sigma_m,
+        known=tuple(replace(one, sigma=factor * one.sigma) for one in survey.known),
+        grounds=grounds,
+        tape_scale_sigma=max(survey.tape_scale_sigma, LEAST_TAPE_SCALE),
+        own_scale_sigma=scales,
+    )
+
+
+def _has_rival(found: Annealed, row: int) -> bool:
+    """Whether another length explains the misfit of one that was left out, in the linear model.
+
+    Notes
+    -----
+    With the length back, the unknowns move by -S J^T e / v, where S is their covariance, e the
+    error of the length's prediction and v = 1 + J S J^T its variance. The residuals r and cofactors
+    q of the others become r - x e / v and q + x^2 / v, with x = J' S J^T. Another length is a rival
+    where the sum of squares then falls nearly as much without it as without this one.
+    """
+    minimum = found.minimum
+    block, root = minimum.blocks["lengths"], np.sqrt(found.weight["lengths"])
+    gradient = np.zeros((found.problem.layout.size, 1))
+    np.add.at(gradient[:, 0], block.columns[row], block.jacobian[row, 0] / root[row])
+    pull = minimum.factor.solve(gradient)
+    variance = 1.0 + float(gradient[:, 0] @ pull[:, 0])
+    error = float(block.residual[row, 0] / root[row])
+    moved = block.times(slice(None), pull)[:, 0, 0]
+    residual = block.residual[:, 0] - moved * error / variance
+    cofactor = cofactors(block, minimum.factor.covariance())[:, 0, 0] + moved**2 / variance
+    others = (found.misfit["lengths"] <= GROSS_SIGMAS) & (cofactor > LEAST_REDUNDANCY)
+    fall = residual[others] ** 2 / cofactor[others]
+    return bool((fall > error**2 / variance - RIVAL).any())
+
+
+def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
+    """Adjust without the gross errors of the best candidate; None where that has no result.
+
+    Of candidates that explain as much, one that keeps all picks comes first, and one that comes to
+    rest. Others without other lengths are alternatives of the result.
+    """
+    if not agreed:
+        return None
+    picks = int(agreed[0].taking.keep.sum())
+    least = agreed[0].cost(picks)
+    near = [one for one in agreed if one.cost(picks) <= least + RIVAL]
+    near.sort(key=lambda one: len(one.annealed.gross("pixels")))
+    found = [one for candidate in near if (one := _adjusted_without(candidate)) is not None]
+    found.sort(key=lambda one: not one.refined.adjustment.minimum.converged)
+    if not found:
+        return _without_outliers([one for one in agreed if one not in near])
+    robust, *others = found
+    refined, rivals = robust.refined, set[str]()
+    minima = [*refined.alternatives]
+    for rival in others:
+        lines = np.flatnonzero(rival.refined.line_removed & ~refined.line_removed)
+        rivals |= {robust.survey.line_name[k] for k in lines if robust.survey.line_name}
+        same = rival.refined.adjustment.survey.label == refined.adjustment.survey.label
+        if len(lines) and same:
+            minima.append(rival.refined.adjustment)
+    refined = replace(refined, alternatives=tuple(minima), rival_lines=frozenset(rivals))
+    return replace(robust, refined=refined)
+
+
+def _adjusted_without(candidate: Candidate) -> Robust | None:
+    """The ordinary adjustment of what is no gross error; None where that has no result."""
+    taking, first, found = candidate.taking, candidate.first, candidate.annealed
+    survey, reduced, problem = taking.survey, found.problem.survey, found.problem
+    picks = found.gross("pixels")
+    lost = _of_contradicting(reduced, picks)
+    sigma_px = survey.pick_sigma_px.copy()
+    sigma_px[first.pick_index[lost]] *= found.misfit["pixels"][lost]
+    reason = {
+        int(first.pick_index[row]): _far_off(found, row)
+        for row in np.setdiff1d(picks, lost).tolist()
+    }
+    removed = taking.line_removed.copy()
+    removed[first.line_index[problem.line_index[found.gross("lengths")]]] = True
+    known = frozenset(problem.known[problem.known_thing[k]].index for k in found.gross("known"))
+    rough = problem.third.rough[found.gross("roughness")]
+    off_ground = rough[np.abs(found.minimum.state.point[rough, 2]) > OFF_GROUND_M]
+    names = tuple(reduced.label[k] for k in off_ground)
+    wrong = {reduced.label[reduced.control_label[k]] for k in found.gross("control")}
+    is_wrong = np.array([survey.label[k] in wrong for k in survey.control_label], dtype=np.bool_)
+    rest = replace(
+        survey,
+        is_free=survey.is_free | np.isin(survey.label, names),
+        pick_sigma_px=sigma_px,
+        control_label=survey.control_label[~is_wrong],
+        control_world_m=survey.control_world_m[~is_wrong],
+        control_sigma_m=survey.control_sigma_m[~is_wrong],
+    )
+    left = replace(
+        taking, survey=rest, line_removed=removed, known_removed=taking.known_removed | known
+    )
+    left = left.without_picks(reason)
+    try:
+        refined = best_minima(left)
+    except GeometryError:  # first values want what was left out
+        try:
+            refined = minima_from(left, lambda survey: [_first_values(found, survey)])
+        except GeometryError:
+            return None
+    contradicting = tuple(reduced.label[k] for k in np.unique(reduced.pick_label[lost]))
+    return Robust(rest, refined, np.flatnonzero(is_wrong), names, contradicting)
+
+
+def _first_values(found: Annealed, survey: Survey) -> FirstValues:
+    """First values of a survey from a robust adjustment of the same labels and frames."""
+    state, reduced = found.minimum.state, found.problem.survey
+    frame = [reduced.frame_id.index(name) for name in survey.frame_id]
+    label = [reduced.row_of_label[name] for name in survey.label]
+    free = survey.is_free | (survey.height_sigma_m > 0)
+    return FirstValues(
+        point_m=state.point[label, :2],
+        center=state.center[frame],
+        rotation=state.rotation[frame],
+        height_m=float(state.plane[0]),
+        departure_m=np.where(free, state.point[label, 2], 0.0),
+    )
+
+
+def _of_contradicting(survey: Survey, gross: Ints) -> Ints:
+    """(n,) gross picks of labels of which all picks are gross: they contradict each other."""
+    labels = len(survey.label)
+    number = np.bincount(survey.pick_label, minlength=labels)
+    wrong = np.bincount(survey.pick_label[gross], minlength=labels)
+    is_lost = (wrong == number) & (number > 1)
+    return np.asarray(gross[is_lost[survey.pick_label[gross]]])
+
+
+def _far_off(found: Annealed, row: int) -> LeftOut:
+    """Why a pick takes no part."""
+    blocks = found.problem.evaluate(found.minimum.state)
+    assert blocks is not None  # noqa: S101  (the iterations ended there)
+    sigma_px = found.problem.survey.pick_sigma_px[row]
+    off_px = float(np.linalg.norm(blocks["pixels"].residual[row]) * sigma_px)
+    return LeftOut(
+        LeftOutCause.GROSS,
+        f"all other observations contradict it: they show its point {off_px:.0f} px away; look at "
+        "its place and its label",
+    )

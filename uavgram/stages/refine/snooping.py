@@ -1,0 +1,67 @@
+"""Which observation to take out as a blunder, if any can be told from the others."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from uavgram.estimation.reliability.data_snooping import suspicions
+from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.survey.adjustment import Refined, Removal
+from uavgram.estimation.survey.suspicion import Suspicion
+
+STATED = ("lengths", "known")
+"""Groups of readings that bear on several points each."""
+
+MOST = 0.25
+"""Share of the observations beyond which what is taken out is no blunder but the model."""
+
+
+class Blunders(NamedTuple):
+    """What could be taken out.
+
+    Attributes
+    ----------
+    choice
+        The pick, length or known thing that is the likeliest blunder; None where everything fits or
+        nothing can be chosen.
+    undecided
+        Suspicions in which none can be chosen.
+    """
+
+    choice: Removal | None
+    undecided: list[Suspicion]
+
+
+def blunders(refined: Refined, significance: float) -> Blunders:
+    """Choose the pick, length or known thing to take out.
+
+    Of a length and the picks of its ends that no test can part, the length goes: its points keep
+    their places; and so with whatever else is known. A group with two lengths, with two picks
+    alone, or with a prior in it, stays: nothing tells which of them is wrong. Where a prior alone
+    is suspected, nothing is taken out on its account.
+    """
+    undecided = []
+    groups = observed(refined.adjustment)
+    for suspicion in suspicions(refined.adjustment, groups, significance):
+        members = (suspicion.accused, *suspicion.group)
+        stated = [m for m in members if m.kind in STATED]
+        picks = [m for m in members if m.kind == "pixels"]
+        if not stated and not picks:
+            continue
+        if len(stated or picks) > 1 or len(stated) + len(picks) < len(members):
+            undecided.append(suspicion)
+            continue
+        return Blunders(_removal(refined, suspicion), undecided)
+    return Blunders(None, undecided)
+
+
+def _removal(refined: Refined, suspicion: Suspicion) -> Removal:
+    kind, row = suspicion.accused.kind, suspicion.accused.row
+    if kind == "lengths":
+        index = int(refined.line_index[refined.adjustment.problem.line_index[row]])
+        return Removal("line", index, suspicion, refined)
+    if kind == "known":
+        problem = refined.adjustment.problem
+        thing = problem.known[problem.known_thing[row]]
+        return Removal("known", thing.index, suspicion, refined)
+    return Removal("pick", int(refined.pick_index[row]), suspicion, refined)
