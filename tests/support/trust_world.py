@@ -57,6 +57,10 @@ def draw_lens(rng: np.random.Generator, size: tuple[int, int] = (4000, 3000)) ->
     return Lens(width=width, height=height, stated=stated, sigma=sigma, true=true)
 
 
+SEEN_COSINE = 0.6
+"""Cosine of the largest angle from the optical axis that a photo shows; 0.76 in its corners."""
+
+
 def project(lens: Floats, camera: Pose, world: Floats) -> tuple[Floats, Floats]:
     """Project points (n, 3) with Brown's distortion: pixels (n, 2), depths (n,)."""
     seen = (world - camera.center) @ camera.rotation
@@ -271,7 +275,9 @@ def photograph(
         inside = (pixels[k] > 25).all(axis=1) & (
             pixels[k] < [survey.lens.width - 26, survey.lens.height - 26]
         ).all(axis=1)
-        visible[k] = inside & (depth > 1.0)
+        slant = np.linalg.norm(world - pose.center, axis=1)
+        # Far beside the picture the polynomial folds back into it: no light comes from there.
+        visible[k] = inside & (depth > SEEN_COSINE * slant) & (depth > 1.0)
     taken = visible & (rng.random(visible.shape) < share)
     for column in np.flatnonzero(~taken.any(axis=0) & visible.any(axis=0)):
         taken[rng.choice(np.flatnonzero(visible[:, column])), column] = True

@@ -47,7 +47,7 @@ class FirstValues(NamedTuple):
 
 
 def from_telemetry(survey: Survey, ray: Floats) -> FirstValues:
-    """Points where the picks' rays (P, 3) from the seeds meet the plane, averaged over frames."""
+    """Points where the picks' rays (P, 3) from the seeds meet the plane: the median over frames."""
     seeds = survey.seeds
     assert seeds is not None  # noqa: S101  (the caller asked)
     frame, label = survey.pick_frame, survey.pick_label
@@ -56,7 +56,7 @@ def from_telemetry(survey: Survey, ray: Floats) -> FirstValues:
     ground = intersect_ground(
         seeds.center_world_m[frame], direction, plane, np.zeros(2), survey.height_above_m[label]
     )
-    point = _mean_by_label(ground[:, :2], label, len(survey.label))
+    point = _median_by_label(ground[:, :2], label, len(survey.label))
     poses = seeds.center_world_m, seeds.world_from_camera
     return FirstValues(point, *poses, plane[0], np.zeros(len(point)))
 
@@ -220,10 +220,20 @@ def _rank(owner: Ints, owners: int) -> Ints:
     return rank
 
 
-def _mean_by_label(value: Floats, label: Ints, count: int) -> Floats:
-    """(count, 2) mean of the finite rows of each label; NaN where there is none."""
+def _median_by_label(value: Floats, label: Ints, count: int) -> Floats:
+    """(count, 2) median of the finite rows of each label, by coordinate; NaN where there is none.
+
+    One gross error of three does not move it far.
+    """
     finite = np.isfinite(value).all(axis=1)
-    total = np.zeros((count, 2))
-    np.add.at(total, label[finite], value[finite])
     number = np.bincount(label[finite], minlength=count)
-    return np.where(number[:, None] > 0, total / np.maximum(number, 1)[:, None], np.nan)
+    first = np.cumsum(number) - number
+    has_any = number > 0
+    low = (first + (number - 1) // 2)[has_any]
+    high = (first + number // 2)[has_any]
+    median = np.full((count, 2), np.nan)
+    for axis in range(2):
+        own = value[finite, axis]
+        ordered = own[np.lexsort((own, label[finite]))]
+        median[has_any, axis] = (ordered[low] + ordered[high]) / 2.0
+    return median
