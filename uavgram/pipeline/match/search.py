@@ -185,7 +185,15 @@ def _flight(base: Base) -> FlightOfPhotos | None:
 
 
 def sought_at(places: Transferred, rows: Ints, source_px: Floats) -> Sought:
-    """Some predicted places as the matching takes them, with the pixels (m, 2) of their picks."""
+    """Some predicted places as the matching takes them.
+
+    Parameters
+    ----------
+    places, rows
+        Predicted places, and numbers (m,) of those to look at.
+    source_px
+        (m, 2) pixels of the picks that are looked for.
+    """
     return Sought(
         source_px=source_px,
         target_px=places.pixel_px[rows],
