@@ -15,6 +15,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.estimation.reliability.majority import MOST_OF_A_KIND
 from uavgram.estimation.reliability.test_statistics import NOT_OBSERVED, cofactors
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
@@ -28,7 +29,6 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.annealing import (
     GROSS_SIGMAS,
     LEAST_REDUNDANCY,
-    MOST_OF_A_KIND,
     NEARLY_NONE,
     ROBUST,
     SCHEDULE,
