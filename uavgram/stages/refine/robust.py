@@ -557,6 +557,5 @@ def _far_off(found: Annealed, row: int) -> LeftOut:
     off_px = float(np.linalg.norm(blocks["pixels"].residual[row]) * sigma_px)
     return LeftOut(
         LeftOutCause.GROSS,
-        f"all other observations contradict it: they show its point {off_px:.0f} px away; look at "
-        "its place and its label",
+        f"all other observations contradict it: they show its point {off_px:.0f} px away",
     )
