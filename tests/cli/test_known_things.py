@@ -52,7 +52,7 @@ def test_every_status_comes_back_from_results_json(
     with_known(
         project,
         f"skid,distance,P1;P2,{apart(truth, 'P1', 'P2')},0.02,",
-        f"wrong,distance,R1;R3,{apart(truth, 'R1', 'R3') + 0.5},0.02,",
+        f"wrong,distance,R1;R3,{apart(truth, 'R1', 'R3') + 0.25},0.02,",
         f"in feet,distance,R3;R5,{apart(truth, 'R3', 'R5') / 0.3048},0.02,",
         f"withheld,distance,R4;R5,{apart(truth, 'R4', 'R5')},0.02,check",
         "ghost,right_angle,R1;R2;X9,,1,",

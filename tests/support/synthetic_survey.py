@@ -6,6 +6,7 @@ that what the views draw can be compared with a second opinion.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TypedDict
 
 import cv2
@@ -363,6 +364,7 @@ def build(
         frames["time"] = START_UTC_S + 2.0 * np.arange(frame_count, dtype=float)
         lines = tuple((*r[:3], "used" if r[3] == "suspect" else r[3], 0.005) for r in lines[:5])
         measures = measures[:9]
+    verdict = Verdict(level="green") if clean else SUSPECT
     labels = [label.format(i) for i in range(point_count)]
     points = _points(point_count, rng, on_earth=telemetry)
     picks = _picks(frames, labels, points["position"], rng)
@@ -516,7 +518,7 @@ def build(
                 ),
             ),
         ),
-        verdict=Verdict(level="green") if clean else SUSPECT,
+        verdict=replace(verdict, level=verdict.level if measures else None),
         messages=(Message("info", "origin-home", "The origin is home."),)
         if clean
         else (

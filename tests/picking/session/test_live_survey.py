@@ -73,10 +73,14 @@ def test_live_numbers_are_those_of_a_run(adjusted: Adjusted, data_dir: Path) -> 
 
 
 def test_first_order_answers_are_exact_for_small_moves(
-    survey: tuple[LiveSurvey, Observed], adjusted: Adjusted
+    survey: tuple[LiveSurvey, Observed],
 ) -> None:
+    """With the sigmas as they were: as stated here, so that a run does not learn others."""
     live, observed = survey
-    change = moved(observed, [0.4, -0.3], 0.01)
+    project = live.inputs.project
+    stated = replace(project, solve=replace(project.solve, noise="stated"))
+    live = LiveSurvey(replace(live.inputs, project=stated))
+    adjusted, change = live.adjust(observed), moved(observed, [0.4, -0.3], 0.01)
     quick, full = live.linearised(adjusted, change), live.adjust(change)
     assert quick is not None
     before, after = adjusted.result.measurements, full.result.measurements
@@ -85,6 +89,17 @@ def test_first_order_answers_are_exact_for_small_moves(
     np.testing.assert_allclose(quick.value, after.value, atol=0.01 * step)
     np.testing.assert_allclose(quick.length_m, full.result.lines.adjusted_m, atol=0.01 * step)
     np.testing.assert_allclose(quick.residual_px, full.result.picks.residual_px, atol=0.01)
+
+
+def test_sigmas_that_a_run_learns_anew_move_little_beside_first_order_answers(
+    survey: tuple[LiveSurvey, Observed], adjusted: Adjusted
+) -> None:
+    live, observed = survey
+    change = moved(observed, [0.4, -0.3], 0.01)
+    quick, full = live.linearised(adjusted, change), live.adjust(change)
+    assert quick is not None
+    after = full.result.measurements
+    assert np.abs((quick.value - after.value) / after.sigma).max() < 0.05
 
 
 def test_a_length_that_stands_out_is_linearised_and_one_that_was_mended_is_not(

@@ -77,7 +77,7 @@ def opened(folder: Path, fault: Fault, seed: int) -> tuple[Project, State]:
         (TRANSPOSED, 3, "line-wrong-digit", "L3 seems misread: it says 4.56 m,", "Correct L3"),
         (lengths.other_ends, 0, "line-other-ends", "L0 seems to be b", "Take L0 from P2 to P6"),
         (RAISED, 0, "point-off-ground", "P0 stands 1.1 m up.", "Free the height of P0"),
-        (GROSS, 5, "pick-suspect", "The pick of P0 in ", "Remove the pick of P0 in "),
+        (GROSS, 5, "pick-left-out", "The pick of P0 in ", "Remove the pick of P0 in "),
     ],
 )
 def test_the_button_beside_the_first_reason_makes_the_verdict_better(

@@ -106,6 +106,11 @@ def test_without_a_measurement_there_is_no_verdict_anywhere() -> None:
     )
     assert headline(none) == "Nothing is measured yet"
     assert verdict_sentence(none) == "Verdict: none, as nothing is measured."
+    written_before = replace(none, verdict=survey.SUSPECT)
+    words = verdict_words(written_before)
+    assert words.level is None
+    assert words.sentence.startswith("Verdict: none, as nothing is measured. Line 'R3 hedge'")
+    assert light_line(written_before).startswith("Verdict: none, as nothing is measured.")
     assert load_verdict(dump_verdict(none.verdict)) == none.verdict
     assert dump_verdict(none.verdict)["level"] is None
 

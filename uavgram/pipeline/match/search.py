@@ -13,7 +13,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.matched import REASON, Refused, Sought
 from uavgram.model.arrays import Floats, Ints
 from uavgram.pipeline.match.adjusting import Base
-from uavgram.pipeline.match.asked import may_be_raised
+from uavgram.pipeline.match.asked import may_be_raised, rather_on_ground
 from uavgram.pipeline.match.looking import Photos, look, reason, tasks
 from uavgram.pipeline.match.raised import look_up
 from uavgram.pipeline.progress import Progress, silent
@@ -55,6 +55,7 @@ def searched(
     progress
         Shows long loops.
     """
+    given, on_ground = base, Record()
     adjustment, record = _agreeing(base, Record())
     for left in reversed(range(MOST_ROUNDS)):
         candidates = _candidates(base, adjustment)
@@ -63,9 +64,10 @@ def searched(
         missed = [pair for pair, why in record.in_vain.items() if why != REASON[Refused.OUTSIDE]]
         off = np.array(adjustment.survey.label)[adjustment.survey.is_free].tolist()
         as_ground = [pair for pair in record.found if pair[1] in off]  # its patch errs
-        raised = may_be_raised(base.inputs.picks, record.found, missed)
-        raised = raised or may_be_raised(base.inputs.picks, (), as_ground)
+        unshown = may_be_raised(base.inputs.picks, record.found, missed)
+        raised = unshown or may_be_raised(base.inputs.picks, (), as_ground)
         if raised and (not rows.size or left == LINES_BEFORE + 1):  # along their lines, or not
+            on_ground = on_ground.with_labels_of(record, unshown)
             base, record = base.with_free(raised), record.without_labels(raised)
             adjustment, record = _agreeing(base, record)
             continue
@@ -80,6 +82,9 @@ def searched(
         before, record = record, record.with_results(looked)
         if record.found != before.found:
             adjustment, record = _agreeing(base, record)
+    if lowered := rather_on_ground(on_ground, record):
+        base = base.with_heights_of(given, lowered)
+        adjustment, record = _agreeing(base, record.with_labels_of(on_ground, lowered))
     return Search(record, adjustment)
 
 
@@ -180,7 +185,15 @@ def _flight(base: Base) -> FlightOfPhotos | None:
 
 
 def sought_at(places: Transferred, rows: Ints, source_px: Floats) -> Sought:
-    """Some predicted places as the matching takes them, with the pixels (m, 2) of their picks."""
+    """Some predicted places as the matching takes them.
+
+    Parameters
+    ----------
+    places, rows
+        Predicted places, and numbers (m,) of those to look at.
+    source_px
+        (m, 2) pixels of the picks that are looked for.
+    """
     return Sought(
         source_px=source_px,
         target_px=places.pixel_px[rows],

@@ -25,6 +25,7 @@ from uavgram.stages.judge import (
     judge_groups,
     judge_known,
     judge_lines,
+    judge_majority,
     judge_overall,
     judge_picks,
     judge_points,
@@ -111,6 +112,7 @@ def judge_survey(
         removals=judge_removals(refined, lines, index, inputs.requests, frames, inputs.known),
         messages=(
             *judge_suspects(examined),
+            *judge_majority(refined, index, line_results, known),
             *line_messages,
             *known_messages,
             *unseen_messages,

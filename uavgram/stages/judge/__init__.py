@@ -11,6 +11,7 @@ from uavgram.stages.judge.groups import judge_groups as judge_groups
 from uavgram.stages.judge.known import judge_known as judge_known
 from uavgram.stages.judge.lines import judge_lines as judge_lines
 from uavgram.stages.judge.made_by import judge_makers as judge_makers
+from uavgram.stages.judge.majority import judge_majority as judge_majority
 from uavgram.stages.judge.picks import judge_picks as judge_picks
 from uavgram.stages.judge.priors import judge_priors as judge_priors
 from uavgram.stages.judge.priors import judge_weakest as judge_weakest

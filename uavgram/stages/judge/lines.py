@@ -134,7 +134,8 @@ def _unseen(lines: KnownLines, i: int, missing: list[str], known: tuple[str, ...
 
 def _does_not_fit(lines: KnownLines, i: int, columns: dict[str, Floats]) -> Message:
     found = float(columns["adjusted_m"][i])
-    what = _mistake(lines, i, found, float(columns["adjusted_sigma_m"][i]))
+    taped = float(lines.length_m[i]), float(lines.sigma_m[i])
+    what = mistake(*taped, found, float(columns["adjusted_sigma_m"][i]))
     ask = f"{what[0].upper()}{what[1:]}? " if what else ""
     name = named_ends(lines.name[i], lines.start[i], lines.end[i])
     how = f"taped {lines.length_m[i]:.3f} m, found {found:.3f} m (w = {columns['w'][i]:.1f})"
@@ -179,7 +180,7 @@ def _left_out(
     out = [i for i, index in enumerate(survey_index) if int(index) in gross]
     if out and refined.rival_lines:
         return (_one_of(refined, lines, out),)
-    what = {i: _mistake(lines, i, seen_m[i], sigma_m[i]) for i in out}
+    what = {i: mistake(lines.length_m[i], lines.sigma_m[i], seen_m[i], sigma_m[i]) for i in out}
     alike = {i: what[i] or i for i in out}  # unknown mistakes: each alone
     groups = [[i for i in out if alike[i] == key] for key in dict.fromkeys(alike.values())]
     told = []
@@ -221,12 +222,20 @@ def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:
     )
 
 
-def _mistake(lines: KnownLines, i: int, seen_m: float, sigma_m: float) -> str:
-    """What was probably mistaken in a length that should be `seen_m`; empty where nothing fits."""
+def mistake(taped_m: float, taped_sigma_m: float, seen_m: float, sigma_m: float) -> str:
+    """Find what was probably mistaken in a length; empty where nothing fits.
+
+    Parameters
+    ----------
+    taped_m, taped_sigma_m
+        As written, and its sigma.
+    seen_m, sigma_m
+        What it should be, and the sigma of that.
+    """
     if not seen_m > 0:
         return ""
-    ratio = lines.length_m[i] / seen_m
-    return likely_mistake(ratio, float(np.hypot(sigma_m, lines.sigma_m[i] / ratio)) / seen_m)
+    ratio = taped_m / seen_m
+    return likely_mistake(ratio, float(np.hypot(sigma_m, taped_sigma_m / ratio)) / seen_m)
 
 
 def _text(

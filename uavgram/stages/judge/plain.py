@@ -120,7 +120,7 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     ),
     # All together.
     "not-converged": ("The picks and lengths lead to no result: do not use these numbers.",) * 2,
-    "many-suspects": ("Many picks and lengths do not fit.",) * 2,
+    "many-suspects": ("So much does not fit that nothing shows what is right.",) * 2,
     "too-many-blunders": ("Many picks and lengths do not fit: do not use these numbers.",) * 2,
     "blunder-not-located": ("One of several picks or lengths does not fit.",) * 2,
     "blunder-kept": ("A pick or length does not fit, and nothing can replace it.",) * 2,

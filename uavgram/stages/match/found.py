@@ -107,6 +107,13 @@ class Record:
         missed = {pair: all_ for pair, all_ in self.missed.items() if pair[1] not in labels}
         return Record(found, missed)
 
+    def with_labels_of(self, other: Record, labels: Collection[str]) -> Record:
+        """The record with some labels as another one has them."""
+        rest = self.without_labels(labels)
+        found = {pair: one for pair, one in other.found.items() if pair[1] in labels}
+        missed = {pair: all_ for pair, all_ in other.missed.items() if pair[1] in labels}
+        return Record({**rest.found, **found}, {**rest.missed, **missed})
+
     @property
     def in_vain(self) -> dict[Pair, str]:
         """What was not found in the end, and why: contradicted, else the last reason."""

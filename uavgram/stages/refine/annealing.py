@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
+from uavgram.estimation.reliability.majority import MOST_OF_A_KIND, most_gross
 from uavgram.estimation.reliability.test_statistics import cofactors
 from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.solver.normal_equations import Block
@@ -45,10 +46,6 @@ GROSS_SIGMAS = 6.0
 
 LEAST_REDUNDANCY = 0.01
 """Redundancy number below which nothing checks an observation, and its misfit means nothing."""
-
-MOST_OF_A_KIND = 0.4
-"""Share of a kind's observations, or of the frames, that may be gross errors: were there more, the
-kind would be less exact than stated."""
 
 ENOUGH = 8
 """Checked observations of a kind from which on their median shows how exact they are."""
@@ -290,7 +287,7 @@ def _noise(squares: Mapping[str, Floats], weight: Mapping[str, Floats]) -> dict[
         if len(checked) >= ENOUGH:
             usual = float(chdtri(_axes(name), 0.5))
             large = max(large, float(np.sqrt(np.median(checked) / usual)))
-        most = max(1, int(MOST_OF_A_KIND * len(checked)))
+        most = most_gross(len(checked))
         if len(checked) > most and not is_ground:
             large = max(large, float(np.sqrt(checked[most])) / GROSS_SIGMAS)
         is_stated = name in ("lengths", "known", "control", "roughness")

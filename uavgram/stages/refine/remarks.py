@@ -13,7 +13,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.known_frames import known_rows
 from uavgram.estimation.measuring.next_length import distance_changes, line_faults, next_line
 from uavgram.estimation.reliability.test_statistics import READINGS
-from uavgram.estimation.survey.adjustment import Adjustment, Refined, Removal
+from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined, Removal
 from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -146,12 +146,13 @@ def _left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
         yield Message(
             "warning",
             "pick-left-out",
-            f"The pick of {label!r} in {name!r} was left out: {why}. {LOOK_AT_PICKS}",
+            f"The pick of {label!r} in {name!r} was left out: {why}. Look at its place and label.",
             frames=(name,),
             labels=(label,),
             several=Several(
                 "{count} picks were left out", f"{label!r} in {name!r}", why, LOOK_AT_PICKS
             ),
+            mend=unpicked([(name, label)]) if reason.cause is LeftOutCause.GROSS else None,
         )
     for name, reasons in frames.items():
         why = "; ".join(

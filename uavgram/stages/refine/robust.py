@@ -15,6 +15,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.estimation.reliability.majority import MOST_OF_A_KIND
 from uavgram.estimation.reliability.test_statistics import NOT_OBSERVED, cofactors
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
@@ -28,7 +29,6 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.annealing import (
     GROSS_SIGMAS,
     LEAST_REDUNDANCY,
-    MOST_OF_A_KIND,
     NEARLY_NONE,
     ROBUST,
     SCHEDULE,
@@ -557,6 +557,5 @@ def _far_off(found: Annealed, row: int) -> LeftOut:
     off_px = float(np.linalg.norm(blocks["pixels"].residual[row]) * sigma_px)
     return LeftOut(
         LeftOutCause.GROSS,
-        f"all other observations contradict it: they show its point {off_px:.0f} px away; look at "
-        "its place and its label",
+        f"all other observations contradict it: they show its point {off_px:.0f} px away",
     )

@@ -65,24 +65,28 @@ class VerdictWords(NamedTuple):
 
 def verdict_words(result: Result) -> VerdictWords:
     """The verdict with everything that stands beside it."""
-    verdict = result.verdict
     return VerdictWords(
-        verdict.level,
+        level_of(result),
         verdict_sentence(result),
-        verdict.reasons,
+        result.verdict.reasons,
         scale_sentence(result),
         counts_sentence(result),
     )
 
 
+def level_of(result: Result) -> VerdictLevel | None:
+    """Give the colour: none without a measurement, although earlier versions wrote one then."""
+    return result.verdict.level if result.measurements.name else None
+
+
 def verdict_sentence(result: Result) -> str:
     """``Verdict: amber: D1 is 24.43 ± 0.79 m. Not checked: ...``: colour, value, reason."""
-    verdict = result.verdict
-    why = [reason_sentence(reason) for reason in verdict.reasons[:1]]
-    known = f": {_known(result)}" if verdict.level in ("green", "amber") else "."
-    if (more := len(verdict.reasons) - 1) > 0:
+    level, reasons = level_of(result), result.verdict.reasons
+    why = [reason_sentence(reason) for reason in reasons[:1]]
+    known = f": {_known(result)}" if level in ("green", "amber") else "."
+    if (more := len(reasons) - 1) > 0:
         why.append(f"(And {counted(more, 'other reason')}.)")
-    return " ".join([f"Verdict: {LEVEL_WORDS[verdict.level]}{known}", *why])
+    return " ".join([f"Verdict: {LEVEL_WORDS[level]}{known}", *why])
 
 
 def reason_sentence(reason: Reason) -> str:
@@ -98,8 +102,8 @@ def reason_sentence(reason: Reason) -> str:
 
 def headline(result: Result) -> str:
     """``Check: 3 of 4 measurements are in order.``: what is known, beside the light."""
-    level = result.verdict.level
-    if level is None or not result.measurements.name:
+    level = level_of(result)
+    if level is None:
         return "Nothing is measured yet"
     if level == "red":
         return "Do not use: it does not fit together"
