@@ -46,7 +46,7 @@ CAUSES = (
     ),
     ("check-suspect", "lengths-contradict", "odd-height"),
     ("misfit",),
-    ("ground-not-plane", "picks-less-exact", "lengths-less-exact"),
+    ("ground-not-plane", "picks-less-exact", "lengths-less-exact", "identification-less-exact"),
     ("ambiguous-pose", "three-lengths", "three-known"),
     ("nothing-checks",),
 )

@@ -86,6 +86,16 @@ def test_likeness_that_is_more_exact_than_stated_is_no_news(source: str, count: 
     assert len(list(noise_remarks(Noise(picks=(picks,), roughness=())))) == count
 
 
+@pytest.mark.parametrize(("factor", "is_reported"), [(3.4, True), (2.0, False), (0.5, False)])
+def test_marks_far_beside_what_was_taped_are_reported(factor: float, *, is_reported: bool) -> None:
+    beside = LearntSigma(stated_m=0.01, factor=factor, sigma=0.6)
+    messages = list(noise_remarks(replace(noise(0.0), identification=beside)))
+
+    assert [one.code for one in messages] == ["identification-less-exact"] * is_reported
+    if is_reported:
+        assert "within 1 cm of what was meant as stated, within 3.4 cm as found" in messages[0].text
+
+
 @pytest.mark.parametrize(("factor", "said"), [(2.1, True), (1.35, False), (0.5, False)])
 def test_lengths_that_scatter_more_than_stated_are_told(factor: float, *, said: bool) -> None:
     lengths = LearntSigma(stated_m=0.01, factor=factor, sigma=0.4)

@@ -132,6 +132,7 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     "ground-not-plane": ("The ground is not flat.",) * 2,
     "picks-less-exact": ("The picks are less exact than stated.",) * 2,
     "lengths-less-exact": ("The taped lengths are less exact than stated.",) * 2,
+    "identification-less-exact": ("Picks and lengths hardly mean the same points.",) * 2,
     # What nothing decides or checks.
     "nothing-checks": ("{measurements} is not checked.", "{measurements} are not checked."),
     "ambiguous-pose": ("The cameras may stand elsewhere: two solutions fit as well.",) * 2,

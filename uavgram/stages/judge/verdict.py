@@ -42,7 +42,7 @@ NOT_FITTING = frozenset(
     {
         *("line-left-out", "known-left-out", "control-left-out", "pick-left-out"),
         *("frame-left-out", "line-removed", "known-removed", "pick-removed"),
-        *("group-misfit", "checks-misfit", "misfit"),
+        *("group-misfit", "checks-misfit", "misfit", "identification-less-exact"),
         *("camera-contradicted", "point-off-ground", "other-zoom", "readout-left-out"),
         *("clock-off", "gimbal-off", "clock-jumps", "log-of-another-day"),
         *("line-unseen", "known-unseen"),

@@ -7,6 +7,9 @@ from collections.abc import Iterator
 from uavgram.model.message import Message
 from uavgram.model.result.noise import AreaNoise, Noise, PickNoise
 
+CARELESS = 2.5
+"""Factor of the stated identification beyond which tape and picks no longer mean the same point."""
+
 WORSE, BETTER = 1.3, 0.75
 """Factors of the stated sigma of picks beyond which it is worth a word."""
 
@@ -26,7 +29,7 @@ LOOK = {
 
 
 def noise_remarks(noise: Noise | None) -> Iterator[Message]:
-    """Ground that is no plane; picks and lengths that are better or worse than stated."""
+    """Report ground that is no plane, and what is better or worse than stated."""
     if noise is None:
         return
     for area in noise.roughness:
@@ -42,6 +45,16 @@ def noise_remarks(noise: Noise | None) -> Iterator[Message]:
             "that. State in sigma_m how finely the tape was read."
         )
         yield Message("warning", "lengths-less-exact", text)
+    beside = noise.identification
+    if beside is not None and beside.factor > max(CARELESS, 1.0 + beside.sigma):
+        text = (
+            "Picks and lengths fit each other less well than stated: points were picked within "
+            f"{_length(beside.stated_m)} of what was meant as stated, within "
+            f"{_length(beside.stated_m * beside.factor)} as found. All uncertainties are wider for "
+            "that, but several wrong lengths would look alike. Look whether tape and picks mean "
+            "the same place of each mark, and whether each length was read right."
+        )
+        yield Message("warning", "identification-less-exact", text)
 
 
 def _ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
