@@ -198,6 +198,12 @@ class Candidate:
     first: Refined
     annealed: Annealed
 
+    @property
+    def left_out(self) -> tuple[object, ...]:
+        """Which observations take no part: equal where those of another candidate are the same."""
+        gross = ((name, *self.annealed.gross(name).tolist()) for name in self.annealed.misfit)
+        return (self.first.pick_index.tobytes(), *gross)
+
     def cost(self, picks: int) -> float:
         """Of the adjustment; each of so many picks that has no place in it counts as gross."""
         return self.annealed.cost + 2.0 * GROSS_SIGMAS**2 * (picks - len(self.first.pick_index))
@@ -210,9 +216,17 @@ class Candidate:
             return False
         if gross and not misfit.get("lengths", np.ones(1)).all():
             return False  # nothing checks a length any more: it could be wrong instead
-        if any(_has_rival(self.annealed, row) for row in self.annealed.gross("lengths")):
+        lengths = self.annealed.gross("lengths")
+        if len(lengths) and self._is_placed_by_lengths():
+            return False  # another one may be wrong in another pose
+        if any(_has_rival(self.annealed, row) for row in lengths):
             return False
         return len(self.first.pick_index) == picks and not self._strains_a_prior()
+
+    def _is_placed_by_lengths(self) -> bool:
+        """Whether no log and no other photo has a say in the pose: one of few may lead it astray."""
+        survey = self.annealed.problem.survey
+        return survey.telemetry is None and len(survey.frame_id) == 1
 
     def _strains_a_prior(self) -> bool:
         """Whether something that all have in common, as the camera, is far from what is known."""
@@ -465,7 +479,9 @@ def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
     least = agreed[0].cost(picks)
     near = [one for one in agreed if one.cost(picks) <= least + RIVAL]
     near.sort(key=lambda one: len(one.annealed.gross("pixels")))
-    found = [one for candidate in near if (one := _adjusted_without(candidate)) is not None]
+    different = {one.left_out: one for one in reversed(near)}
+    each = [one for one in near if different[one.left_out] is one]
+    found = [one for candidate in each if (one := _adjusted_without(candidate)) is not None]
     found.sort(key=lambda one: not one.refined.adjustment.minimum.converged)
     if not found:
         return _without_outliers([one for one in agreed if one not in near])
@@ -517,6 +533,8 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     try:
         refined = best_minima(left)
     except GeometryError:  # first values want what was left out
+        unplaced = {k: why for k, why in first.pick_reason.items() if k not in left.reason}
+        left = left.without_picks(unplaced)
         try:
             refined = minima_from(left, lambda survey: [_first_values(found, survey)])
         except GeometryError:
@@ -526,7 +544,7 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
 
 
 def _first_values(found: Annealed, survey: Survey) -> FirstValues:
-    """First values of a survey from a robust adjustment of the same labels and frames."""
+    """First values of a survey from a robust adjustment of its labels and frames, or of more."""
     state, reduced = found.minimum.state, found.problem.survey
     frame = [reduced.frame_id.index(name) for name in survey.frame_id]
     label = [reduced.row_of_label[name] for name in survey.label]
