@@ -158,11 +158,24 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
             agreed = _most_agreed(rest) if _are_most_left(taking, rest) else []
         robust = _without_outliers(agreed)
         if robust is not None:
-            return robust
+            return replace(robust, refined=_with_misplaced(taking.survey, robust.refined))
     if plain is None:
         assert failed is not None  # noqa: S101  (one of the two is always there)
         raise failed
+    plain = _with_misplaced(taking.survey, plain)
     return Robust(taking.survey, plain, np.zeros(0, dtype=np.int64))
+
+
+def _with_misplaced(survey: Survey, refined: Refined) -> Refined:
+    """Call photos misplaced that, by the pose their own picks give, see the sky in all of them."""
+    if survey.telemetry is not None:  # else the pose is of the log
+        return refined
+    frame, reason = survey.pick_frame, refined.pick_reason
+    sky = [k for k, why in reason.items() if why.cause is LeftOutCause.NO_GROUND]
+    others = np.setdiff1d(np.arange(len(frame)), sky)
+    whole = np.setdiff1d(frame[sky], frame[others])
+    misplaced = {k: MISPLACED for k in sky if frame[k] in whole}
+    return replace(refined, pick_reason={**reason, **misplaced})
 
 
 def _are_most_left(whole: Participants, rest: Participants) -> bool:
@@ -218,13 +231,13 @@ class Candidate:
             return False  # nothing checks a length any more: it could be wrong instead
         lengths = self.annealed.gross("lengths")
         if len(lengths) and self._is_placed_by_lengths():
-            return False  # another one may be wrong in another pose
+            return False  # in another pose another one may be wrong
         if any(_has_rival(self.annealed, row) for row in lengths):
             return False
         return len(self.first.pick_index) == picks and not self._strains_a_prior()
 
     def _is_placed_by_lengths(self) -> bool:
-        """Whether no log and no other photo has a say in the pose: one of few may lead it astray."""
+        """Whether lengths alone place the photo: a wrong one may lead to another pose."""
         survey = self.annealed.problem.survey
         return survey.telemetry is None and len(survey.frame_id) == 1
 
