@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
@@ -54,6 +55,12 @@ MOST_STARTS = 12
 
 MOST_IN_PAIRS = 7
 """Lengths that are left out in pairs, without a log."""
+
+MOST_PICKS = 40
+"""Picks that are left out of the first values in turn, where nothing else makes the rest fit."""
+
+MISFIT = 1e-6
+"""Probability of the squares of all that is no gross error, below which the rest does not fit."""
 
 FEW_GROSS = 0.03
 """Share of all observations, and at least one, that may be gross errors where no other first values
@@ -221,6 +228,17 @@ class Candidate:
         """Of the adjustment; each of so many picks that has no place in it counts as gross."""
         return self.annealed.cost + 2.0 * GROSS_SIGMAS**2 * (picks - len(self.first.pick_index))
 
+    def fits(self, picks: int) -> bool:
+        """Whether what is no gross error agrees."""
+        found, blocks = self.annealed, self.annealed.minimum.blocks
+        numbers = sum(block.residual.size for block in blocks.values())
+        gross = sum(
+            len(found.gross(name)) * blocks[name].residual.shape[1] for name in found.misfit
+        )
+        degrees = max(numbers - gross - found.problem.layout.size, 1)
+        squares = self.cost(picks) - GROSS_SIGMAS**2 * gross
+        return squares < float(chdtri(degrees, MISFIT))
+
     def is_agreed(self, picks: int) -> bool:
         """Whether nearly everything takes part, and no other length could be wrong instead."""
         misfit = self.annealed.misfit
@@ -258,7 +276,12 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
         found = sorted([*found, *candidates(taking)], key=lambda one: one.cost(picks))
         if found and found[0].is_agreed(picks):
             return found[:1]
-    return found
+    if not (found and found[0].fits(picks)):
+        for candidate in _without_picks(taking):
+            found.append(candidate)
+            if candidate.fits(picks):
+                break
+    return sorted(found, key=lambda one: one.cost(picks))
 
 
 def _from_softened(taking: Participants) -> Iterator[Candidate]:
@@ -311,6 +334,17 @@ def _without_frames(taking: Participants) -> Iterator[Candidate]:
         rest = taking.without_frame(frame, MISPLACED)
         for candidate in _from_all_minima(_softened(rest)):
             yield replace(candidate, taking=rest)
+
+
+def _without_picks(taking: Participants) -> Iterator[Candidate]:
+    """Robust adjustments of few picks, from first values without one of them."""
+    rough = replace(taking, survey=_softer(taking.survey, 1.0))
+    survey, keep = taking.survey, taking.keep
+    often = np.bincount(survey.pick_label[keep], minlength=len(survey.label)) > 1
+    picks = np.flatnonzero(keep & often[survey.pick_label]).tolist()
+    for pick in picks if len(picks) <= MOST_PICKS and not survey.matches.points else []:
+        for candidate in _from_all_minima(rough.without_picks({pick: MISPLACED}), rough):
+            yield replace(candidate, taking=taking)
 
 
 def _from_free_heights(taking: Participants) -> Iterator[Candidate]:
@@ -368,7 +402,7 @@ def _from_all_minima(
     ----------
     taking
         What takes part, with hundredfold sigmas; or with those stated, but for some lengths,
-        known things or control.
+        known things, control or picks.
     whole
         The same with these: the robust adjustment decides on them.
     """
@@ -376,18 +410,27 @@ def _from_all_minima(
         first = best_minima(taking)
     except GeometryError:
         return
+    placed = first.pick_index
+    back = np.flatnonzero((whole or taking).keep & ~taking.keep)
+    first = replace(first, pick_index=np.union1d(placed, back))
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
         used, survey = lines_used(adjustment), adjustment.survey
         if whole:
             used = ~whole.line_removed[first.line_index]
-            survey = _with_stated(survey, whole, first.pick_index)
+            stated = _stated(whole, first.pick_index)
+            survey = _with_known_of(stated, survey)
+            if len(back):
+                if (stated.label, stated.frame_id) != (survey.label, survey.frame_id):
+                    continue  # without the pick, its point or its photo is lost
+                survey = _with_picks_of(stated, survey)
         else:
             survey = _softer(survey, 1.0 / SCHEDULE[0])
         problem = SurveyProblem(survey, adjustment.problem.pivot_m, used)
-        state = carried(adjustment, problem)
         try:
+            state = carried(adjustment, problem)
             if whole:
                 weight = _weights_without(problem, adjustment, first, taking)
+                weight["pixels"] = np.where(np.isin(first.pick_index, placed), 1.0, NEARLY_NONE)
                 annealed = decide(problem, weighted_minimum(problem, state, weight), weight)
             else:
                 annealed = anneal(problem, state)
@@ -396,17 +439,33 @@ def _from_all_minima(
         yield Candidate(taking, first, annealed)
 
 
-def _with_stated(reduced: Survey, whole: Participants, pick_index: Ints) -> Survey:
-    """A reduced survey with all known things and control of its picks."""
+def _stated(whole: Participants, pick_index: Ints) -> Survey:
+    """Some picks of a survey, with all known things and control."""
     keep = np.zeros(len(whole.keep), dtype=np.bool_)
     keep[pick_index] = True
-    stated = select_picks(without_known(whole.survey, whole.known_removed), keep).survey
+    return select_picks(without_known(whole.survey, whole.known_removed), keep).survey
+
+
+def _with_known_of(stated: Survey, reduced: Survey) -> Survey:
+    """A reduced survey with all known things and control."""
     return replace(
         reduced,
         known=stated.known,
         control_label=stated.control_label,
         control_world_m=stated.control_world_m,
         control_sigma_m=stated.control_sigma_m,
+    )
+
+
+def _with_picks_of(stated: Survey, reduced: Survey) -> Survey:
+    """A reduced survey with more picks of its points in its photos."""
+    return replace(
+        reduced,
+        pick_frame=stated.pick_frame,
+        pick_label=stated.pick_label,
+        pixel_px=stated.pixel_px,
+        pick_sigma_px=stated.pick_sigma_px,
+        target_pick=stated.target_pick,
     )
 
 
