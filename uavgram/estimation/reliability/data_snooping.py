@@ -28,8 +28,7 @@ blunder that the test finds with a probability of 80 %, it takes the wrong one i
 
 LEAST_REDUNDANCY = 0.02
 """Redundancy number of a reading below which it is not accused: its error would have to be many
-times its sigma, and any small error of the model, seen through so little, looks like that. It is
-still among those that no test parts from the one that is accused."""
+times its sigma, and any small error of the model, seen through so little, looks like that."""
 
 RIVAL = 2.0 * float(np.log(20.0))
 """Difference of squared test statistics up to which the smaller has odds of more than 1 in 20 to
@@ -201,7 +200,7 @@ class _Snooping:
                 self._take_together(k, group, column, pivot, whole)
         whole[self.axes.observation[at]] = 1.0
         alike = (whole > INSEPARABLE**2)[self.axes.observation]
-        return np.asarray(alike & possible)
+        return np.asarray(alike & possible & self.accusable)
 
     def _take_together(
         self, k: int, group: Observed, column: Floats, pivot: float, whole: Floats

@@ -237,7 +237,7 @@ class Candidate:
         )
         degrees = max(numbers - gross - found.problem.layout.size, 1)
         squares = self.cost(picks) - GROSS_SIGMAS**2 * gross
-        return squares < float(chdtri(degrees, MISFIT))
+        return bool(squares < chdtri(degrees, MISFIT))
 
     def is_agreed(self, picks: int) -> bool:
         """Whether nearly everything takes part, and no other length could be wrong instead."""
