@@ -87,16 +87,18 @@ def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty: F
     assert (said.level, said.frames, set(said.labels)) == ("info", (swapped,), set(labels))
     for label in labels:
         assert f"{label!r} in {swapped!r}" in said.text
-    assert "(all other picks of its frame contradict it: look at its place and its" in said.text
+    assert "(it fits under another label of its photo)" in said.text
     assert dict(zip(result.frames.frame_id, result.frames.status, strict=True))[swapped] == (
         "refined"
     )
 
 
-def test_the_misread_tape_is_the_one_suspect(faulty: Faulty) -> None:
+def test_the_misread_tape_is_the_one_that_is_left_out(faulty: Faulty) -> None:
     result, *_, line = faulty
+    (text,) = texts_of(result, "line-left-out")
+    assert repr(line) in text
     status = dict(zip(result.lines.name, result.lines.status, strict=True))
-    assert [name for name, state in status.items() if state == "suspect"] == [line]
+    assert {name: state for name, state in status.items() if state != "used"} == {line: "removed"}
     assert "suspect" not in result.picks.status
     bias = dict(zip(result.lines.name, result.lines.residual_m, strict=True))[line]
     assert bias < -10 * TAPE_M

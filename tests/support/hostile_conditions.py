@@ -64,9 +64,10 @@ class Condition:
     ties, matched, wrong_found
         Number of tie points that the program looks for; whether each label is picked once, and
         found in the other photos by the program; share of what it finds that is wrong.
-    draws_scale, draws_readout, draws_slope
-        Whether tape scale (0.1 %), readout (30 ms) and slopes (the default of
-        `ground.slope_sigma_deg`, else 0.5 degrees) are drawn from the program's priors.
+    draws_scale, draws_readout, draws_slope, draws_relief, draws_identification
+        Whether tape scale (0.1 %), readout (30 ms), slopes (the default of
+        `ground.slope_sigma_deg`, else 0.5 degrees), each point's own relief (2 cm) and how far
+        beside it is picked, alike in all photos (1 cm), are drawn from the program's priors.
     """
 
     relief_m: float = 0.0
@@ -118,6 +119,8 @@ class Condition:
     draws_scale: bool = False
     draws_readout: bool = False
     draws_slope: bool = False
+    draws_relief: bool = False
+    draws_identification: bool = False
 
 
 CLEAN = Condition()
@@ -149,7 +152,13 @@ PLANE = replace(CLEAN, speeds_m_s=(15.0, 22.0))
 
 _SHARED = {
     "clean": CLEAN,
-    "clean_prior": Condition(draws_scale=True, draws_readout=True, draws_slope=True),
+    "clean_prior": Condition(
+        draws_scale=True,
+        draws_readout=True,
+        draws_slope=True,
+        draws_relief=True,
+        draws_identification=True,
+    ),
     "real_mix": REAL_MIX,
     "bad_mix": BAD_MIX,
 }

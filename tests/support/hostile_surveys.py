@@ -39,6 +39,7 @@ PICK_SIGMA_PX = 0.8
 LENGTHS, LENGTH_SIGMA_M = 6, 0.01
 DISTANCES, NEAREST_M = 15, 4.0
 CLOCK_SIGMA_S = 0.3
+ROUGHNESS_M, IDENTIFICATION_M = 0.02, 0.01
 MARGIN_PX = 6.0
 
 
@@ -109,7 +110,10 @@ def make_survey(condition: Condition, seed: int) -> HostileSurvey:
     world_m[:, 2] += raised
     camera = SHARP if condition.sharp else ORDINARY
     scene = Scene(condition, camera, ground, flight, world_m)
-    (frame, label, pixel), lens = _picks(scene, readout_s, pick_rng)
+    beside = np.random.default_rng([seed, 8]).standard_normal((len(world_m), 2))
+    beside *= IDENTIFICATION_M * condition.draws_identification
+    shown = scene._replace(world_m=_moved(ground, world_m, beside))
+    (frame, label, pixel), lens = _picks(shown, readout_s, pick_rng)
     if condition.single:
         kept = frame == int(abs(drawn[2]) * 1000) % len(flight.exposure_s)
         frame, label, pixel = frame[kept], label[kept], pixel[kept]
@@ -123,7 +127,7 @@ def make_survey(condition: Condition, seed: int) -> HostileSurvey:
         ties = draw_ties(scene, lens, readout_s, found_rng)
     if condition.matched:
         own = frame, label, pixel
-        (frame, label, pixel), matches = match_picks(scene, lens, readout_s, own, found_rng)
+        (frame, label, pixel), matches = match_picks(shown, lens, readout_s, own, found_rng)
     measure = _wanted(
         scene,
         _placeable(label if matches is None else np.concatenate([label, matches.point]), off),
@@ -173,8 +177,16 @@ def _labels(condition: Condition, ground: TrueGround, rng: np.random.Generator) 
         inside = np.linalg.norm(new - ground.middle) < radius_m
         if inside and (np.linalg.norm(place - new, axis=1) > LEAST_APART_M).all():
             place = np.vstack([place, new])
-    own = condition.relief_m * rng.standard_normal(len(place)) * (not condition.relief_length_m)
+    own_m = condition.relief_m * (not condition.relief_length_m)
+    own = (own_m or ROUGHNESS_M * condition.draws_relief) * rng.standard_normal(len(place))
     return np.column_stack([place, ground.up(place) + own])
+
+
+def _moved(ground: TrueGround, world_m: Floats, by_m: Floats) -> Floats:
+    """(n, 3) places that lie (n, 2) east and north of others, as high over the ground."""
+    place = world_m[:, :2] + by_m
+    rise = ground.up(place) - ground.up(world_m[:, :2])
+    return np.column_stack([place, world_m[:, 2] + rise])
 
 
 class Scene(NamedTuple):
@@ -196,9 +208,7 @@ def _picks(
     count = len(flight.exposure_s)
     frame, label = (part.ravel() for part in np.mgrid[:count, : len(world_m)])
     moved = condition.identification_m * rng.standard_normal((len(frame), 2))
-    place = world_m[label, :2] + moved
-    rise = ground.up(place) - ground.up(world_m[label, :2])
-    identified = np.column_stack([place, world_m[label, 2] + rise])
+    identified = _moved(ground, world_m[label], moved)
     lens = draw_lenses(condition, camera, count, rng)
     pixel, depth = photograph(flight, lens[frame], frame, identified, (camera.height_px, readout_s))
     tail = np.where(rng.random((len(frame), 1)) < condition.heavy_tails, 5.0, 1.0)

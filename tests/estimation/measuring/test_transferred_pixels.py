@@ -33,15 +33,16 @@ def clicked(adjustment: Adjustment) -> Clicked:
 
 
 def on_ground(
-    adjustment: Adjustment, state: State, here: int, there: int, pixel_px: Floats
+    adjustment: Adjustment, state: State, here: int, there: int, label: int, pixel_px: Floats
 ) -> Floats:
-    """The pixel of another frame that shows the same ground."""
+    """The pixel of another frame that shows the same place, as far off the plane as the label."""
     camera, lens = adjustment.survey.calibration, adjustment.problem.intrinsics(state)
     still = np.zeros(6)
     first = RowPoses(state.center[here], state.rotation[here], still)
     second = RowPoses(state.center[there], state.rotation[there], still)
     pivot = adjustment.problem.pivot_m[0]
-    world = intersect_ground(*sight_lines(camera, lens, first, pixel_px), state.plane[:3], pivot)
+    ground = np.add(state.plane[:3], [state.point[label, 2], 0.0, 0.0])
+    world = intersect_ground(*sight_lines(camera, lens, first, pixel_px), ground, pivot)
     return project_rows(camera, lens, second, world)
 
 
@@ -54,17 +55,17 @@ def test_place_and_affine_are_those_of_the_ground_under_the_pixel(
     assert len(found.click) > 20
     for k, click in enumerate(found.click.tolist()):
         here, there = int(clicked.frame[click]), names.index(found.frame_id[k])
-        pixel, state = clicked.pixel_px[click], adjustment.state
+        label, pixel, state = clicked.label[click], clicked.pixel_px[click], adjustment.state
         assert here != there
-        place = on_ground(adjustment, state, here, there, pixel)
+        place = on_ground(adjustment, state, here, there, label, pixel)
         assert found.pixel_px[k] == pytest.approx(place, abs=2e-3)  # the affine's own curvature
         steps = 0.5 * np.eye(2)
-        ahead = [on_ground(adjustment, state, here, there, pixel + step) for step in steps]
-        back = [on_ground(adjustment, state, here, there, pixel - step) for step in steps]
+        ahead = [on_ground(adjustment, state, here, there, label, pixel + step) for step in steps]
+        back = [on_ground(adjustment, state, here, there, label, pixel - step) for step in steps]
         assert found.affine[k] == pytest.approx(np.subtract(ahead, back).T, abs=2e-3)
 
 
-def test_covariance_is_that_of_all_unknowns_but_the_point(
+def test_covariance_is_that_of_all_unknowns_but_the_place_of_the_point(
     adjustment: Adjustment, clicked: Clicked
 ) -> None:
     found = transferred(adjustment, None, clicked)
@@ -77,7 +78,7 @@ def test_covariance_is_that_of_all_unknowns_but_the_point(
         here = int(clicked.frame[click])
         there = adjustment.survey.frame_id.index(found.frame_id[k])
         by_unknown = np.zeros((2, layout.size))
-        for column in range(layout.first_frame, layout.size):
+        for column in range(layout.size):
             step = np.zeros(layout.size)
             step[column] = 1e-3 * sigma[column]
             ends = [
@@ -86,6 +87,7 @@ def test_covariance_is_that_of_all_unknowns_but_the_point(
                     move(layout, state, way * step),
                     here,
                     there,
+                    clicked.label[click],
                     clicked.pixel_px[click],
                 )
                 for way in (1.0, -1.0)

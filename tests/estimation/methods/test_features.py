@@ -114,7 +114,7 @@ def surveyed(scenes: MethodScenes, k: int) -> Refined:
         ),
         known=NO_KNOWN,
         control=KnownWorldPoints(label=tuple(names[::2]), world_m=place, sigma_m=sigma),
-        ground=GroundOptions(height_sigma_m=1e-6, slope_sigma_deg=1e-6),
+        ground=GroundOptions(height_sigma_m=1e-6, slope_sigma_deg=1e-6, roughness_sigma_m=0.0),
         picks_sigma_px=1.0,
         photos=("photo",),
     )

@@ -11,7 +11,7 @@ from scenes import make_scene
 from scipy.spatial.transform import Rotation
 from whole_surveys import with_all
 
-from uavgram.estimation.reliability.data_snooping import suspicions
+from uavgram.estimation.reliability.data_snooping import LEAST_REDUNDANCY, suspicions
 from uavgram.estimation.reliability.redundancy import critical_value
 from uavgram.estimation.reliability.test_statistics import observed
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -70,12 +70,14 @@ def test_in_several_frames_a_length_stands_alone() -> None:
     assert found.group == ()
 
 
-def test_with_one_redundancy_all_lengths_are_one_group() -> None:
+def test_with_one_redundancy_all_lengths_that_anything_checks_are_one_group() -> None:
     options = {**ALONE, "labels": 8, "ends": ((0, 4), (1, 5), (2, 6), (3, 7))}
     survey = make_scene(5, sources=("pixels", "lengths"), **options).survey
-    _, (found, *_) = suspected(changed(survey, "length_m", 1, 1.0))
+    adjustment, (found, *_) = suspected(changed(survey, "length_m", 3, 1.0))
     lengths = {m.row for m in (found.accused, *found.group) if m.kind == "lengths"}
-    assert lengths == {0, 1, 2, 3}
+    redundancy = observed(adjustment)["lengths"].redundancy[:, 0]
+    assert lengths == set(np.flatnonzero(redundancy > LEAST_REDUNDANCY).tolist())
+    assert {2, 3} <= lengths < {0, 1, 2, 3}
 
 
 def test_once_one_is_suspected_the_rest_is_tested_without_it() -> None:

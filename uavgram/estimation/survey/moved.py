@@ -26,9 +26,9 @@ from uavgram.estimation.survey.refit import refit
 from uavgram.estimation.survey.unknowns import State, advance, some
 from uavgram.model.arrays import Bools, Floats, Ints
 
-STRAIGHT = 0.01
+STRAIGHT = 0.005
 """Squared length, in sigmas, of what observations depart from the linear model, up to which the
-first step is the last: what the next would change is of the order of a third of it."""
+first step is the last: further ones would change what is asked by about as many of its sigmas."""
 
 UNFELT = 0.005
 """By how many of its sigmas a step that is the last may still move what is asked."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -90,7 +90,9 @@ def adjusted_as_stated(
     return AtStatedNoise(given, survey, refined, off_ground, causes, (*left_out, *unseen))
 
 
-WRONG = LeftOut(LeftOutCause.MISPLACED_FRAME, "its picks fit once they are put back")
+TURNED = LeftOut(LeftOutCause.MISPLACED_FRAME, "its picks fit once they are put back")
+RELABELLED = LeftOut(LeftOutCause.GROSS, "it fits under another label of its photo")
+"""Why picks of a photo are wrong: all of them, or some."""
 
 
 def _exchanged(survey: Survey, refined: Refined, found: Identified) -> Refined:
@@ -101,10 +103,17 @@ def _exchanged(survey: Survey, refined: Refined, found: Identified) -> Refined:
     reason = {k: why for k, why in taking.reason.items() if k not in found.right}
     other = replace(taking, keep=keep, reason=reason).without_lines(sorted(found.lines))
     try:
-        after = best_minima(other.without_picks(dict.fromkeys(sorted(found.wrong), WRONG)))
+        after = best_minima(other.without_picks(_reasons(survey, sorted(found.wrong))))
     except GeometryError:
         return refined
     return after if after.adjustment.minimum.converged else refined
+
+
+def _reasons(survey: Survey, wrong: Sequence[int]) -> dict[int, LeftOut]:
+    """Why picks that are wrong take no part."""
+    frame, frames = survey.pick_frame, len(survey.frame_id)
+    every, out = (np.bincount(some, minlength=frames) for some in (frame, frame[list(wrong)]))
+    return {k: TURNED if every[frame[k]] == out[frame[k]] else RELABELLED for k in wrong}
 
 
 def _freed(

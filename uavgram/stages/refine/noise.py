@@ -35,8 +35,9 @@ from uavgram.stages.refine.outstanding import Outstanding, outstanding
 STATED_WEIGHT = 20.0
 """Of the stated sigma of picks, as so many residuals."""
 
-STATED_ROUGHNESS_WEIGHT = 5.0
-"""The same of a stated roughness; a ground that nobody said to be rough has no such prior."""
+STATED_ROUGHNESS_WEIGHT = 2.0
+"""The same of a stated roughness, which is known to within a factor of 1.6 so: mostly it is the
+default. A ground that is stated to be a plane has no such prior."""
 
 STATED_IDENTIFICATION_WEIGHT = 5.0
 """The same of how far people pick beside what was meant: lengths and known things tell little."""

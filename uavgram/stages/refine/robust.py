@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
+from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
@@ -54,6 +55,12 @@ MOST_STARTS = 12
 
 MOST_IN_PAIRS = 7
 """Lengths that are left out in pairs, without a log."""
+
+MOST_PICKS = 40
+"""Picks that are left out of the first values in turn, where nothing else makes the rest fit."""
+
+MISFIT = 1e-6
+"""Probability of the squares of all that is no gross error, below which the rest does not fit."""
 
 FEW_GROSS = 0.03
 """Share of all observations, and at least one, that may be gross errors where no other first values
@@ -158,11 +165,24 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
             agreed = _most_agreed(rest) if _are_most_left(taking, rest) else []
         robust = _without_outliers(agreed)
         if robust is not None:
-            return robust
+            return replace(robust, refined=_with_misplaced(taking.survey, robust.refined))
     if plain is None:
         assert failed is not None  # noqa: S101  (one of the two is always there)
         raise failed
+    plain = _with_misplaced(taking.survey, plain)
     return Robust(taking.survey, plain, np.zeros(0, dtype=np.int64))
+
+
+def _with_misplaced(survey: Survey, refined: Refined) -> Refined:
+    """Call photos misplaced that, by the pose their own picks give, see the sky in all of them."""
+    if survey.telemetry is not None:  # else the pose is of the log
+        return refined
+    frame, reason = survey.pick_frame, refined.pick_reason
+    sky = [k for k, why in reason.items() if why.cause is LeftOutCause.NO_GROUND]
+    others = np.setdiff1d(np.arange(len(frame)), sky)
+    whole = np.setdiff1d(frame[sky], frame[others])
+    misplaced = {k: MISPLACED for k in sky if frame[k] in whole}
+    return replace(refined, pick_reason={**reason, **misplaced})
 
 
 def _are_most_left(whole: Participants, rest: Participants) -> bool:
@@ -198,9 +218,26 @@ class Candidate:
     first: Refined
     annealed: Annealed
 
+    @property
+    def left_out(self) -> tuple[object, ...]:
+        """Which observations take no part: equal where those of another candidate are the same."""
+        gross = ((name, *self.annealed.gross(name).tolist()) for name in self.annealed.misfit)
+        return (self.first.pick_index.tobytes(), *gross)
+
     def cost(self, picks: int) -> float:
         """Of the adjustment; each of so many picks that has no place in it counts as gross."""
         return self.annealed.cost + 2.0 * GROSS_SIGMAS**2 * (picks - len(self.first.pick_index))
+
+    def fits(self, picks: int) -> bool:
+        """Whether what is no gross error agrees."""
+        found, blocks = self.annealed, self.annealed.minimum.blocks
+        numbers = sum(block.residual.size for block in blocks.values())
+        gross = sum(
+            len(found.gross(name)) * blocks[name].residual.shape[1] for name in found.misfit
+        )
+        degrees = max(numbers - gross - found.problem.layout.size, 1)
+        squares = self.cost(picks) - GROSS_SIGMAS**2 * gross
+        return bool(squares < chdtri(degrees, MISFIT))
 
     def is_agreed(self, picks: int) -> bool:
         """Whether nearly everything takes part, and no other length could be wrong instead."""
@@ -210,9 +247,17 @@ class Candidate:
             return False
         if gross and not misfit.get("lengths", np.ones(1)).all():
             return False  # nothing checks a length any more: it could be wrong instead
-        if any(_has_rival(self.annealed, row) for row in self.annealed.gross("lengths")):
+        lengths = self.annealed.gross("lengths")
+        if len(lengths) and self._is_placed_by_lengths():
+            return False  # in another pose another one may be wrong
+        if any(_has_rival(self.annealed, row) for row in lengths):
             return False
         return len(self.first.pick_index) == picks and not self._strains_a_prior()
+
+    def _is_placed_by_lengths(self) -> bool:
+        """Whether lengths alone place the photo: a wrong one may lead to another pose."""
+        survey = self.annealed.problem.survey
+        return survey.telemetry is None and len(survey.frame_id) == 1
 
     def _strains_a_prior(self) -> bool:
         """Whether something that all have in common, as the camera, is far from what is known."""
@@ -231,7 +276,12 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
         found = sorted([*found, *candidates(taking)], key=lambda one: one.cost(picks))
         if found and found[0].is_agreed(picks):
             return found[:1]
-    return found
+    if not (found and found[0].fits(picks)):
+        for candidate in _without_picks(taking):
+            found.append(candidate)
+            if candidate.fits(picks):
+                break
+    return sorted(found, key=lambda one: one.cost(picks))
 
 
 def _from_softened(taking: Participants) -> Iterator[Candidate]:
@@ -284,6 +334,17 @@ def _without_frames(taking: Participants) -> Iterator[Candidate]:
         rest = taking.without_frame(frame, MISPLACED)
         for candidate in _from_all_minima(_softened(rest)):
             yield replace(candidate, taking=rest)
+
+
+def _without_picks(taking: Participants) -> Iterator[Candidate]:
+    """Robust adjustments of few picks, from first values without one of them."""
+    rough = replace(taking, survey=_softer(taking.survey, 1.0))
+    survey, keep = taking.survey, taking.keep
+    often = np.bincount(survey.pick_label[keep], minlength=len(survey.label)) > 1
+    picks = np.flatnonzero(keep & often[survey.pick_label]).tolist()
+    for pick in picks if len(picks) <= MOST_PICKS and not survey.matches.points else []:
+        for candidate in _from_all_minima(rough.without_picks({pick: MISPLACED}), rough):
+            yield replace(candidate, taking=taking)
 
 
 def _from_free_heights(taking: Participants) -> Iterator[Candidate]:
@@ -341,7 +402,7 @@ def _from_all_minima(
     ----------
     taking
         What takes part, with hundredfold sigmas; or with those stated, but for some lengths,
-        known things or control.
+        known things, control or picks.
     whole
         The same with these: the robust adjustment decides on them.
     """
@@ -349,18 +410,27 @@ def _from_all_minima(
         first = best_minima(taking)
     except GeometryError:
         return
+    placed = first.pick_index
+    back = np.flatnonzero((whole or taking).keep & ~taking.keep)
+    first = replace(first, pick_index=np.union1d(placed, back))
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
         used, survey = lines_used(adjustment), adjustment.survey
         if whole:
             used = ~whole.line_removed[first.line_index]
-            survey = _with_stated(survey, whole, first.pick_index)
+            stated = _stated(whole, first.pick_index)
+            survey = _with_known_of(stated, survey)
+            if len(back):
+                if (stated.label, stated.frame_id) != (survey.label, survey.frame_id):
+                    continue  # without the pick, its point or its photo is lost
+                survey = _with_picks_of(stated, survey)
         else:
             survey = _softer(survey, 1.0 / SCHEDULE[0])
         problem = SurveyProblem(survey, adjustment.problem.pivot_m, used)
-        state = carried(adjustment, problem)
         try:
+            state = carried(adjustment, problem)
             if whole:
                 weight = _weights_without(problem, adjustment, first, taking)
+                weight["pixels"] = np.where(np.isin(first.pick_index, placed), 1.0, NEARLY_NONE)
                 annealed = decide(problem, weighted_minimum(problem, state, weight), weight)
             else:
                 annealed = anneal(problem, state)
@@ -369,17 +439,33 @@ def _from_all_minima(
         yield Candidate(taking, first, annealed)
 
 
-def _with_stated(reduced: Survey, whole: Participants, pick_index: Ints) -> Survey:
-    """A reduced survey with all known things and control of its picks."""
+def _stated(whole: Participants, pick_index: Ints) -> Survey:
+    """Some picks of a survey, with all known things and control."""
     keep = np.zeros(len(whole.keep), dtype=np.bool_)
     keep[pick_index] = True
-    stated = select_picks(without_known(whole.survey, whole.known_removed), keep).survey
+    return select_picks(without_known(whole.survey, whole.known_removed), keep).survey
+
+
+def _with_known_of(stated: Survey, reduced: Survey) -> Survey:
+    """A reduced survey with all known things and control."""
     return replace(
         reduced,
         known=stated.known,
         control_label=stated.control_label,
         control_world_m=stated.control_world_m,
         control_sigma_m=stated.control_sigma_m,
+    )
+
+
+def _with_picks_of(stated: Survey, reduced: Survey) -> Survey:
+    """A reduced survey with more picks of its points in its photos."""
+    return replace(
+        reduced,
+        pick_frame=stated.pick_frame,
+        pick_label=stated.pick_label,
+        pixel_px=stated.pixel_px,
+        pick_sigma_px=stated.pick_sigma_px,
+        target_pick=stated.target_pick,
     )
 
 
@@ -465,7 +551,9 @@ def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
     least = agreed[0].cost(picks)
     near = [one for one in agreed if one.cost(picks) <= least + RIVAL]
     near.sort(key=lambda one: len(one.annealed.gross("pixels")))
-    found = [one for candidate in near if (one := _adjusted_without(candidate)) is not None]
+    different = {one.left_out: one for one in reversed(near)}
+    each = [one for one in near if different[one.left_out] is one]
+    found = [one for candidate in each if (one := _adjusted_without(candidate)) is not None]
     found.sort(key=lambda one: not one.refined.adjustment.minimum.converged)
     if not found:
         return _without_outliers([one for one in agreed if one not in near])
@@ -517,6 +605,8 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     try:
         refined = best_minima(left)
     except GeometryError:  # first values want what was left out
+        unplaced = {k: why for k, why in first.pick_reason.items() if k not in left.reason}
+        left = left.without_picks(unplaced)
         try:
             refined = minima_from(left, lambda survey: [_first_values(found, survey)])
         except GeometryError:
@@ -526,7 +616,7 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
 
 
 def _first_values(found: Annealed, survey: Survey) -> FirstValues:
-    """First values of a survey from a robust adjustment of the same labels and frames."""
+    """First values of a survey from a robust adjustment of its labels and frames, or of more."""
     state, reduced = found.minimum.state, found.problem.survey
     frame = [reduced.frame_id.index(name) for name in survey.frame_id]
     label = [reduced.row_of_label[name] for name in survey.label]

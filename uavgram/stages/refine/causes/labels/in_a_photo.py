@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import partial
 from typing import NamedTuple
 
@@ -32,10 +32,13 @@ class _Exchange(NamedTuple):
         Pick -> the label that belongs there.
     gain
         Fall of the sum of squares to be expected.
+    back
+        Picks of other photos that were left out for one of these, which alone shows its point now.
     """
 
     label: dict[int, int]
     gain: float
+    back: frozenset[int]
 
 
 def wrong_picks(standing: Standing) -> Iterator[Hypothesis]:
@@ -75,6 +78,7 @@ def swapped_in_a_photo(standing: Standing) -> Iterator[Hypothesis]:
             yield Hypothesis(
                 tell=partial(swapped_message, standing, exchange.label),
                 mend=Mend(label_of_pick=exchange.label),
+                back=exchange.back,
                 promise=exchange.gain,
                 price=float(max(choices, 0.0)),
                 settles=frozenset([standing.adjustment.survey.frame_id[frame]]),
@@ -109,7 +113,18 @@ def _exchanges(standing: Standing, found: Strays, own: Ints, picks: Ints) -> Ite
             for pick, there in zip(chain, [*chain[1:], first], strict=True)
         }
         if len(set(label.values())) == len(label):
-            yield _Exchange(label, sum(fall.get(pick, 0.0) for pick in chain))
+            gain = sum(fall.get(pick, 0.0) for pick in chain)
+            yield _Exchange(label, gain, _left_out_for(standing, anywhere.intersection(chain)))
+
+
+def _left_out_for(standing: Standing, picks: Collection[int]) -> frozenset[int]:
+    """Picks of the same points that were left out of photos that take part."""
+    survey = standing.survey
+    names = standing.adjustment.survey.frame_id
+    stayed = [k for k, name in enumerate(survey.frame_id) if name in names]
+    out = standing.spoilt & np.isin(survey.pick_frame, stayed)
+    out &= np.isin(survey.pick_label, survey.pick_label[list(picks)])
+    return frozenset(np.flatnonzero(out).tolist()) - frozenset(picks)
 
 
 def _only_one(standing: Standing, picks: Ints) -> set[int]:
