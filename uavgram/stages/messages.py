@@ -37,7 +37,7 @@ CAUSES = (
     *IDENTIFIED,
     ("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
     ("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
-    ("line-left-out", "known-left-out", "control-left-out", "point-off-ground"),
+    ("line-left-out", "known-left-out", "control-left-out", "height-left-out", "point-off-ground"),
     ("photo-duplicate", "pick-duplicate", "line-duplicate", "known-duplicate"),
     ("line-removed", "known-removed", "pick-removed", "blunder-not-located", "blunder-kept"),
     (

@@ -228,6 +228,11 @@ def test_a_plane_that_the_lengths_leave_open_is_not_called_found() -> None:
     assert length_poses(survey) == {}
 
 
+def test_lengths_that_no_pose_explains_give_none() -> None:
+    survey = make_scene(4, **NO_LOG).survey
+    assert length_poses(replace(survey, length_m=-survey.length_m)) == {}
+
+
 def test_candidates_that_end_in_one_maximum_count_once() -> None:
     for seed in range(4):
         survey = make_scene(seed, ends=((0, 1), (1, 2), (2, 0)), labels=6, **NO_LOG).survey

@@ -187,6 +187,26 @@ class Counted:
 
 
 @BOTH
+def test_a_wrong_stated_height_is_left_out_and_reported(base: str) -> None:
+    scene, clean = survey_with("nothing", BASES[base], 0)
+    survey = clean.survey
+    photos = np.bincount(survey.pick_label, minlength=len(survey.label))
+    photos[np.append(survey.line_start, survey.line_end)] = 0
+    row = int(np.argmax(photos))
+    height, sigma = survey.height_above_m.copy(), survey.height_sigma_m.copy()
+    height[row], sigma[row] = 0.8, 0.02
+    stated = replace(survey, height_above_m=height, height_sigma_m=sigma)
+    found = adjust_robustly(all_of(stated))
+
+    assert found.heights == (survey.label[row],)
+    assert not any(left_out(found))
+    assert largest_error(found.refined.adjustment, scene) < FARTHEST
+    (message,) = found.messages(stated)
+    assert message.code == "height-left-out"
+    assert "is stated at 0.80 m above the ground, and the photos show it at " in message.text
+
+
+@BOTH
 def test_a_clean_survey_costs_one_adjustment(monkeypatch: pytest.MonkeyPatch, base: str) -> None:
     taking = all_of(survey_with("nothing", BASES[base], 1)[1].survey)
     counted = Counted(monkeypatch)

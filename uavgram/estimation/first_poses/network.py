@@ -159,6 +159,8 @@ class _Asked:
 def _poses_of(asked: _Asked) -> dict[int, LengthPoses]:
     """Poses of frames that lengths explain, by index, best first."""
     searched = search_frames(asked.calibration, asked.frames)
+    if not any(searched):  # no pose explains the lengths of any frame
+        return {}
     row = np.repeat(np.arange(len(searched)), [len(found) for found in searched])
     start = np.array([c.plane for found in searched for c in found]).reshape(-1, 3)
     poses = resect_from_lengths(asked.calibration, asked.frames.take(row), start)

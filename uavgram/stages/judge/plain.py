@@ -114,6 +114,10 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
         "The control point {labels} does not fit and was left out.",
         "The control points {labels} do not fit and were left out.",
     ),
+    "height-left-out": (
+        "The stated height of {labels} does not fit and was left out.",
+        "The stated heights of {labels} do not fit and were left out.",
+    ),
     "line-duplicate": (
         "{lengths} is there twice, and counts once.",
         "{lengths} are there twice, and count once.",

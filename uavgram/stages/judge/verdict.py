@@ -41,6 +41,7 @@ TAKING_PART = frozenset(
 NOT_FITTING = frozenset(
     {
         *("line-left-out", "known-left-out", "control-left-out", "pick-left-out"),
+        "height-left-out",
         *("frame-left-out", "line-removed", "known-removed", "pick-removed"),
         *("group-misfit", "checks-misfit", "misfit", "identification-less-exact"),
         *("camera-contradicted", "point-off-ground", "other-zoom", "readout-left-out"),

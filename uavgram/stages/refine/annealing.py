@@ -156,9 +156,7 @@ def decide(
     frames: tuple[str, ...] = ()
     misfit: dict[str, Floats] = {}
     for k in range(MOST_ROUNDS):
-        squares = squared_misfits(problem, minimum, weight)
-        noise = _noise(squares, weight)
-        misfit = {name: np.sqrt(square) / noise[name] for name, square in squares.items()}
+        misfit = _misfits(problem, minimum, weight)
         gross = {name: value > GROSS_SIGMAS for name, value in misfit.items()}
         if k == 0:
             frames = _frames_of_other_places(problem, gross["pixels"])
@@ -176,6 +174,8 @@ def decide(
         out = gross
         weight = {name: np.where(is_out, NEARLY_NONE, 1.0) for name, is_out in out.items()}
         minimum = weighted_minimum(problem, minimum.state, weight)
+    out, minimum, misfit = _with_returned(problem, minimum, out, misfit)
+    weight = {name: np.where(is_out, NEARLY_NONE, 1.0) for name, is_out in out.items()}
     frames = frames or _turned_frames(problem, minimum, out)
     beyond = np.nextafter(GROSS_SIGMAS, np.inf)
     misfit = {
@@ -185,6 +185,40 @@ def decide(
     blocks = problem.evaluate(minimum.state) or {}
     cost = sum(_bounded_cost(name, block) for name, block in blocks.items())
     return Annealed(problem, minimum, frames, weight, misfit, cost)
+
+
+def _with_returned(
+    problem: SurveyProblem,
+    minimum: Minimum[State],
+    out: dict[str, Bools],
+    misfit: dict[str, Floats],
+) -> tuple[dict[str, Bools], Minimum[State], dict[str, Floats]]:
+    """Take back observations that left a second time, but agree with all that takes part.
+
+    Of two that contradict each other both may have left: then the one that agrees better returns.
+
+    Parameters
+    ----------
+    problem, minimum
+        The likelihood, and the adjustment without the gross errors.
+    out, misfit
+        Whether each observation takes no part, and its standardised misfit, by group.
+    """
+    back = [
+        (float(misfit[name][row]), name, row)
+        for name, is_out in out.items()
+        for row in np.flatnonzero(is_out & (misfit[name] <= GROSS_SIGMAS)).tolist()
+    ]
+    for number in range(len(back), max(0, len(back) - MOST_ROUNDS), -1):
+        fewer = {name: is_out.copy() for name, is_out in out.items()}
+        for _, name, row in sorted(back)[:number]:
+            fewer[name][row] = False
+        weight = {name: np.where(is_out, NEARLY_NONE, 1.0) for name, is_out in fewer.items()}
+        found = weighted_minimum(problem, minimum.state, weight)
+        size = _misfits(problem, found, weight)
+        if not any((size[name][~is_out] > GROSS_SIGMAS).any() for name, is_out in fewer.items()):
+            return fewer, found, size
+    return out, minimum, misfit
 
 
 def weighted_minimum(
@@ -264,10 +298,19 @@ def squared_misfits(
         predicted = np.maximum(1.0 - redundancy, 0.0) / own[:, None]
         square = residual**2 / ((redundancy + predicted) * redundancy)
         found[name] = np.sum(np.where(is_checked, square, 0.0), axis=1)
-    if "roughness" in found:  # one photo alone shows no height
-        photos = photos_of(problem.survey)[problem.third.rough]
-        found["roughness"][photos < 2] = 0.0
+    of = {"roughness": problem.third.rough, "heights": problem.third.stated}
+    for name in found.keys() & of.keys():  # one photo alone shows no height
+        found[name][photos_of(problem.survey)[of[name]] < 2] = 0.0
     return found
+
+
+def _misfits(
+    problem: SurveyProblem, minimum: Minimum[State], weight: Mapping[str, Floats]
+) -> dict[str, Floats]:
+    """Compute standardised misfits (n,) of all observations, in units of their kind's noise."""
+    squares = squared_misfits(problem, minimum, weight)
+    noise = _noise(squares, weight)
+    return {name: np.sqrt(square) / noise[name] for name, square in squares.items()}
 
 
 def _noise(squares: Mapping[str, Floats], weight: Mapping[str, Floats]) -> dict[str, float]:

@@ -1,20 +1,22 @@
-"""Record what the robust adjustment left out: lengths, known things and control points."""
+"""Record what the robust adjustment left out: lengths, known things, control points, heights."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from uavgram.estimation.reliability.coordinate_faults import displaced, likely_fault
 from uavgram.estimation.survey.adjustment import Refined, Removal
+from uavgram.estimation.survey.departures import heights_above_ground
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.estimation.survey.terms.known_terms import known_rows
 from uavgram.estimation.survey.terms.tapes import taped_lines
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.survey import Survey
+from uavgram.stages.remedies import freed
 
 
 def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, Floats]:
@@ -131,6 +133,46 @@ def control_left_out(survey: Survey, refined: Refined, control: Ints) -> Iterato
             ending="Look at their coordinates, their labels and their picks.",
         )
         yield Message("warning", "control-left-out", text, labels=(label,), several=several)
+
+
+def heights_left_out(survey: Survey, refined: Refined, labels: Sequence[str]) -> Iterator[Message]:
+    """Report each stated height that was left out, and the height that the photos show.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    refined
+        Adjusted without these heights.
+    labels
+        Names of the points.
+    """
+    found, sigma = heights_above_ground(refined.adjustment)
+    for label in labels:
+        row = refined.adjustment.label_rows([label])[0]
+        stated_m = survey.height_above_m[survey.label.index(label)]
+        what = f"{label!r} is stated at {stated_m:.2f} m above the ground"
+        shown = ""
+        if row >= 0:
+            shown = f", and the photos show it at {found[row]:.2f} ± {sigma[row]:.2f} m"
+        text = (
+            f"The stated height of {label!r} was left out: {what}{shown}. Measure its height "
+            "again, and look whether its picks are on the right thing; until then it was adjusted "
+            "with the height that the photos show."
+        )
+        several = Several(
+            "{count} stated heights were left out",
+            f"{what}{shown}",
+            ending="Measure them again, and look whether the picks are on the right thing.",
+        )
+        yield Message(
+            "warning",
+            "height-left-out",
+            text,
+            labels=(label,),
+            several=several,
+            mend=freed([label]),
+        )
 
 
 def _off(survey: Survey, refined: Refined, control: Ints) -> tuple[Floats, Floats]:

@@ -40,7 +40,7 @@ from uavgram.stages.refine.annealing import (
     weighted_minimum,
 )
 from uavgram.stages.refine.continued import carried, lines_used
-from uavgram.stages.refine.left_out import control_left_out
+from uavgram.stages.refine.left_out import control_left_out, heights_left_out
 from uavgram.stages.refine.minima import Participants, best_minima, minima_from
 from uavgram.stages.refine.off_ground.shown import photos_of
 
@@ -98,6 +98,8 @@ class Robust:
         Control points of the survey handed in that were left out.
     labels
         Names of labels off the ground.
+    heights
+        Names of labels whose stated heights are gross errors: they have heights of their own.
     contradicting
         Names of labels whose picks contradict each other: they have sigmas as large as their
         misfit, since nothing shows which of them is wrong.
@@ -107,11 +109,13 @@ class Robust:
     refined: Refined
     control: Ints
     labels: tuple[str, ...] = ()
+    heights: tuple[str, ...] = ()
     contradicting: tuple[str, ...] = ()
 
     def messages(self, survey: Survey) -> Iterator[Message]:
-        """Report control points of a survey that were left out, and picks that contradict."""
+        """Report what of a survey was left out: control, heights, picks that contradict."""
         yield from control_left_out(survey, self.refined, self.control)
+        yield from heights_left_out(survey, self.refined, self.heights)
         for label in self.contradicting:
             own = survey.pick_label == survey.label.index(label)
             frames = tuple(dict.fromkeys(survey.frame_id[k] for k in survey.pick_frame[own]))
@@ -588,11 +592,12 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     rough = problem.third.rough[found.gross("roughness")]
     off_ground = rough[np.abs(found.minimum.state.point[rough, 2]) > OFF_GROUND_M]
     names = tuple(reduced.label[k] for k in off_ground)
+    heights = tuple(reduced.label[k] for k in problem.third.stated[found.gross("heights")])
     wrong = {reduced.label[reduced.control_label[k]] for k in found.gross("control")}
     is_wrong = np.array([survey.label[k] in wrong for k in survey.control_label], dtype=np.bool_)
     rest = replace(
         survey,
-        is_free=survey.is_free | np.isin(survey.label, names),
+        is_free=survey.is_free | np.isin(survey.label, [*names, *heights]),
         pick_sigma_px=sigma_px,
         control_label=survey.control_label[~is_wrong],
         control_world_m=survey.control_world_m[~is_wrong],
@@ -612,7 +617,7 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
         except GeometryError:
             return None
     contradicting = tuple(reduced.label[k] for k in np.unique(reduced.pick_label[lost]))
-    return Robust(rest, refined, np.flatnonzero(is_wrong), names, contradicting)
+    return Robust(rest, refined, np.flatnonzero(is_wrong), names, heights, contradicting)
 
 
 def _first_values(found: Annealed, survey: Survey) -> FirstValues:

@@ -79,6 +79,8 @@ def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
             continue
         if not one.is_factor and abs(value) > LARGEST_OFFSET_M:
             continue
+        if one.is_factor and value <= -1.0:
+            continue  # no tape reads a negative length
         if not _is_common(adjustment, one):
             continue
         largest = LARGEST_FACTOR if one.is_factor else LARGEST_OFFSET_M
