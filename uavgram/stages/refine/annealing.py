@@ -176,6 +176,7 @@ def decide(
         minimum = weighted_minimum(problem, minimum.state, weight)
     out, minimum, misfit = _with_returned(problem, minimum, out, misfit)
     weight = {name: np.where(is_out, NEARLY_NONE, 1.0) for name, is_out in out.items()}
+    frames = frames or _frames_of_other_places(problem, out["pixels"])
     frames = frames or _turned_frames(problem, minimum, out)
     beyond = np.nextafter(GROSS_SIGMAS, np.inf)
     misfit = {
