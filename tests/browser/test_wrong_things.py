@@ -165,6 +165,10 @@ def test_a_reading_that_is_off_by_a_decimetre(site: Site) -> None:
     says(site.page, "amber", "Check: ", "Write results, with 1 warning")
     expect(site.row("line L2")).to_have_attribute("data-status", FAULT)
     expect(site.row("line L2").locator(".is-doubtful")).to_have_count(2)
+    first = site.page.locator("#first")
+    expect(first).to_contain_text("L2")
+    first.get_by_role("button", name="Remove the length L2").click()
+    says(site.page, "green", "In order", "Write results")
 
 
 def test_labels_swapped_where_little_tells_are_never_in_order(site: Site) -> None:

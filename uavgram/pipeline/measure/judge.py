@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.survey.adjustment import Refined
@@ -37,6 +39,8 @@ from uavgram.stages.judge import (
     run_tests,
     withheld_values,
 )
+
+Table = TypeVar("Table")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,9 +92,16 @@ def judge_survey(
     )
     line_results, line_checks, line_effects, line_messages = judge_lines(examined, lines, index)
     known, known_messages = judge_known(examined, inputs.known)
-    point_checks, unseen_messages = judge_points(refined.adjustment, check, significance)
-    overall, overall_messages = judge_overall(refined.adjustment, withheld, significance)
-    groups, group_messages = judge_groups(refined.adjustment, significance)
+    # Tables are of the result, messages on what its suspects do not explain.
+    both = tuple(dict.fromkeys((refined.adjustment, examined.without_suspects)))
+    point_checks, unseen_messages = _first_and_last(
+        [judge_points(one, check, significance) for one in both]
+    )
+    each = (withheld, *(withheld_values(one, lines, check) for one in both[1:]))
+    overall, overall_messages = _first_and_last(
+        [judge_overall(*one, significance) for one in zip(both, each, strict=True)]
+    )
+    groups, group_messages = _first_and_last([judge_groups(one, significance) for one in both])
     fit = fit_of(refined, line_results, known, point_checks, overall)
     return Judgement(
         examined=examined,
@@ -118,7 +129,14 @@ def judge_survey(
             *unseen_messages,
             *overall_messages,
             *group_messages,
-            *judge_fit(fit, refined),
+            *judge_fit(fit, examined.without_suspects),
             *judge_unchecked(examined),
         ),
     )
+
+
+def _first_and_last(
+    judged: Sequence[tuple[Table, tuple[Message, ...]]],
+) -> tuple[Table, tuple[Message, ...]]:
+    """The table of the first, and the messages of the last."""
+    return judged[0][0], judged[-1][1]

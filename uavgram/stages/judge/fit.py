@@ -11,7 +11,7 @@ from scipy.special import ndtr
 
 from uavgram.estimation.reliability.core import core_fit
 from uavgram.estimation.reliability.redundancy import upper_tail
-from uavgram.estimation.survey.adjustment import Refined
+from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.model.message import Message
 from uavgram.model.result.known import KnownResults
 from uavgram.model.result.reliability import ChecksOverall
@@ -90,11 +90,20 @@ def fit_of(
     )
 
 
-def judge_fit(fit: Fit, refined: Refined) -> tuple[Message, ...]:
-    """Say so where the core does not fit; of what did not come to rest this is known."""
-    if fit.core >= RARE or not refined.adjustment.minimum.converged:
+def judge_fit(fit: Fit, rest: Adjustment) -> tuple[Message, ...]:
+    """Report where the core does not fit; of what did not come to rest this is known.
+
+    Parameters
+    ----------
+    fit
+        How well everything fits.
+    rest
+        The survey adjusted without its suspects: what they explain is theirs.
+    """
+    core = max(fit.core, core_fit(rest).probability)
+    if core >= RARE or not rest.minimum.converged:
         return ()
-    contradicted = fit.core < CONTRADICTED
+    contradicted = core < CONTRADICTED
     what = "contradict each other" if contradicted else "do not fit together as they should"
     verb = "use" if contradicted else "rely on"
     why = ", and no single cause explains it all"
@@ -104,6 +113,6 @@ def judge_fit(fit: Fit, refined: Refined) -> tuple[Message, ...]:
     )
     text = (
         f"Picks, lengths and ground {what}{why}. Do not {verb} the numbers before it is cleared "
-        f"up: {look} (probability by chance {fit.core:.1g})."
+        f"up: {look} (probability by chance {core:.1g})."
     )
     return (Message("warning", "misfit", text),)

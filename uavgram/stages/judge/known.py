@@ -71,7 +71,13 @@ def judge_known(
         **columns,
     )
     messages += [_left_out(results, i) for i in _gross(examined)]
-    messages += [_does_not_fit(results, t.index) for t in withheld if _is_off(examined, results, t)]
+    unexplained = {name: np.full(len(known.name), np.nan) for name in _COLUMNS}
+    _values(examined.without_suspects, things, {thing.index for thing in withheld}, unexplained)
+    messages += [
+        _does_not_fit(results, thing.index)
+        for thing in withheld
+        if _is_off(examined, results, thing) and examined.significant(unexplained["w"][thing.index])
+    ]
     return results, tuple(messages)
 
 

@@ -60,6 +60,7 @@ def judge_lines(
     withheld = ~np.asarray(lines.adjust, dtype=bool) & np.isfinite(columns["adjusted_m"])
     sigma = np.hypot(columns["adjusted_sigma_m"], lines.sigma_m)
     columns["w"][withheld] = (columns["residual_m"] / sigma)[withheld]
+    unexplained = _errors_in_sigmas(examined.without_suspects, lines)
     adjusted = columns["adjusted_m"], columns["adjusted_sigma_m"]
     messages = list(_left_out(refined, lines, survey_index, *adjusted))
     status: list[LineStatus] = []
@@ -72,7 +73,7 @@ def judge_lines(
             messages.append(_unseen(lines, i, missing, known))
         elif withheld[i]:
             status.append("checked")
-            if examined.significant(columns["w"][i]):
+            if examined.significant(columns["w"][i]) and examined.significant(unexplained[i]):
                 messages.append(_does_not_fit(lines, i, columns))
         elif row[i] < 0:
             status.append("removed")
@@ -98,6 +99,14 @@ def _adjusted_lengths(
     length, sigma = adjustment.readings(taped_known(lines, seen, start[seen], end[seen]))
     columns["adjusted_m"][seen], columns["adjusted_sigma_m"][seen] = length, sigma
     columns["residual_m"][:] = columns["adjusted_m"] - lines.length_m
+
+
+def _errors_in_sigmas(adjustment: Adjustment, lines: KnownLines) -> Floats:
+    """(L,) by how many sigmas each length is off, were it withheld."""
+    columns = {name: np.full(len(lines.name), np.nan) for name in _COLUMNS}
+    _adjusted_lengths(adjustment, lines, columns)
+    sigma = np.hypot(columns["adjusted_sigma_m"], lines.sigma_m)
+    return np.asarray(columns["residual_m"] / sigma)
 
 
 def _fit_of_observed(examined: TestedSurvey, row: Ints, columns: dict[str, Floats]) -> None:

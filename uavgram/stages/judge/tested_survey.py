@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from uavgram.estimation.measuring.scale import NOTHING, scale_sigmas
 from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS, suspicions
 from uavgram.estimation.reliability.external import Weakest, Worst, external_reliability
 from uavgram.estimation.reliability.redundancy import critical_value
+from uavgram.estimation.reliability.set_aside import set_aside
 from uavgram.estimation.reliability.test_statistics import (
     READINGS,
     Observed,
@@ -66,6 +68,16 @@ class TestedSurvey:
     def adjustment(self) -> Adjustment:
         """The adjusted survey."""
         return self.refined.adjustment
+
+    @cached_property
+    def without_suspects(self) -> Adjustment:
+        """Adjust without the suspects: what does not fit then has another reason than they.
+
+        The adjusted survey itself where nothing is suspected, or too much.
+        """
+        are_known = len(self.suspicions) < MOST_SUSPECTS
+        accused = [one.accused for one in self.suspicions] if are_known else []
+        return set_aside(self.adjustment, accused)
 
     def suspect(self, kind: str) -> Bools:
         """(n,) which observations of a group are suspected, alone or with others."""

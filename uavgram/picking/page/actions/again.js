@@ -27,9 +27,10 @@ export class Again {
   }
 
   next() {
-    const { notice, panes: { active } } = this.tools;
+    const { notice, panes: { active }, state } = this.tools;
     const [one] = this.left;
-    document.body.classList.toggle("again", Boolean(one));
+    state.hidesMarks = Boolean(one);
+    document.body.classList.toggle("again", state.hidesMarks);
     if (!one || !active) return;
     if (active.image !== one.image) active.show(one.image);
     active.view.center(one.u_px + away(), one.v_px + away(), 1);

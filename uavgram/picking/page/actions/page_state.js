@@ -32,6 +32,7 @@ export class PageState {
     this.shown = { ellipses: true, residuals: true, predicted: true, labels: true, lines: true, ties: false };
     /** @type {{ image: number, places: [number, number][] } | null} */
     this.alike = null; // what a snap could not tell apart
+    this.hidesMarks = false; // points are clicked again: no mark is shown, and none takes a click
     this.magnifies = true;
     this.spaceHeld = false; // a drag pans
     this.typed = false; // the label was typed since the last point was placed

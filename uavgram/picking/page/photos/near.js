@@ -14,9 +14,10 @@ import { picksIn, proposals } from "../connection/store.js";
 export const ON_PX = 7; // a click so close means the mark, if no other is as close
 export const NEAR_PX = 12; // a click so close may mean the mark, or another point beside it
 
-/** The marks near a place of the photo, the nearest first; `coming`: picks that are not confirmed yet.
+/** The marks near a place of the photo, the nearest first, none where they are hidden; `coming`: picks that are not confirmed yet.
  * @param {{ image: number, view: View, state: PageState }} pane @param {number} u @param {number} v @param {Place[]} coming @returns {Near[]} */
 export function marksNear({ image, view, state }, u, v, coming = []) {
+  if (state.hidesMarks) return [];
   /** @param {Place[]} places @param {boolean} hollow */
   const near = (places, hollow) => places.filter((one) => one.image === image).map(({ label, u_px, v_px }) => (
     { label, at: /** @type {[number, number]} */ ([u_px, v_px]), away: Math.hypot(u_px - u, v_px - v) * view.scale, hollow }));
