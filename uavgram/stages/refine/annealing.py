@@ -89,7 +89,7 @@ class Annealed:
         Standardised misfit of each observation, by group, in units of its kind's noise; beyond
         `GROSS_SIGMAS` where it takes no part.
     cost
-        Sum of squares, in which no number counts more than a gross error.
+        Sum of squares, in which no observation counts more than a gross error.
     """
 
     problem: SurveyProblem
@@ -407,9 +407,9 @@ def _tapes(problem: SurveyProblem) -> Ints:
 
 
 def _bounded_cost(name: str, block: Block) -> float:
-    """Sum of squares of a group, where no number counts more than a gross error."""
+    """Sum of squares of a group, where no observation counts more than a gross error."""
     square = np.sum(block.residual**2, axis=1)
-    most = GROSS_SIGMAS**2 * block.residual.shape[1]
+    most = GROSS_SIGMAS**2
     return float(np.minimum(square, most).sum() if name in ROBUST else square.sum())
 
 

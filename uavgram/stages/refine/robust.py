@@ -230,7 +230,7 @@ class Candidate:
 
     def cost(self, picks: int) -> float:
         """Of the adjustment; each of so many picks that has no place in it counts as gross."""
-        return self.annealed.cost + 2.0 * GROSS_SIGMAS**2 * (picks - len(self.first.pick_index))
+        return self.annealed.cost + GROSS_SIGMAS**2 * (picks - len(self.first.pick_index))
 
     def fits(self, picks: int) -> bool:
         """Whether what is no gross error agrees."""
