@@ -145,7 +145,7 @@ def photos_in_disorder(standing: Standing) -> Iterator[Hypothesis]:
     survey = standing.survey
     for frame in misplaced_photos(standing).tolist():
         picks = picks_of(standing, frame)
-        label = right_labels(standing, frame, picks)
+        label = _completed(standing, picks, right_labels(standing, frame, picks))
         known = np.flatnonzero(label >= 0)
         changed = known[label[known] != survey.pick_label[picks[known]]]
         # Where most picks fit under no label, other labels are not what would put the photo right.
@@ -162,6 +162,21 @@ def photos_in_disorder(standing: Standing) -> Iterator[Hypothesis]:
             price=2.0 * PRICE * wrong + len(changed) * float(np.log(len(survey.label))),
             settles=frozenset([survey.frame_id[frame]]),
         )
+
+
+def _completed(standing: Standing, picks: Ints, label: Ints) -> Ints:
+    """Labels (n,) in which the last pick without one has the last label that none has.
+
+    So where no other photo shows the point of that label: then no place speaks against it.
+    """
+    survey = standing.survey
+    without, left = np.flatnonzero(label < 0), np.setdiff1d(survey.pick_label[picks], label)
+    names = [survey.label[k] for k in left]
+    if len(without) != 1 or len(left) != 1 or standing.adjustment.label_rows(names)[0] >= 0:
+        return label
+    completed = label.copy()
+    completed[without] = left
+    return completed
 
 
 def photos_elsewhere(
