@@ -11,6 +11,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.estimation.reliability.core import core_fit
+from uavgram.estimation.reliability.hypotheses import log_probability
 from uavgram.estimation.reliability.redundancy import level_of_each, upper_tail
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.solver.normal_equations import Block
@@ -58,12 +59,16 @@ def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
         if name in blocks:
             fall = falls_without(blocks[name], covariance)
             falls += [(each, name, row) for row, each in enumerate(fall.tolist())]
-    worst = sorted(falls, reverse=True)[: max(1, int(FEW * len(falls)))]
+    # Of a length and the picks of its ends, which fall alike, the length has fewer axes to chance.
+    axes = {name: block.residual.shape[1] for name, block in blocks.items()}
+    falls.sort(key=lambda one: log_probability(one[0], axes[one[1]], 1))
+    worst = falls[: max(1, int(FEW * len(falls)))]
     rest = squares - sum(fall for fall, *_ in worst)
-    noise = max(rest / max(degrees - 2.0 * len(worst), 1.0), 1.0)
+    gone = sum(axes[name] for _, name, _ in worst)
+    noise = max(rest / max(degrees - gone, 1.0), 1.0)
     limit = {name: noise * _limit(blocks[name]) for name in blocks}
     worst = [one for one in worst if one[0] > limit[one[1]]]
-    gone = sum(blocks[name].residual.shape[1] for _, name, _ in worst)
+    gone = sum(axes[name] for _, name, _ in worst)
     fits = upper_tail(squares - sum(fall for fall, *_ in worst), degrees - gone) >= MISFIT
     groups = dict.fromkeys(name for _, name, _ in worst)
     return {name: _of_group(adjustment, name, worst) for name in groups}, fits
