@@ -68,7 +68,12 @@ def test_photos_log_and_camera_become_a_project_that_check_accepts_and_the_page_
     with running(folder / "project.yaml") as server, Page(server) as page:
         assert len(page.initial_state["photos"]) == 10
         assert all(photo["matched"] for photo in page.initial_state["photos"])
-        empty = {"picks": [], "repeated": [], "lines": [], "measurements": []}
+        empty: dict[str, list[object]] = {
+            "picks": [],
+            "repeated": [],
+            "lines": [],
+            "measurements": [],
+        }
         assert page.initial_state["state"] == empty
 
 
