@@ -36,5 +36,5 @@ def test_many_frames_and_many_measurements_are_one_message_each(project: Project
     (doubtful,) = [m for m in result.messages if m.code == "first-order-doubtful"]
     number = len(doubtful.measurements)
     assert number >= 13
-    assert doubtful.text.startswith(f"The uncertainties of {number} measurements are not ")
-    assert doubtful.text.endswith("Run again with --monte-carlo and use those intervals.")
+    assert doubtful.text.startswith(f"The uncertainties of {number} measurements are approximate: ")
+    assert doubtful.text.endswith("Run again with --monte-carlo for their exact intervals.")

@@ -202,7 +202,7 @@ def _pick_message(picks: Picks) -> tuple[Message, ...]:
     copies = np.flatnonzero(picks.is_copy).tolist()
     if not copies:
         return ()
-    parts = [f"{picks.label[i]!r} in {picks.image[i]}" for i in copies]
+    parts = list(dict.fromkeys(f"{picks.label[i]!r} in {picks.image[i]}" for i in copies))
     text = (
         "The same click with the same pixel, to the last digit, was counted once: "
         f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. Remove the copies; a second click checks "

@@ -61,14 +61,14 @@ def _message(results: MeasurementResults, bias: float, sigma: float, i: int) -> 
     else:
         why = "observations that differ by little more than their sigmas have no solution"
     text = (
-        f"The uncertainty of {results.name[i]!r} is not reliable: run again with --monte-carlo and "
-        f"use that interval ({why})."
+        f"The uncertainty of {results.name[i]!r} is approximate: {why}. Run again with "
+        "--monte-carlo for its exact interval."
     )
     several = Several(
-        "The uncertainties of {count} measurements are not reliable",
+        "The uncertainties of {count} measurements are approximate",
         repr(results.name[i]),
         why,
-        "Run again with --monte-carlo and use those intervals.",
+        "Run again with --monte-carlo for their exact intervals.",
     )
     return Message(
         "warning",

@@ -85,15 +85,15 @@ def _message(
 
 
 def _numbers(examined: TestedSurvey, row: int, worst: Unseen) -> str:
-    """The smallest error that would show, and what it does to a measurement."""
+    """Describe the largest error that stays hidden, and its effect on a measurement."""
     measured, member = examined.measured, worst.member
     what = f"the {examined.names.observation(member)}"
     if worst.sigmas > NEVER:
-        return f"no test shows any error in {what}"
+        return f"an error in {what} stays hidden, whatever its size"
     unit, factor = examined.names.unit(member)
     size = worst.sigmas * float(examined.groups[member.kind].scale[member.row, member.axis])
     return (
-        f"in {what} only one from {size * factor:.2g} {unit} on, which would move "
+        f"an error in {what} stays hidden up to {size * factor:.2g} {unit}, and then moves "
         f"{measured.name[row]!r} by {worst.change:.2g} {measured.unit[row]}"
     )
 

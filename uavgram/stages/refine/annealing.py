@@ -197,6 +197,7 @@ def _with_returned(
     """Take back observations that left a second time, but agree with all that takes part.
 
     Of two that contradict each other both may have left: then the one that agrees better returns.
+    Lengths of a wrong tape stay out: one by one they agree with each other.
 
     Parameters
     ----------
@@ -205,10 +206,13 @@ def _with_returned(
     out, misfit
         Whether each observation takes no part, and its standardised misfit, by group.
     """
+    may_return = {name: is_out & (misfit[name] <= GROSS_SIGMAS) for name, is_out in out.items()}
+    if "tape" in out:
+        may_return["lengths"] &= ~out["tape"][_tapes(problem)]
     back = [
         (float(misfit[name][row]), name, row)
-        for name, is_out in out.items()
-        for row in np.flatnonzero(is_out & (misfit[name] <= GROSS_SIGMAS)).tolist()
+        for name, rows in may_return.items()
+        for row in np.flatnonzero(rows).tolist()
     ]
     for number in range(len(back), max(0, len(back) - MOST_ROUNDS), -1):
         fewer = {name: is_out.copy() for name, is_out in out.items()}
