@@ -80,6 +80,10 @@ def adjusted_as_stated(
     found = identify(Standing(participants(survey, refined), refined))
     causes = found.causes
     if found.right or found.lines:
+        # A height that was found from a wrong pick goes with it.
+        wrong = {survey.label[survey.pick_label[k]] for k in found.wrong}
+        before, off_ground = off_ground, [name for name in off_ground if name not in wrong]
+        survey = with_free(survey, off_ground, before)
         refined = replace(_exchanged(survey, refined, found), pick_removed=removed)
     if up := freed_heights(survey, causes):
         before, off_ground = off_ground, sorted({*off_ground, *up})
