@@ -46,3 +46,21 @@ def counted(number: int, what: str) -> str:
         One of them, in a word to which an s can be added.
     """
     return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def figures(value: float, digits: int = 2, sign: str = "") -> str:
+    """Write a number with so many significant digits, and no power of ten for a large one.
+
+    ``0.012``, ``1.2``, ``960``, ``4500``: of 963 and 4510 as well.
+
+    Parameters
+    ----------
+    value
+        Any number.
+    digits
+        That are significant.
+    sign
+        ``+`` where a positive number has a sign too.
+    """
+    text = format(value, f"{sign}.{digits}g")
+    return format(float(text), f"{sign}.0f") if "e+" in text else text

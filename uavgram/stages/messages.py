@@ -22,7 +22,7 @@ IDENTIFIED = (
         *("lengths-wrong-unit", "lengths-factor", "lengths-offset", "lengths-level"),
         *("labels-swapped-everywhere", "control-shifted", "other-zoom"),
         *("photos-mirrored",),
-        *("mount-turned", "gimbal-off", "clock-off"),
+        *("mount-turned", "gimbal-off", "heights-off", "clock-off"),
     ),
     (
         *("other-camera", "photo-elsewhere", "photo-mirrored", "photo-turned"),

@@ -19,6 +19,7 @@ from uavgram.estimation.survey.refit import refit
 from uavgram.model.arrays import Bools
 from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message, Several
+from uavgram.model.naming import figures
 from uavgram.model.result.tables import MeasurementResults, MonteCarloResults
 from uavgram.model.survey.observations import MeasurementRequest
 
@@ -149,7 +150,9 @@ def compare(first: MeasurementResults, sampled: MonteCarloResults) -> Iterator[M
         if max(sigma_off, end_off) > NOTICED:
             low, high = sampled.interval_95[i]
             unit = first.unit[i]
-            sigmas = f"sigma {first.sigma[i]:.3g}, sampled {sampled.sigma[i]:.3g} {unit}"
+            sigmas = (
+                f"sigma {figures(first.sigma[i], 3)}, sampled {figures(sampled.sigma[i], 3)} {unit}"
+            )
             ends_text = f"{low:.6g} to {high:.6g} {unit}"
             several = Several(
                 "Use the sampled 95 % intervals of {count} measurements, the ordinary ones are off",

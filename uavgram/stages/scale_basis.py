@@ -8,6 +8,7 @@ from uavgram.estimation.measuring.scale import NOTHING, scale_sigmas
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.message import Message
+from uavgram.model.naming import figures
 
 
 def scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:
@@ -52,4 +53,4 @@ def _witnesses(adjustment: Adjustment) -> list[str]:
 
 def _percent(share: float) -> str:
     """Two digits of a share, in per cent."""
-    return f"{100.0 * share:.2g}" if share < 1.0 else "100 or more"
+    return f"{figures(100.0 * share)}" if share < 1.0 else "100 or more"

@@ -9,6 +9,7 @@ from uavgram.estimation.measuring.second_order import curvature
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message, Several
+from uavgram.model.naming import figures
 from uavgram.model.result.reliability import SecondOrder
 from uavgram.model.result.tables import MeasurementResults
 
@@ -55,8 +56,9 @@ def _message(results: MeasurementResults, bias: float, sigma: float, i: int) -> 
     unit = results.unit[i]
     if np.isfinite(sigma):
         why = (
-            f"with second-order terms its sigma is {sigma:.3g} instead of {results.sigma[i]:.3g} "
-            f"{unit}, and its mean is off by {bias:+.3g} {unit}"
+            f"with second-order terms its sigma is {figures(sigma, 3)} instead of "
+            f"{figures(results.sigma[i], 3)} "
+            f"{unit}, and its mean is off by {figures(bias, 3, sign='+')} {unit}"
         )
     else:
         why = "observations that differ by little more than their sigmas have no solution"

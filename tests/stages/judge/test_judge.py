@@ -18,6 +18,7 @@ from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera.board import OutlierRule
 from uavgram.model.flight.frames import Frames
+from uavgram.model.flight.log import Track
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import ChecksOverall
@@ -631,3 +632,25 @@ def test_two_wrong_picks_of_one_photo_are_no_swapped_labels(
         picks, _ = judge_picks(given, *table(wrong))
         assert {picks.status[one], picks.status[other]} == {status}
         assert not given.refined.causes
+
+
+def test_of_priors_that_nothing_parts_the_one_that_shows_is_named(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    """Of an error up, a shift east shows next to nothing: it would have to be kilometres."""
+    survey = scene_factory(5, frames=6, labels=14, lines=6).survey
+    track, seeds = survey.track, survey.seeds
+    assert isinstance(track, Track)
+    assert seeds is not None
+    up = np.array([0.0, 0.0, 45.0])
+    wrong = replace(
+        survey,
+        track=replace(track, position_world_m=track.position_world_m + up),
+        seeds=replace(seeds, center_world_m=seeds.center_world_m + up),
+    )
+    found = examined(solve(wrong, noise="stated"))
+    (one,) = [each for each in found.suspicions if each.accused.kind == "position_bias"]
+    assert (one.accused.row, one.accused.axis) == (2, 0)
+    others = {(each.kind, each.row) for each in (*one.group, *one.rivals)}
+    assert not others & {("position_bias", 0), ("position_bias", 1), ("lever_arm", 2)}
+    assert "position bias up" in " ".join(m.text for m in judge_suspects(found))

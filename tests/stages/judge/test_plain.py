@@ -57,7 +57,6 @@ def test_no_sentence_is_of_a_code_that_is_no_reason() -> None:
             "ground-not-plane",
             "picks-less-exact",
             "lengths-less-exact",
-            "odd-height",
             "line-duplicate",
         )
     }

@@ -143,10 +143,36 @@ def test_what_is_not_decided_is_a_reason_only_where_a_measurement_hangs_on_it(
 
 @pytest.mark.parametrize(
     "code",
-    ["ground-not-plane", "picks-less-exact", "odd-height", "log-gimbal-gap"],
+    ["ground-not-plane", "picks-less-exact", "log-gimbal-gap"],
 )
 def test_what_is_no_misfit_of_a_measurement_is_no_reason(clean: Judged, code: str) -> None:
     assert clean.verdict(of(code)) == (Verdict(level="green"), ("ok", "ok"))
+
+
+def test_a_value_that_may_as_well_be_zero_is_not_in_order() -> None:
+    """However well everything fits: with sigmas that wide, anything does."""
+    survey = make_scene(9, frames=6).survey
+    wide = replace(
+        survey,
+        pick_sigma_px=2000.0 * survey.pick_sigma_px,
+        length_sigma_m=2000.0 * survey.length_sigma_m,
+    )
+    refined, _ = refine(wide, SolveOptions(noise="stated"))
+    requests = (*REQUESTS[:2], MeasurementRequest(name="at", kind="coordinate", points=("P0",)))
+    measured = propagate(refined.adjustment, requests, NO_TIMES)
+    judged = Judged(run_tests(refined, measured, 0.001), measurement_results(measured)[0])
+    unknown = np.abs(measured.value[:2]) < 1.96 * measured.sigma[:2]
+    assert unknown.any()
+
+    messages = [m for m in judge_unchecked(judged.examined) if m.code == "measurement-unknown"]
+    verdict, status = judged.verdict(*messages)
+
+    (message,) = messages
+    named = tuple(row.name for row, one in zip(measured.rows[:2], unknown, strict=True) if one)
+    assert message.measurements == named  # and no coordinate
+    assert verdict.level == "amber"
+    assert [reason.cause for reason in verdict.reasons] == ["measurement-unknown"]
+    assert all(one == "not-checked" for one, is_so in zip(status, unknown, strict=False) if is_so)
 
 
 def test_without_a_measurement_there_is_no_verdict(clean: Judged) -> None:

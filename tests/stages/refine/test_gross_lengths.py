@@ -226,7 +226,7 @@ def test_lengths_that_nothing_can_part_are_told_with_their_ratios(
         (1000.0, "odd-height"),  # millimetres
     ],
 )
-def test_cameras_at_an_unusual_height_are_a_remark_and_at_an_absurd_one_red(
+def test_cameras_at_an_unusual_height_are_a_remark_and_at_an_absurd_one_a_warning(
     scene_factory: Callable[..., Scene], factor: float, code: str
 ) -> None:
     survey = scene_factory(2, frames=3, ends=PAIRS, **NO_LOG).survey
@@ -241,6 +241,11 @@ def test_cameras_at_an_unusual_height_are_a_remark_and_at_an_absurd_one_red(
     assert "lengths-wrong-unit" not in levels
     assert {one for one in levels if one.endswith("-height")} == {code} - {""}
     assert levels.get("unusual-height", "info") == "info"
+    unit = {0.001: "kilometres", 1000.0: "millimetres"}.get(factor)
+    if unit is not None:
+        assert levels["odd-height"] == "warning"
+        (text,) = (m.text for m in messages if m.code == "odd-height")
+        assert f"as with lengths in {unit}: in metres that would be " in text
 
 
 def test_a_run_that_does_not_come_to_rest_says_what_pulls_hardest(

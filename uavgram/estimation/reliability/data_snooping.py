@@ -144,10 +144,15 @@ class _Snooping:
         largest = np.abs(np.where(blamed, w, 0.0))
         at = self._likeliest(largest)
         group = self._inseparable(self._covariances(at), at)
-        at = self._representative(at, group, largest)
+        at = self._representative(group, largest)
         column = self._covariances(at)
         group = self._inseparable(column, at)
-        odds = (w[at] ** 2 - w**2 < RIVAL) & (np.abs(w) > self.limit) & self.accusable
+        # The less an error shows, the larger it has to be: of gross errors all orders of magnitude
+        # are alike, so that one n times as large in its own sigmas is n times less likely.
+        ratio = self.whole[at] / np.maximum(self.whole, NO_REDUNDANCY)
+        is_likely = np.log(ratio) < RIVAL
+        group &= is_likely
+        odds = (w[at] ** 2 - w**2 < RIVAL) & (np.abs(w) > self.limit) & self.accusable & is_likely
         rivals = np.setdiff1d(self.axes.observation[odds], self.axes.observation[group])
         suspicion = Suspicion(
             self.axes.member(at),
@@ -225,13 +230,16 @@ class _Snooping:
         observation = self.axes.observation[place[rows, 0]]
         whole[observation] = np.maximum(whole[observation], squared)
 
-    def _representative(self, at: int, group: Bools, largest: Floats) -> int:
-        """The axis that stands for a group: that of a length before a pick before others."""
+    def _representative(self, group: Bools, largest: Floats) -> int:
+        """The axis that stands for a group: that of a length before a pick before others.
+
+        Of others, that of which the error shows most: it is the smallest in its own sigmas.
+        """
         for kind in READINGS:
             of_kind = group & (self.axes.kind == _place(self.axes.kinds, kind)) & (largest > 0)
             if of_kind.any():
                 return int(np.where(of_kind, largest, -1.0).argmax())
-        return at
+        return int(np.where(group & (largest > 0), self.whole, -1.0).argmax())
 
     def _members(self, chosen: Bools, but: int, w: Floats) -> tuple[Member, ...]:
         """Each observation once, by its axis with the largest statistic."""

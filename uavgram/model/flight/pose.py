@@ -63,6 +63,8 @@ class TelemetryPrior(FrozenArrays):
         (3,) autopilot to camera, body FRD; prior sigma of each axis.
     position_bias_sigma_m
         (3,) east, north, up.
+    heading_bias_rad
+        Where the heading bias is looked for: the mean of its prior, which the seeds share.
     """
 
     frame_index: Annotated[Ints, "n"]
@@ -77,6 +79,7 @@ class TelemetryPrior(FrozenArrays):
     lever_arm_m: Annotated[Floats, 3]
     lever_arm_sigma_m: float
     position_bias_sigma_m: Annotated[Floats, 3]
+    heading_bias_rad: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,6 +13,7 @@ from uavgram.model.camera.board import BoardObservations
 from uavgram.model.camera.calibration_account import LengthUncertainty, LensEffect
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.model.message import Message
+from uavgram.model.naming import figures
 
 POSES_DEG = (0.0, 45.0)
 """Of the optical axis from straight down: a map, and an overview from the side."""
@@ -45,7 +46,8 @@ def common_error_message(error_px: float) -> tuple[Message, ...]:
     if not error_px:
         return ()
     text = (
-        f"Corners miss the model by {error_px:.2g} px per coordinate beside their own noise (the "
+        f"Corners miss the model by {figures(error_px)} px per coordinate beside their own noise "
+        "(the "
         "board's print and flatness, the lens model, motion): that was added to every corner's "
         "sigma."
     )

@@ -8,6 +8,7 @@ import numpy as np
 
 from uavgram.model.camera.calibration_result import CalibrationResult, ModelScore
 from uavgram.model.message import Message, Several
+from uavgram.model.naming import figures
 from uavgram.stages.calibrate.assessed import AssessedCalibration
 from uavgram.stages.calibrate.remarks_on_photos import remarks_on_photos
 
@@ -102,15 +103,17 @@ def _on_the_covariance(judged: AssessedCalibration, result: CalibrationResult) -
         yield Message(
             "info",
             "corner-sigma-scaled",
-            f"Residuals are {quality.sigma_scale:.2g} times as large as the corners' own sigmas "
-            f"say: those were scaled to {quality.sigma_px:.2g} px.",
+            f"Residuals are {figures(quality.sigma_scale)} times as large as the corners' own "
+            "sigmas "
+            f"say: those were scaled to {figures(quality.sigma_px)} px.",
         )
     elif result.options.corner_sigma == "given" and quality.chi2_probability < 0.001:
         yield Message(
             "warning",
             "corner-sigma-too-small",
             "The camera's sigmas are too small, as the corners fit worse than their own sigmas "
-            f"say: use corner_sigma: residuals (variance factor {quality.variance_factor:.2g}).",
+            f"say: use corner_sigma: residuals (variance factor "
+            f"{figures(quality.variance_factor)}).",
         )
 
 
@@ -147,7 +150,7 @@ def _on_the_parameters(result: CalibrationResult) -> Iterator[Message]:
         known = np.flatnonzero(np.diag(prior.information)[: len(names)] > 0)
         stated = np.sqrt(np.diag(np.linalg.inv(prior.information[np.ix_(known, known)])))
         learnt = [
-            f"{names[i]} {before:.3g} to {sigma[i]:.3g}"
+            f"{names[i]} {figures(before, 3)} to {figures(sigma[i], 3)}"
             for i, before in zip(known.tolist(), stated.tolist(), strict=True)
             if sigma[i] > 0
         ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.model.message import Message
+from uavgram.model.naming import figures
 from uavgram.model.result.learnt_camera import LEARNT_BELOW, LearntCamera
 
 FAR = 3.0
@@ -71,6 +72,6 @@ def _refined(camera: LearntCamera, i: int, source: str) -> str:
     unit = " px" if camera.names[i] in _PIXELS else ""
     before, after = camera.prior_sigma[i], camera.sigma[i]
     return (
-        f"{camera.names[i]} from ± {before:.2g}{unit} to ± {after:.2g}{unit} "
+        f"{camera.names[i]} from ± {figures(before)}{unit} to ± {figures(after)}{unit} "
         f"(moved by {camera.shift[i]:+.1f} of the {source}'s sigmas)"
     )

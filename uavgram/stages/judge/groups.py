@@ -8,6 +8,7 @@ from uavgram.estimation.reliability.redundancy import group_fit, upper_tail
 from uavgram.estimation.reliability.test_statistics import NOT_OBSERVED
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.message import Message, Several
+from uavgram.model.naming import figures
 from uavgram.model.result.result import GroupFactor
 
 GROUP_WORDS = {
@@ -90,13 +91,13 @@ def _too_wide(
     wide = [g for g in groups if g.variance_factor < WIDE and g.probability > 1.0 - significance]
     named = sorted(wide, key=lambda g: -g.redundancy)
     which = ", ".join(
-        f"{GROUP_WORDS.get(g.name, (g.name.replace('_', ' '),))[0]} ({g.variance_factor:.2g})"
+        f"{GROUP_WORDS.get(g.name, (g.name.replace('_', ' '),))[0]} ({figures(g.variance_factor)})"
         for g in named
     )
     text = (
         "Everything fits far better than stated: the stated errors are far too wide, and so are "
         "the uncertainties of the results. State them as they are: picks_sigma_px, sigma_m of the "
-        f"lengths, ground, telemetry (variance factor {cost / degrees:.2g}, probability "
+        f"lengths, ground, telemetry (variance factor {figures(cost / degrees)}, probability "
         f"{probability:.7g}" + (f"; by group: {which})." if which else ").")
     )
     yield Message("info", "sigmas-too-wide", text)

@@ -13,6 +13,7 @@ from uavgram.estimation.survey.names import named_thing
 from uavgram.estimation.survey.terms.known_terms import known_rows
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, Several
+from uavgram.model.naming import figures
 from uavgram.model.result.known import NOTHING_KNOWN, KnownResults, KnownStatus
 from uavgram.model.survey.control_lines import ON_LINE
 from uavgram.model.survey.known import KnownThing, KnownThings
@@ -157,7 +158,9 @@ def _gross(examined: TestedSurvey) -> list[int]:
 
 def _left_out(results: KnownResults, i: int) -> Message:
     what = named_thing(results.kind[i], results.name[i], results.points[i])
-    found = f" (sigma {results.adjusted_sigma[i]:.2g})" if results.adjusted_sigma[i] > 0 else ""
+    found = (
+        f" (sigma {figures(results.adjusted_sigma[i])})" if results.adjusted_sigma[i] > 0 else ""
+    )
     how, why = f"{stated(results, i)}{found}", "With so gross an error, nothing else would fit."
     several = Several(
         "{count} known things were left out",

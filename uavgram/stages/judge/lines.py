@@ -15,7 +15,7 @@ from uavgram.estimation.survey.terms.tapes import taped_known
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.message import Message, Several
-from uavgram.model.naming import listed
+from uavgram.model.naming import figures, listed
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
 from uavgram.model.survey.observations import KnownLines
@@ -256,7 +256,7 @@ def _text(
 ) -> str:
     ask = f": {what}?" if what else ""
     taped = [f"{lines.length_m[i]:.10g} m taped" for i in found]
-    seen = [f"{adjusted[0][i]:.4g} m (sigma {adjusted[1][i]:.2g} m)" for i in found]
+    seen = [f"{figures(adjusted[0][i], 4)} m (sigma {figures(adjusted[1][i])} m)" for i in found]
     if len(found) == 1:
         name, start, end = (each[found[0]] for each in (lines.name, lines.start, lines.end))
         opening = (

@@ -39,6 +39,7 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     "control-shifted": ("All control points are shifted by the same amount.",) * 2,
     "mount-turned": ("The camera looks another way than the project says.",) * 2,
     "gimbal-off": ("The camera looks another way than the log says.",) * 2,
+    "heights-off": ("The heights of the log do not fit the height of the ground.",) * 2,
     "clock-off": ("The camera's clock is off by more than was said to be possible.",) * 2,
     "clock-jumps": ("The clock of the flight log jumps.",) * 2,
     "log-of-another-day": ("The flight log is of another day than the photos.",) * 2,
@@ -147,6 +148,10 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
         "{lengths} are not used: points of them are not picked.",
     ),
     "known-unseen": ("Something known is not used: {labels} is not picked.",) * 2,
+    "measurement-unknown": (
+        "Nothing is known of {measurements}: any value would fit.",
+        "Nothing is known of {measurements}: any values would fit.",
+    ),
     "measurement-null": (
         "{measurements} cannot be measured.",
         "{measurements} cannot be measured.",

@@ -12,6 +12,7 @@ from uavgram.estimation.survey.names import POSE_AXES, STEADY_CHANGE
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message, Several
+from uavgram.model.naming import figures
 from uavgram.model.remedy import Remedy
 from uavgram.model.survey.known import KnownThing
 from uavgram.stages.judge.tested_survey import TestedSurvey
@@ -223,7 +224,7 @@ def _tape(examined: TestedSurvey, suspicion: Suspicion) -> tuple[str, str]:
     # Without its prior the scale would be the estimate over the prior's redundancy.
     free = adjustment.state.tape[row] / examined.groups["tape"].redundancy[row, 0]
     what = examined.names.tape(row)
-    size, side = f"{100.0 * abs(free):.2g} %", "long" if free > 0 else "short"
+    size, side = f"{figures(100.0 * abs(free))} %", "long" if free > 0 else "short"
     return (
         f"By all that does not rest on it, {what} seems to be {size} too {side}: compare it with "
         f"another one, or state how good it is (tape: scale_sigma; w = {suspicion.w:.1f}).",

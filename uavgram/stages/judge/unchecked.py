@@ -12,10 +12,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.estimation.measuring.next_length import next_line
+from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.reliability.external import LARGEST_SIGMAS, Unseen
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
-from uavgram.model.naming import listed
+from uavgram.model.naming import figures, listed
 from uavgram.model.remedy import Remedy
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.remedies import to_tape
@@ -26,17 +27,61 @@ NEVER = LARGEST_SIGMAS / 10
 """Sigmas of a reading from which on an error is said not to show at all."""
 
 
+ZERO_IS_ORDINARY = frozenset(
+    {
+        *("coordinate", "height", "vertical_distance", "plane_distance", "line_distance"),
+        *("slope", "volume", "speed"),
+    }
+)
+"""Kinds of which a value near zero is as good as any other."""
+
+INTERVAL_95 = 1.96
+"""Half the width of an interval of 95 %, in sigmas."""
+
+
 def is_unchecked(examined: TestedSurvey) -> Bools:
-    """(M,) which measurements an error in a single reading would move far, and no test show it."""
-    return np.array([bool(one.unseen) for one in examined.weakest], dtype=np.bool_)
+    """(M,) which measurements an error in a single reading would move far, and no test show it.
+
+    And those of which nothing is known.
+    """
+    unseen = np.array([bool(one.unseen) for one in examined.weakest], dtype=np.bool_)
+    return np.asarray(unseen | _is_unknown(examined.measured))
+
+
+def _is_unknown(measured: MeasuredValues) -> Bools:
+    """(M,) which measurements reach down to zero with their intervals: any size would fit."""
+    small = np.abs(measured.value) < INTERVAL_95 * measured.sigma
+    has_size = [row.request.kind not in ZERO_IS_ORDINARY for row in measured.rows]
+    return np.asarray(small & np.array(has_size, dtype=np.bool_))
+
+
+def _unknown(measured: MeasuredValues) -> Iterator[Message]:
+    """Name the measurements of which nothing is known."""
+    rows = np.flatnonzero(_is_unknown(measured)).tolist()
+    if not rows:
+        return
+    values = (
+        f"{measured.name[i]!r} ({figures(measured.value[i])} ± {figures(measured.sigma[i])} "
+        f"{measured.unit[i]})"
+        for i in rows
+    )
+    text = (
+        f"Nothing is known of {listed(values, MOST_NAMED)}: any value down to zero would fit as "
+        "well. Look at picks_sigma_px and at the sigmas of the lengths; if they are right, pick in "
+        "more photos or tape more lengths."
+    )
+    names = tuple(measured.name[i] for i in rows)
+    yield Message("warning", "measurement-unknown", text, measurements=names)
 
 
 def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
     """Name the measurements that nothing checks, and what would check them.
 
     One message on those that hang on clicks, one on those that hang on lengths, known things and
-    control points; the worst measurement gives the numbers.
+    control points; the worst measurement gives the numbers. And one on those of which nothing is
+    known.
     """
+    yield from _unknown(examined.measured)
     for clicks in (True, False):
         found = {
             i: [one for one in weakest.unseen if (one.member.kind == "pixels") == clicks]
@@ -93,8 +138,8 @@ def _numbers(examined: TestedSurvey, row: int, worst: Unseen) -> str:
     unit, factor = examined.names.unit(member)
     size = worst.sigmas * float(examined.groups[member.kind].scale[member.row, member.axis])
     return (
-        f"an error in {what} stays hidden up to {size * factor:.2g} {unit}, and then moves "
-        f"{measured.name[row]!r} by {worst.change:.2g} {measured.unit[row]}"
+        f"an error in {what} stays hidden up to {figures(size * factor)} {unit}, and then moves "
+        f"{measured.name[row]!r} by {figures(worst.change)} {measured.unit[row]}"
     )
 
 

@@ -45,15 +45,18 @@ NOT_FITTING = frozenset(
         *("frame-left-out", "line-removed", "known-removed", "pick-removed"),
         *("group-misfit", "checks-misfit", "misfit", "identification-less-exact"),
         *("camera-contradicted", "point-off-ground", "other-zoom", "readout-left-out"),
-        *("clock-off", "gimbal-off", "clock-jumps", "log-of-another-day"),
-        *("line-unseen", "known-unseen"),
+        *("clock-off", "gimbal-off", "heights-off", "clock-jumps", "log-of-another-day"),
+        *("line-unseen", "known-unseen", "odd-height"),
         *("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
     }
 )
 """Codes of what does not fit, and was dealt with or is no single observation."""
 
 UNCHECKED = frozenset(
-    {"nothing-checks", "ambiguous-pose", "three-lengths", "three-known", "measurement-null"}
+    {
+        *("nothing-checks", "ambiguous-pose", "three-lengths", "three-known"),
+        *("measurement-null", "measurement-unknown"),
+    }
 )
 """Codes of what nothing decides or checks: reasons where a measurement is not in order."""
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.model.message import Message
+from uavgram.model.naming import figures
 from uavgram.model.planned.parts import PlannedLines, PlannedMeasurements, PlannedPlates
 from uavgram.model.scenario.scenario import Site
 
@@ -87,8 +88,10 @@ def remarks(
         yield Message(
             "warning",
             "plan-not-reached",
-            f"{measured.name[i]!r} will be known to ± {measured.sigma[i]:.3g} {measured.unit[i]}, "
-            f"not to the ± {measured.wanted_sigma[i]:.3g} {measured.unit[i]} that are wanted, with "
+            f"{measured.name[i]!r} will be known to ± {figures(measured.sigma[i], 3)} "
+            f"{measured.unit[i]}, "
+            f"not to the ± {figures(measured.wanted_sigma[i], 3)} {measured.unit[i]} that are "
+            "wanted, with "
             "any flight and layout that was tried. Allow more lines (most_lines), longer ones "
             "(longest_tape_m), lower heights or more photos (heights_m, frames, patterns), pick "
             "more sharply, or accept it.",
@@ -100,7 +103,8 @@ def remarks(
         yield Message(
             "warning",
             "plan-unchecked",
-            f"A mistake of {LARGE_M:.1g} m in the tape reading of {', '.join(names)} would go "
+            f"A mistake of {figures(LARGE_M, 1)} m in the tape reading of {', '.join(names)} "
+            "would go "
             "unnoticed: the other lines check it too little. Read the tape twice there, tape one "
             "more line, or take more photos.",
             lengths=names,

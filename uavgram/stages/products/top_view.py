@@ -12,6 +12,7 @@ from uavgram.geometry.ground.row_projection import row_poses, sight_lines
 from uavgram.geometry.ground.top_view import LEAST_SINE, View
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.naming import figures
 from uavgram.model.result.result import Result
 
 EXTENT_SAMPLES = 41
@@ -99,18 +100,19 @@ def lay_raster(view: View, pixel_m: float | None = None) -> GroundRaster:
 
 def _check_size(extent_m: Floats, pixel_m: float) -> None:
     """Refuse pixels that are too many, or too few."""
-    shown = f"the photos show {extent_m[0]:.3g} x {extent_m[1]:.3g} m"
+    shown = f"the photos show {figures(extent_m[0], 3)} x {figures(extent_m[1], 3)} m"
     # in this order, for the square of a tiny number is none
     if extent_m[0] / pixel_m > MOST_PIXELS / max(extent_m[1] / pixel_m, 1.0):
         least = float(np.sqrt(np.prod(extent_m) / MOST_PIXELS))
         raise GeometryError(
-            f"pixels of {pixel_m:g} m are too many: {shown}; ask for --pixel-size {least:.2g} or "
+            f"pixels of {pixel_m:g} m are too many: {shown}; ask for --pixel-size "
+            f"{figures(least)} or "
             "more, or for one --frame"
         )
     if extent_m.min() < LEAST_PIXELS * pixel_m:
         raise GeometryError(
             f"pixels of {pixel_m:g} m are too large: {shown}; ask for --pixel-size "
-            f"{extent_m.min() / LEAST_PIXELS:.2g} or less"
+            f"{figures(extent_m.min() / LEAST_PIXELS)} or less"
         )
 
 

@@ -10,6 +10,7 @@ from uavgram.estimation.reliability.core import core_fit
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE
 from uavgram.model.message import Message
+from uavgram.model.naming import figures
 
 SURE = 3.0
 """Sigmas from zero beyond which a value is told."""
@@ -74,5 +75,7 @@ def _slopes(adjustment: Adjustment, sure: float) -> Iterator[Message]:
         if angle > min(LEVEL_DEG, usual) and angle > sure * error:
             name = survey.grounds[area].name
             where = f"The ground of area {name!r}" if len(plane) > 1 else "The ground"
-            text = f"{where} slopes by {angle:.1f} ± {error:.1g} degrees: taken into account."
+            text = (
+                f"{where} slopes by {angle:.1f} ± {figures(error, 1)} degrees: taken into account."
+            )
             yield Message("info", "ground-slopes", text)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from uavgram.model.message import Message
+from uavgram.model.naming import figures
 from uavgram.model.result.noise import AreaNoise, Noise, PickNoise
 
 CARELESS = 2.5
@@ -40,8 +41,9 @@ def noise_remarks(noise: Noise | None) -> Iterator[Message]:
     lengths = noise.lengths
     if lengths is not None and lengths.factor > max(WORSE, 1.0 + lengths.sigma):
         text = (
-            f"The taped lengths fit less well than stated: {lengths.stated_m:.2g} m stated, "
-            f"{lengths.stated_m * lengths.factor:.2g} m found. All uncertainties are wider for "
+            f"The taped lengths fit less well than stated: {figures(lengths.stated_m)} m stated, "
+            f"{figures(lengths.stated_m * lengths.factor)} m found. All uncertainties are wider "
+            "for "
             "that. State in sigma_m how finely the tape was read."
         )
         yield Message("warning", "lengths-less-exact", text)
@@ -76,14 +78,17 @@ def _ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
 
 
 def _length(size_m: float) -> str:
-    return f"{100 * size_m:.2g} cm" if size_m < 1.0 else f"{size_m:.2g} m"
+    return f"{figures(100 * size_m)} cm" if size_m < 1.0 else f"{figures(size_m)} m"
 
 
 def _picks(picks: PickNoise, what: str) -> Iterator[Message]:
     """Of what the program found by likeness, that it is more exact is no news."""
     by_likeness = picks.source in ("match", "tie")
-    stated = f"{picks.stated_px:.2g} px stated"
-    found = f"{picks.stated_px * picks.factor:.2g} ± {picks.stated_px * picks.sigma:.1g} px found"
+    stated = f"{figures(picks.stated_px)} px stated"
+    found = (
+        f"{figures(picks.stated_px * picks.factor)} ± {figures(picks.stated_px * picks.sigma, 1)} "
+        "px found"
+    )
     if picks.factor > WORSE:
         text = (
             f"The {what} are less exact than stated: {stated}, {found}. {LOOK[picks.source]} All "

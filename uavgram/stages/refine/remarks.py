@@ -18,9 +18,11 @@ from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
+from uavgram.model.naming import figures, listed
 from uavgram.model.remedy import Remedy
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
+from uavgram.model.units import FOOT_M
 from uavgram.stages.refine.lengths_in_view import odd_in_view, ratios_in_view
 from uavgram.stages.remedies import read_first, unpicked, without_lengths
 
@@ -29,6 +31,16 @@ LOWEST_M, HIGHEST_M = 0.3, 1000.0
 
 LOW_M, HIGH_M = 3.0, 150.0
 """Heights from which most drones take photos of the ground: others are ordinary too, if rarer."""
+
+UNITS_M = {
+    "millimetres": 1e-3,
+    "centimetres": 1e-2,
+    "inches": FOOT_M / 12.0,
+    "feet": FOOT_M,
+    "yards": 3.0 * FOOT_M,
+    "kilometres": 1e3,
+}
+"""Units that lengths may have been written in, in metres."""
 
 MOST_LISTED = 12
 """Lengths that are listed, oddest first."""
@@ -66,7 +78,7 @@ def _not_converged(refined: Refined) -> Message:
         "label or a wrong length; where the camera is only assumed, calibrate it. "
         f"The adjustment did not come to rest. The {names.observation(hardest)} fits worst, but no "
         "test can tell from these numbers what is wrong (residual of "
-        f"{sizes[kind][row]:.3g} of its sigmas)."
+        f"{figures(sizes[kind][row], 3)} of its sigmas)."
     )
     return Message("error", "not-converged", text, **names.subjects(hardest))
 
@@ -104,7 +116,8 @@ def _listed(survey: Survey, ratio: Floats) -> str:
     """How the lengths compare with what one sees, as sentences."""
     label = survey.label
     values = [
-        f"{label[survey.line_start[i]]!r} to {label[survey.line_end[i]]!r} {np.exp(ratio[i]):.3g}"
+        f"{label[survey.line_start[i]]!r} to {label[survey.line_end[i]]!r} "
+        f"{figures(np.exp(ratio[i]), 3)}"
         for i in _oddest(ratio)
     ]
     return (
@@ -120,16 +133,26 @@ def _odd_height(adjustment: Adjustment) -> Iterator[Message]:
     if LOWEST_M <= height <= HIGHEST_M:
         if adjustment.survey.gauge == "plane" and not LOW_M <= height <= HIGH_M:
             text = (
-                f"By the lengths, the cameras were {height:.2g} m above the ground (median). If "
+                f"By the lengths, the cameras were {figures(height)} m above the ground (median). "
+                "If "
                 "they were not, look in which unit the lengths are: they must be in metres."
             )
             yield Message("info", "unusual-height", text)
         return
-    size = f"{height / 1000:.3g} km" if height > HIGHEST_M else f"{height:.2g} m"
-    text = (
-        f"The cameras stand {size} above the ground (median): look at the heights of log, ground "
-        "and control points, and at the lengths."
-    )
+    size = f"{figures(height / 1000, 3)} km" if height > HIGHEST_M else f"{figures(height)} m"
+    where = f"The cameras come out {size} above the ground (median)"
+    units = [unit for unit, one_m in UNITS_M.items() if LOW_M <= height * one_m <= HIGH_M]
+    if len(adjustment.problem.line_index) and units:
+        text = (
+            f"{where}, as with lengths in {listed(units, link='or')}: in metres that would be "
+            f"{figures(height * UNITS_M[units[0]])} m. Write the lengths in metres; else look at "
+            "the heights of log, ground and control points."
+        )
+    else:
+        text = (
+            f"{where}: look at the heights of log, ground and control points, and at the lengths. "
+            "Do not use the numbers before it is cleared up."
+        )
     yield Message("warning", "odd-height", text)
 
 
@@ -295,7 +318,9 @@ def _differences(refined: Refined) -> str:
     words = []
     for other in refined.alternatives:
         median, largest = distance_changes(refined.adjustment, other)
-        words.append(f"{100 * median:.2g} % at the median and up to {100 * largest:.2g} %")
+        words.append(
+            f"{figures(100 * median)} % at the median and up to {figures(100 * largest)} %"
+        )
     one_each = "; ".join(words)
     return f"distances between the points change by {one_each}"
 
@@ -318,7 +343,7 @@ def _weak_lengths(refined: Refined) -> Iterator[Message]:
     best, labels = _suggestion(refined)
     text = (
         f"The known {known} are weak as a set: {what}. Distances between the points are known to "
-        f"{100 * advice.relative_sigma:.2g} %. Tape another line{best}."
+        f"{figures(100 * advice.relative_sigma)} %. Tape another line{best}."
     )
     level: Literal["info", "warning"] = "warning" if advice.relative_sigma >= WEAK else "info"
     yield Message(level, "weak-lengths", text, labels=labels)
@@ -333,8 +358,8 @@ def _suggestion(refined: Refined) -> tuple[str, tuple[str, ...]]:
     start, end = label[advice.start], label[advice.end]
     text = (
         f"; best from {start!r} to {end!r}, about {advice.length_m:.1f} m long: it would bring the "
-        f"sigma of distances from {100 * advice.relative_sigma:.2g} % to "
-        f"{100 * advice.relative_sigma_after:.2g} %"
+        f"sigma of distances from {figures(100 * advice.relative_sigma)} % to "
+        f"{figures(100 * advice.relative_sigma_after)} %"
     )
     return text, (start, end)
 

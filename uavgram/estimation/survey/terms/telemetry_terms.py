@@ -113,6 +113,7 @@ def telemetry_prior(prior: TelemetryPrior) -> tuple[Floats, Floats]:
     """Mean and sigma (12,) of the telemetry's shared unknowns."""
     mean = np.zeros(SHARED_SIZE)
     mean[LEVER_ARM] = prior.lever_arm_m
+    mean[HEADING_BIAS] = prior.heading_bias_rad
     sigma = np.empty(SHARED_SIZE)
     sigma[BORESIGHT] = prior.boresight_sigma_rad
     sigma[LEVER_ARM] = prior.lever_arm_sigma_m

@@ -9,7 +9,7 @@ from uavgram.estimation.reliability.hypotheses import SMALLEST, explained, log_p
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.stages.refine.causes.flight.log import strained_priors
+from uavgram.stages.refine.causes.flight.log import strained_priors, turn_by_places
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.labels.two_views import swapped_beside_another
 from uavgram.stages.refine.causes.lengths.common import common_misfit
@@ -49,7 +49,8 @@ def _strained(adjustment: Adjustment) -> float:
         degrees = redundancy_of(adjustment, "telemetry")
         probability = upper_tail(squares, degrees) * (len(priors) + 1)
         worst = min(worst, float(np.log(max(probability, SMALLEST))))
-    return worst
+    # One question about the whole log, as that of its poses, which the linear model cannot answer.
+    return min(worst, log_probability(turn_by_places(adjustment).gain, 1, 1))
 
 
 def _worst(adjustment: Adjustment) -> float:

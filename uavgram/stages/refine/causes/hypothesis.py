@@ -115,7 +115,8 @@ class Hypothesis:
         Logarithm of the number of its kind that are possible, and of the range of its unknowns
         over what is known of them afterwards (see `PRICE`).
     promise
-        Fall of the sum of squares to be expected, where `moved` does not tell.
+        Fall of the sum of squares to be expected, where `moved` does not tell, or tells less
+        because it is linear.
     settles
         Lengths and frames, by name, of which it explains that they did not fit.
     """

@@ -20,6 +20,7 @@ from uavgram.stages.refine.causes.detection import asks
 from uavgram.stages.refine.causes.flight.camera import other_camera_file
 from uavgram.stages.refine.causes.flight.log import (
     shifted_control,
+    shifted_heights,
     stepped_places,
     turned_camera,
     wrong_clock,
@@ -78,6 +79,7 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     wrong_clock,
     turned_camera,
     shifted_control,
+    shifted_heights,
     stepped_places,
     other_camera_file,
     photos_of_another_zoom,

@@ -83,7 +83,7 @@ def _left_out(standing: Standing) -> frozenset[int]:
 
 
 def _judged(standing: Standing, hypothesis: Hypothesis, found: Explained | None) -> Judged:
-    gain = hypothesis.promise if found is None else found.gain
+    gain = hypothesis.promise if found is None else max(hypothesis.promise, found.gain)
     if found is not None and hypothesis.amount is not None:
         away = hypothesis.amount - float(found.value[0])
         gain -= away**2 / float(found.covariance[0, 0])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scenes import Scene, make_scene
+from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
 from uavgram.estimation.reliability.hypotheses import explained
@@ -21,14 +22,16 @@ from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.flight.log import (
     USUAL_RAD,
     USUAL_S,
+    prior_moved,
     stepped_places,
+    turn_by_places,
     turned_camera,
     wrong_clock,
 )
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.minima import Participants, best_minima
 
-FLIGHT = {"clock-off", "gimbal-off", "log-position-jump"}
+FLIGHT = {"clock-off", "gimbal-off", "heights-off", "log-position-jump"}
 
 
 def scene_of(seed: int) -> tuple[Scene, TelemetryPrior, Track]:
@@ -85,6 +88,81 @@ def test_a_turned_camera_is_told_and_given_up(turn_deg: tuple[float, float, floa
 
     assert message.code == "gimbal-off"
     assert message.text.endswith("The results take it into account.")
+    distances_are_honest(scene, refined)
+
+
+def headed(survey: Survey, degrees: float) -> Survey:
+    """The survey with all headings of the log too large by an angle, and places of metres."""
+    track, prior, seeds = survey.track, survey.telemetry, survey.seeds
+    assert isinstance(track, Track)
+    assert prior is not None
+    assert seeds is not None
+    about_up = Rotation.from_euler("z", -degrees, degrees=True)
+    attitude = (about_up * Rotation.from_quat(track.world_from_body_xyzw)).as_quat()
+    covariance = np.array(prior.covariance)
+    covariance[:, :3, :3] += 1.5**2 * np.eye(3)
+    return replace(
+        survey,
+        track=replace(track, world_from_body_xyzw=attitude),
+        telemetry=replace(prior, covariance=covariance),
+        seeds=replace(seeds, world_from_camera=about_up.as_matrix() @ seeds.world_from_camera),
+    )
+
+
+@pytest.mark.parametrize("degrees", [90.0, 180.0, -90.0])
+@pytest.mark.parametrize("seed", [4, 5])
+def test_headings_that_are_all_wrong_are_told_and_given_up(seed: int, degrees: float) -> None:
+    scene, *_ = scene_of(seed)
+
+    refined, (message,) = named(headed(scene.survey, degrees))
+
+    assert message.code == "gimbal-off"
+    assert message.text.startswith("All headings of the log are off by ")
+    off = float(message.text.split("off by ")[1].split(" ")[0])
+    assert off == pytest.approx(abs(degrees), abs=30.0)
+    adjustment = refined.adjustment
+    labels = adjustment.label_rows(scene.survey.label)
+    off_m = adjustment.state.point[labels, :2] - scene.world[:, :2]
+    columns = adjustment.problem.layout.point_columns(labels)[:, :2].reshape(-1, 1)
+    sigma_m = np.sqrt(adjustment.minimum.factor.variances(columns, np.ones(columns.shape)))
+    assert (np.abs(off_m.ravel()) < 3.5 * sigma_m).all()
+    distances_are_honest(scene, refined)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 90.0, 180.0])
+def test_the_places_show_by_how_much_all_headings_are_off(degrees: float) -> None:
+    """The linear model sees half of a quarter round, and nothing of half a round."""
+    scene, *_ = scene_of(4)
+    adjustment = standing(headed(scene.survey, degrees)).adjustment
+    turn = turn_by_places(adjustment)
+    off = np.degrees(turn.angle_rad) - degrees
+    assert (off + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=20.0)
+    (linear,) = explained(adjustment, [[prior_moved(adjustment, kind="heading_bias")]])
+    if degrees:
+        assert turn.gain > max(1.5 * linear.gain, 11.0)
+    else:
+        assert turn.gain < 4.0
+
+
+@pytest.mark.parametrize("up_m", [45.0, -30.0])
+def test_heights_that_are_all_wrong_are_told_as_heights(up_m: float) -> None:
+    scene, _, track = scene_of(5)
+    seeds = scene.survey.seeds
+    assert seeds is not None
+    up = np.array([0.0, 0.0, up_m])
+    wrong = replace(
+        scene.survey,
+        track=replace(track, position_world_m=track.position_world_m + up),
+        seeds=replace(seeds, center_world_m=seeds.center_world_m + up),
+    )
+
+    refined, (message,) = named(wrong)
+
+    assert message.code == "heights-off"
+    side = "large" if up_m > 0 else "small"
+    assert f"m too {side} for the height of the ground" in message.text
+    told = float(message.text.split("log are ")[1].split(" ")[0])
+    assert told == pytest.approx(abs(up_m), abs=5.0)
     distances_are_honest(scene, refined)
 
 

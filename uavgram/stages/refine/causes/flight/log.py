@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,11 +17,13 @@ from uavgram.estimation.reliability.hypotheses import Explained, Moved
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.terms.telemetry_terms import TELEMETRY_PARTS
 from uavgram.geometry.motion.interpolation import SmoothPositions
-from uavgram.geometry.motion.telemetry_pose import CLOCK
+from uavgram.geometry.motion.rotation import matrix_from_ypr
+from uavgram.geometry.motion.telemetry_pose import CLOCK, HEADING_BIAS, POSITION_BIAS
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.flight.pose import TelemetryPrior
 from uavgram.model.message import Message
+from uavgram.model.naming import figures
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.photos.turned import misplaced_photos
@@ -117,11 +120,93 @@ def _control_shifted(survey: Survey, found: Explained | None) -> Message:
     return Message(
         "warning",
         "control-shifted",
-        f"All control points are shifted against the flight log by {size:.1f} ± {sigma:.1g} m "
+        f"All control points are shifted against the flight log by {size:.1f} ± "
+        f"{figures(sigma, 1)} m "
         f"({east:+.1f} m east, {north:+.1f} m north, {up:+.1f} m up): they agree with each other, "
         "but not with the log. Look at the coordinate system, the datum and the heights of the "
         "control points.",
         labels=tuple(survey.label[k] for k in survey.control_label),
+    )
+
+
+def shifted_heights(standing: Standing) -> Iterator[Hypothesis]:
+    """All heights of the log are off against the ground's, as by another reference."""
+    adjustment = standing.adjustment
+    prior = _telemetry(adjustment)
+    if prior is None or len(adjustment.survey.control_label):
+        return
+    every = prior_moved(adjustment, kind="position_bias")
+    up_m, promise = _too_high(adjustment)
+    # Heights that come with photos may be above anything; a log's are above the home that it has.
+    is_of_log = not isinstance(adjustment.survey.track, PhotoExposures)
+    known = float(np.log(20.0)) if is_of_log else 0.0
+    yield Hypothesis(
+        tell=_heights_shifted,
+        moved=(replace(every, rows=every.rows[2:], along=every.along[2:, :, 2:]),),
+        settled=_up,
+        freed=partial(_with_heights, up_m),
+        is_of_all=True,
+        price=known + widened(1, USUAL_SHIFT_M, float(prior.position_bias_sigma_m[2])),
+        promise=promise,
+    )
+
+
+def _too_high(adjustment: Adjustment) -> tuple[float, float]:
+    """By how much the log's heights are too large [m], and what that costs: a sum of squares.
+
+    Known where the adjustment did not come to rest, too, as it may because of them. Cameras keep
+    the height above the ground that picks and lengths give; the ground may have followed the log.
+    """
+    _, off, covariance = _places_off(adjustment)
+    weight = 1.0 / covariance[:, 2, 2]
+    mean = float(np.average(off[:, 2], weights=weight))
+    state, ground = adjustment.state, adjustment.survey.ground
+    bias = float(adjustment.minimum.blocks["position_bias"].residual[2, 0])
+    followed = float(state.plane[0]) - ground.height_m
+    up_m = float(state.telemetry[POSITION_BIAS][2]) - mean + followed
+    return up_m, bias**2 + mean**2 * float(weight.sum())
+
+
+def _with_heights(up_m: float, survey: Survey) -> Survey:
+    """A survey that knows nothing of the log's heights in common, with seeds lower by that."""
+    prior, seeds = survey.telemetry, survey.seeds
+    if prior is None or seeds is None:
+        return survey
+    sigma = np.array([*prior.position_bias_sigma_m[:2], ANY_SHIFT_M])
+    return replace(
+        survey,
+        telemetry=replace(prior, position_bias_sigma_m=sigma),
+        seeds=replace(seeds, center_world_m=seeds.center_world_m - [0.0, 0.0, up_m]),
+    )
+
+
+def _places_off(adjustment: Adjustment) -> tuple[Floats, Floats, Floats]:
+    """Where cameras are (n, 3), by how much off the log's places, and the covariance of that."""
+    prior = adjustment.survey.telemetry
+    assert prior is not None  # noqa: S101  (only with a log)
+    root = np.linalg.inv(adjustment.problem.telemetry_whitening)[:, :3]
+    residual = adjustment.minimum.blocks["telemetry"].residual
+    off = np.einsum("nij,nj->ni", root, residual)
+    return adjustment.state.center[prior.frame_index], off, root @ np.swapaxes(root, 1, 2)
+
+
+def _up(adjustment: Adjustment) -> tuple[Floats, Floats]:
+    """By how much all heights of the log are too large (1,), and its variance."""
+    value, covariance = _of_flight(adjustment, kind="position_bias")
+    return value[2:], covariance[2:, 2:]
+
+
+def _heights_shifted(found: Explained | None) -> Message:
+    assert found is not None  # noqa: S101
+    up, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
+    return Message(
+        "warning",
+        "heights-off",
+        f"All heights of the log are {abs(up):.1f} ± {figures(sigma, 1)} m too "
+        f"{'large' if up > 0 else 'small'} "
+        "for the height of the ground: look whether both are above the same reference (a geoid "
+        "differs from the ellipsoid by up to 100 m), at `world.origin` and at `ground.height_m`. "
+        "Heights in the world rest on it; distances do not.",
     )
 
 
@@ -144,13 +229,53 @@ def turned_camera(standing: Standing) -> Iterator[Hypothesis]:
         is_of_all=True,
         price=known + widened(3, USUAL_RAD, prior.boresight_sigma_rad),
     )
+    turn = turn_by_places(adjustment)
+    heading_rad = float(adjustment.state.telemetry[HEADING_BIAS][0]) + turn.angle_rad
     yield Hypothesis(
         tell=_compass_turned,
         moved=(prior_moved(standing.adjustment, kind="heading_bias"),),
-        settled=partial(_of_flight, kind="heading_bias"),
-        freed=partial(_with_prior, heading_bias_sigma_rad=ANY_RAD),
+        settled=partial(_heading, prior),
+        freed=partial(_with_heading, heading_rad),
+        is_of_all=True,
         price=widened(1, USUAL_RAD, prior.heading_bias_sigma_rad),
+        promise=turn.gain,
     )
+
+
+class Turn(NamedTuple):
+    """By how much all cameras together have to turn, for the log's places.
+
+    Attributes
+    ----------
+    angle_rad
+        About up, counterclockwise.
+    gain
+        Fall of the weighted sum of squares of the places.
+    """
+
+    angle_rad: float
+    gain: float
+
+
+def turn_by_places(adjustment: Adjustment) -> Turn:
+    """Turn all cameras together about up to where they fit the log's places best.
+
+    The headings of a log hold a survey as it is, and its places are known only to metres. A turn
+    as large as a quarter round is far outside the linear model, which sees half of what it brings
+    there, and nothing of what half a round does. So it is found in closed form, as of two sets of
+    points in the plane.
+    """
+    prior = _telemetry(adjustment)
+    if prior is None or len(prior.frame_index) < 2:
+        return Turn(0.0, 0.0)
+    center, off, covariance = _places_off(adjustment)
+    # by the axis of which least is known
+    weight = 1.0 / np.linalg.eigvalsh(covariance[:, :2, :2])[:, -1]
+    seen, place = center[:, :2], (center - off)[:, :2]
+    seen, place = (at - np.average(at, axis=0, weights=weight) for at in (seen, place))
+    along = float(np.sum(weight[:, None] * seen * place))
+    across = float(np.sum(weight * (seen[:, 0] * place[:, 1] - seen[:, 1] * place[:, 0])))
+    return Turn(float(np.arctan2(across, along)), 2.0 * (float(np.hypot(along, across)) - along))
 
 
 def stepped_places(standing: Standing) -> Iterator[Hypothesis]:
@@ -260,6 +385,27 @@ def _of_flight(adjustment: Adjustment, *, kind: str) -> tuple[Floats, Floats]:
     return value, adjustment.shared(problem.layout.first_telemetry + part.start, len(value))
 
 
+def _heading(stated: TelemetryPrior, adjustment: Adjustment) -> tuple[Floats, Floats]:
+    """The heading bias, from what was stated."""
+    value, covariance = _of_flight(adjustment, kind="heading_bias")
+    prior = adjustment.survey.telemetry
+    assert prior is not None  # noqa: S101  (a heading bias is an unknown only with a log)
+    return value + prior.heading_bias_rad - stated.heading_bias_rad, covariance
+
+
+def _with_heading(heading_rad: float, survey: Survey) -> Survey:
+    """A survey that knows nothing of its headings in common, with seeds turned to others."""
+    prior, seeds = survey.telemetry, survey.seeds
+    if prior is None or seeds is None:
+        return survey
+    about_up = matrix_from_ypr(heading_rad - prior.heading_bias_rad, 0.0, 0.0)
+    return replace(
+        survey,
+        telemetry=replace(prior, heading_bias_rad=heading_rad, heading_bias_sigma_rad=ANY_RAD),
+        seeds=replace(seeds, world_from_camera=about_up @ seeds.world_from_camera),
+    )
+
+
 def _with_clock(shift_s: float, survey: Survey) -> Survey:
     """A survey that knows nothing of the camera's clock, with another place to begin."""
     prior = survey.telemetry
@@ -324,7 +470,8 @@ def _clock_off(found: Explained | None) -> Message:
     return Message(
         "warning",
         "clock-off",
-        f"The camera's clock is {abs(off):.1f} ± {sigma:.1g} s off, more than was said to be "
+        f"The camera's clock is {abs(off):.1f} ± {figures(sigma, 1)} s off, more than was said to "
+        "be "
         f"possible: change `time.offset_s` in the project by {off:+.1f} (the clock is {way}).",
     )
 
@@ -335,7 +482,7 @@ def _camera_turned(found: Explained | None) -> Message:
     angle = np.degrees(found.value)
     sigma = np.degrees(np.sqrt(found.covariance.diagonal()))
     said = ", ".join(
-        f"{a:+.1f} ± {s:.2g} degrees about {axis}"
+        f"{a:+.1f} ± {figures(s)} degrees about {axis}"
         for a, s, axis in zip(angle, sigma, about, strict=True)
         if s < abs(a)
     )
@@ -355,7 +502,8 @@ def _compass_turned(found: Explained | None) -> Message:
     return Message(
         "warning",
         "gimbal-off",
-        f"All headings of the log are off by {abs(angle):.1f} ± {sigma:.1g} degrees: look at "
+        f"All headings of the log are off by {abs(angle):.1f} ± {figures(sigma, 1)} degrees: look "
+        "at "
         "`mount.yaw_deg` in the project, or at the compass of the vehicle. Directions "
         "rest on it.",
     )
@@ -370,7 +518,8 @@ def _jumped(before: str, after: str, found: Explained | None) -> Message:
     return Message(
         "warning",
         "log-position-jump",
-        f"The log's positions jump by {size:.1f} ± {sigma:.1g} m between {before!r} and {after!r} "
+        f"The log's positions jump by {size:.1f} ± {figures(sigma, 1)} m between {before!r} and "
+        f"{after!r} "
         f"({east:+.1f} m east, {north:+.1f} m north, {up:+.1f} m up): the photos show it, the log "
         "does not. Pick points that the photos before share with those behind, or leave out the "
         "fewer ones.",
