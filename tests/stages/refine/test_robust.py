@@ -34,6 +34,7 @@ from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
+from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import annealing, robust
 from uavgram.stages.refine.annealing import NEARLY_NONE
 from uavgram.stages.refine.minima import Participants, best_minima
@@ -243,3 +244,91 @@ def test_first_values_that_hang_on_the_wrong_length_are_not_the_only_ones(
     assert np.flatnonzero(robust.refined.line_removed).tolist() == [4]
     assert robust.refined.pick_reason == {}
     assert largest_error(robust.refined.adjustment, scene) < FARTHEST
+
+
+def swapped_in_one_photo(scene: Scene) -> tuple[Survey, frozenset[int]]:
+    """Two labels far apart exchanged in the second photo; and which picks are theirs."""
+    survey = scene.survey
+    own = np.flatnonzero(survey.pick_frame == 1)
+    pixel = np.array(survey.pixel_px)
+    two = own[[np.argmin(pixel[own, 0]), np.argmax(pixel[own, 0])]]
+    pixel[two] = pixel[two[::-1]]
+    return replace(survey, pixel_px=pixel), frozenset(two.tolist())
+
+
+def test_labels_swapped_in_a_photo_that_misleads_all_first_values_leave_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = make_scene(3, **LOG)
+    survey, wrong = swapped_in_one_photo(scene)
+    for misled in ("_from_softened", "_without_lengths"):
+        monkeypatch.setattr(robust, misled, lambda _: iter(()))
+    monkeypatch.setattr(robust, "MOST_PICKS", 0)
+    found = adjust_robustly(all_of(survey))
+
+    assert frozenset(found.refined.pick_reason) == wrong
+    assert not found.refined.line_removed.any()
+    assert not found.labels
+    assert largest_error(found.refined.adjustment, scene) < FARTHEST
+
+
+def test_what_takes_no_part_is_no_cheaper_because_it_agrees(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Neighbours of a gross error that are not given time to come back have their price."""
+    adjusted = with_all(survey_with("length by 2 m", LOG, 1)[1].survey).adjustment
+    monkeypatch.setattr(annealing, "MOST_ROUNDS", 1)
+    found = annealing.decide(adjusted.problem, adjusted.minimum, {})
+    left = sum(len(found.gross(name)) for name in found.misfit)
+
+    assert left > 1
+    assert found.cost > annealing.GROSS_SIGMAS**2 * left
+
+
+# --- clicks that contradict each other ------------------------------------------------------------
+
+
+def clicked_twice(scene: Scene, off_px: float, label: int) -> Survey:
+    """A survey of two clicks on each point, the second one on a point off."""
+    survey, rng = scene.survey, np.random.default_rng(5)
+    again = survey.pixel_px + rng.normal(size=survey.pixel_px.shape)
+    again[survey.pick_label == label] += off_px * np.array([0.8, -0.6])
+    return replace(
+        survey,
+        pick_frame=np.tile(survey.pick_frame, 2),
+        pick_label=np.tile(survey.pick_label, 2),
+        pixel_px=np.concatenate([survey.pixel_px, again]),
+        pick_sigma_px=np.tile(survey.pick_sigma_px, 2),
+        target_pick=np.tile(survey.target_pick, 2),
+    )
+
+
+TAPED = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3), (0, 4))
+
+
+@pytest.mark.parametrize("off_px", [40.0, 400.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_of_two_clicks_that_nothing_else_checks_neither_is_taken_for_right(
+    seed: int, off_px: float
+) -> None:
+    scene = make_scene(seed, **{**NO_LOG, "frames": 1, "labels": 8, "ends": TAPED, "tilt": 0.7})
+    own = 7  # no length ends there
+    survey = clicked_twice(scene, off_px, own)
+    found = adjust_robustly(all_of(survey))
+
+    assert found.contradicting == (survey.label[own],)
+    assert found.refined.pick_reason == {}
+    assert not found.refined.line_removed.any()
+    assert largest_error(found.refined.adjustment, scene) < FARTHEST
+
+
+def test_of_two_clicks_the_one_that_lengths_contradict_leaves() -> None:
+    scene = make_scene(1, **{**NO_LOG, "frames": 1, "labels": 8, "ends": TAPED, "tilt": 0.7})
+    survey = clicked_twice(scene, 60.0, 0)
+    found = adjust_robustly(all_of(survey))
+
+    wrong = np.flatnonzero(survey.pick_label == 0)[-1]
+    assert found.contradicting == ()
+    assert list(found.refined.pick_reason) == [wrong]
+    assert not found.refined.line_removed.any()
+    assert largest_error(found.refined.adjustment, scene) < FARTHEST

@@ -89,7 +89,8 @@ class Annealed:
         Standardised misfit of each observation, by group, in units of its kind's noise; beyond
         `GROSS_SIGMAS` where it takes no part.
     cost
-        Sum of squares, in which no observation counts more than a gross error.
+        Sum of squares, in which no observation counts more than a gross error, and one that takes
+        no part counts as one.
     """
 
     problem: SurveyProblem
@@ -184,7 +185,7 @@ def decide(
         for name, value in misfit.items()
     }
     blocks = problem.evaluate(minimum.state) or {}
-    cost = sum(_bounded_cost(name, block) for name, block in blocks.items())
+    cost = sum(_bounded_cost(name, block, out.get(name)) for name, block in blocks.items())
     return Annealed(problem, minimum, frames, weight, misfit, cost)
 
 
@@ -410,11 +411,17 @@ def _tapes(problem: SurveyProblem) -> Ints:
     return tape_rows(problem.tapes, taped_lines(problem.survey, problem.line_index).tape)
 
 
-def _bounded_cost(name: str, block: Block) -> float:
-    """Sum of squares of a group, where no observation counts more than a gross error."""
+def _bounded_cost(name: str, block: Block, out: Bools | None) -> float:
+    """Sum of squares of a group, where no observation counts more than a gross error.
+
+    One that takes no part counts as much: else leaving out what agrees would cost nothing.
+    """
     square = np.sum(block.residual**2, axis=1)
+    if name not in ROBUST:
+        return float(square.sum())
     most = GROSS_SIGMAS**2
-    return float(np.minimum(square, most).sum() if name in ROBUST else square.sum())
+    counted = np.minimum(square, most)
+    return float((counted if out is None else np.where(out, most, counted)).sum())
 
 
 def _scaled(block: Block, by: Floats) -> Block:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import chain, combinations, islice
 
 import numpy as np
 from scipy.special import chdtri
@@ -235,12 +235,11 @@ class Candidate:
     def fits(self, picks: int) -> bool:
         """Whether what is no gross error agrees."""
         found, blocks = self.annealed, self.annealed.minimum.blocks
+        gross = {name: len(found.gross(name)) for name in found.misfit}
+        left = sum(blocks[name].residual.shape[1] * count for name, count in gross.items())
         numbers = sum(block.residual.size for block in blocks.values())
-        gross = sum(
-            len(found.gross(name)) * blocks[name].residual.shape[1] for name in found.misfit
-        )
-        degrees = max(numbers - gross - found.problem.layout.size, 1)
-        squares = self.cost(picks) - GROSS_SIGMAS**2 * gross
+        degrees = max(numbers - left - found.problem.layout.size, 1)
+        squares = self.cost(picks) - GROSS_SIGMAS**2 * sum(gross.values())
         return bool(squares < chdtri(degrees, MISFIT))
 
     def is_agreed(self, picks: int) -> bool:
@@ -281,10 +280,8 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
         if found and found[0].is_agreed(picks):
             return found[:1]
     if not (found and found[0].fits(picks)):
-        for candidate in _without_picks(taking):
-            found.append(candidate)
-            if candidate.fits(picks):
-                break
+        last = chain(_with_a_loose_frame(taking), _without_picks(taking))
+        found += islice((one for one in last if one.fits(picks)), 1)
     return sorted(found, key=lambda one: one.cost(picks))
 
 
@@ -338,6 +335,25 @@ def _without_frames(taking: Participants) -> Iterator[Candidate]:
         rest = taking.without_frame(frame, MISPLACED)
         for candidate in _from_all_minima(_softened(rest)):
             yield replace(candidate, taking=rest)
+
+
+def _with_a_loose_frame(taking: Participants) -> Iterator[Candidate]:
+    """With a log, robust adjustments from first values in which one photo's picks weigh nothing.
+
+    Labels that are swapped in one photo turn and move it, and may lead all first values astray. The
+    log places it well enough to show which of its picks agree with the other photos.
+    """
+    survey = taking.survey
+    frames = np.unique(survey.pick_frame[taking.keep]).tolist()
+    if survey.telemetry is None or not 2 < len(frames) <= MOST_STARTS:
+        return
+    rough = replace(taking, survey=_softer(survey, 1.0))
+    for frame in frames:
+        own = survey.pick_frame == frame
+        sigma_px = survey.pick_sigma_px / np.where(own, np.sqrt(NEARLY_NONE), 1.0)
+        loose = replace(rough, survey=replace(rough.survey, pick_sigma_px=sigma_px))
+        for candidate in _from_all_minima(loose, rough):
+            yield replace(candidate, taking=taking)
 
 
 def _without_picks(taking: Participants) -> Iterator[Candidate]:
@@ -406,7 +422,7 @@ def _from_all_minima(
     ----------
     taking
         What takes part, with hundredfold sigmas; or with those stated, but for some lengths,
-        known things, control or picks.
+        known things, control or picks, or with picks that weigh nearly nothing.
     whole
         The same with these: the robust adjustment decides on them.
     """
@@ -414,16 +430,17 @@ def _from_all_minima(
         first = best_minima(taking)
     except GeometryError:
         return
-    placed = first.pick_index
     back = np.flatnonzero((whole or taking).keep & ~taking.keep)
-    first = replace(first, pick_index=np.union1d(placed, back))
+    is_loose = (whole or taking).survey.pick_sigma_px < taking.survey.pick_sigma_px
+    open_picks = np.union1d(back, np.flatnonzero(taking.keep & is_loose))
+    first = replace(first, pick_index=np.union1d(first.pick_index, back))
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
         used, survey = lines_used(adjustment), adjustment.survey
         if whole:
             used = ~whole.line_removed[first.line_index]
             stated = _stated(whole, first.pick_index)
             survey = _with_known_of(stated, survey)
-            if len(back):
+            if len(open_picks):
                 if (stated.label, stated.frame_id) != (survey.label, survey.frame_id):
                     continue  # without the pick, its point or its photo is lost
                 survey = _with_picks_of(stated, survey)
@@ -434,7 +451,8 @@ def _from_all_minima(
             state = carried(adjustment, problem)
             if whole:
                 weight = _weights_without(problem, adjustment, first, taking)
-                weight["pixels"] = np.where(np.isin(first.pick_index, placed), 1.0, NEARLY_NONE)
+                is_open = np.isin(first.pick_index, open_picks)
+                weight["pixels"] = np.where(is_open, NEARLY_NONE, 1.0)
                 annealed = decide(problem, weighted_minimum(problem, state, weight), weight)
             else:
                 annealed = anneal(problem, state)
@@ -579,9 +597,9 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     taking, first, found = candidate.taking, candidate.first, candidate.annealed
     survey, reduced, problem = taking.survey, found.problem.survey, found.problem
     picks = found.gross("pixels")
-    lost = _of_contradicting(reduced, picks)
+    lost = np.flatnonzero(np.isin(reduced.pick_label, _contradicting(found)))
     sigma_px = survey.pick_sigma_px.copy()
-    sigma_px[first.pick_index[lost]] *= found.misfit["pixels"][lost]
+    sigma_px[first.pick_index[lost]] = _spread_px(found, lost)
     reason = {
         int(first.pick_index[row]): _far_off(found, row)
         for row in np.setdiff1d(picks, lost).tolist()
@@ -635,13 +653,60 @@ def _first_values(found: Annealed, survey: Survey) -> FirstValues:
     )
 
 
-def _of_contradicting(survey: Survey, gross: Ints) -> Ints:
-    """(n,) gross picks of labels of which all picks are gross: they contradict each other."""
-    labels = len(survey.label)
-    number = np.bincount(survey.pick_label, minlength=labels)
-    wrong = np.bincount(survey.pick_label[gross], minlength=labels)
-    is_lost = (wrong == number) & (number > 1)
-    return np.asarray(gross[is_lost[survey.pick_label[gross]]])
+def _contradicting(found: Annealed) -> list[int]:
+    """Labels whose picks contradict each other, and nothing shows which of them is wrong.
+
+    All are gross errors; or others could be in their place, and all the rest fits as well.
+    """
+    gross = np.zeros(len(found.problem.survey.pick_label), dtype=np.bool_)
+    gross[found.gross("pixels")] = True
+    label = found.problem.survey.pick_label
+    number, wrong = (np.bincount(of, minlength=label.max() + 1) for of in (label, label[gross]))
+    asked = np.flatnonzero((number > 1) & (2 * wrong >= number)).tolist()
+    return [k for k in asked if wrong[k] == number[k] or _is_as_good(found, gross, label == k)]
+
+
+def _is_as_good(found: Annealed, gross: Bools, own: Bools) -> bool:
+    """Whether picks of a point that left may take the place of those that did not.
+
+    Parameters
+    ----------
+    found
+        The robust adjustment.
+    gross, own
+        Picks that take no part, and picks of the point.
+    """
+    problem = found.problem
+    weight = {**found.weight, "pixels": np.where(gross ^ own, NEARLY_NONE, 1.0)}
+    try:
+        other = decide(problem, weighted_minimum(problem, found.minimum.state, weight), weight)
+    except (SingularError, ValueError):  # undetermined, or impossible
+        return False
+    is_other = own & gross & (other.misfit["pixels"] <= GROSS_SIGMAS)
+    return bool(is_other.any()) and other.cost <= found.cost + RIVAL
+
+
+def _spread_px(found: Annealed, rows: Ints) -> Floats:
+    """Sigmas (n,) of picks of points whose picks contradict each other: their mean may be any.
+
+    As large as what all else shows, and such that the mean of a point's picks has a sigma of half
+    the distance between them.
+    """
+    survey, misfit = found.problem.survey, found.misfit["pixels"][rows]
+    blocks = found.problem.evaluate(found.minimum.state)
+    assert blocks is not None  # noqa: S101  (the iterations ended there)
+    own_px = survey.pick_sigma_px
+    off_px = np.linalg.norm(blocks["pixels"].residual, axis=1) * own_px
+    label = survey.pick_label[rows]
+    spread_px = np.zeros(len(survey.label))
+    for one in np.unique(label):
+        mine = np.flatnonzero(survey.pick_label == one)
+        takes_part = (found.misfit["pixels"][mine] <= GROSS_SIGMAS).any()
+        # Where some take part, the point lies at these; else it lies between all.
+        apart_px = off_px[mine].max() * (1.0 if takes_part else 2.0)
+        spread_px[one] = apart_px / 2.0 * np.sqrt(len(mine))
+    gross = misfit > GROSS_SIGMAS
+    return np.asarray(np.maximum(spread_px[label], np.where(gross, misfit, 1.0) * own_px[rows]))
 
 
 def _far_off(found: Annealed, row: int) -> LeftOut:

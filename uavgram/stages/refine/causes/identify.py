@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.model.message import Message
 from uavgram.model.survey.mend import Cause, Mend
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.detection import asks
@@ -188,12 +189,29 @@ def _with_remedies(cause: Cause, best: Judged, rival: Judged | None, written: Su
     if rival is not None and _blames_tapes(rival) and not _blames_tapes(best):
         rivals = []  # nobody is to change a right reading by a button
     mends = [each.remedy or each.mend for each in (one, *rivals)]
-    if mends[0] is not None:
-        mends.append(labels_instead(written, mends[0]))
+    message = cause.message
+    if mends[0] is not None and (swapped := labels_instead(written, mends[0])) is not None:
+        mends.append(swapped)
+        message = _of_both(message, written, swapped)
     if not one.is_clear:
         lines = (k for k, name in enumerate(written.line_name) if name in one.settles)
         mends.append(Mend(without_lines=frozenset(lines)))
-    return replace(cause, message=with_remedies(cause.message, written, mends))
+    return replace(cause, message=with_remedies(message, written, mends))
+
+
+def _of_both(message: Message, written: Survey, swapped: Mend) -> Message:
+    """The message on a length with another end, where two labels may be swapped instead.
+
+    Then what is measured at either of them is in doubt, too.
+    """
+    pair = [written.label[k] for k in sorted(set(swapped.label_of_pick.values()))]
+    named = " and ".join(map(repr, pair))
+    return replace(
+        message,
+        text=f"{message.text} Or the labels {named} are swapped in all photos, and nothing shows "
+        "which: look which point is which.",
+        labels=tuple(dict.fromkeys((*message.labels, *pair))),
+    )
 
 
 def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:

@@ -119,6 +119,20 @@ def test_a_length_between_other_labels_is_found_left_out_or_not(survey: Survey) 
         assert cause.mend.ends == {3: Ends(3, 9)}
 
 
+def test_where_two_labels_may_be_swapped_instead_of_an_end_both_are_in_doubt(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    found = scene_factory(2, frames=4, labels=14, ends=PAIRS).survey
+    end = np.array(found.line_end)
+    end[3] = 12  # the true end is 9; no other length ends at either
+    wrong = replace(found, line_end=end, line_name=tuple(f"L{k}" for k in range(6)))
+    (cause,) = identify(standing(wrong, (3,))).causes
+
+    assert cause.message.code == "line-other-ends"
+    assert "Or the labels 'P9' and 'P12' are swapped in all photos" in cause.message.text
+    assert {"P9", "P12"} <= set(cause.message.labels)
+
+
 def test_exchanged_ends_of_two_lengths_are_found(survey: Survey) -> None:
     end = np.array(survey.line_end)
     end[[0, 5]] = end[[5, 0]]
