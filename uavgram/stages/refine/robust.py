@@ -663,7 +663,26 @@ def _contradicting(found: Annealed) -> list[int]:
     label = found.problem.survey.pick_label
     number, wrong = (np.bincount(of, minlength=label.max() + 1) for of in (label, label[gross]))
     asked = np.flatnonzero((number > 1) & (2 * wrong >= number)).tolist()
-    return [k for k in asked if wrong[k] == number[k] or _is_as_good(found, gross, label == k)]
+    return [
+        k
+        for k in asked
+        if wrong[k] == number[k]
+        or (
+            not _shows_photo_at_fault(found, gross, label == k)
+            and _is_as_good(found, gross, label == k)
+        )
+    ]
+
+
+def _shows_photo_at_fault(found: Annealed, gross: Bools, own: Bools) -> bool:
+    """Whether some of the picks that contradict each other are of a photo in which others left too.
+
+    Errors go together, as of two labels that are swapped: the photo is in doubt, and not the point.
+    """
+    frame = found.problem.survey.pick_frame
+    others = np.bincount(frame[gross & ~own], minlength=frame.max() + 1)
+    left, stayed = others[frame[gross & own]], others[frame[own & ~gross]]
+    return bool(left.min() > stayed.max() or stayed.min() > left.max())
 
 
 def _is_as_good(found: Annealed, gross: Bools, own: Bools) -> bool:
