@@ -54,7 +54,8 @@ from uavgram.picking.web.malloc import give_back_large_blocks
 
 def now():
     text = Path("/proc/self/smaps_rollup").read_text()
-    return int(re.search(r"Pss_Anon:\\s+(\\d+)", text).group(1)) / 1024
+    held = re.findall(r"^(?:Pss_Anon|SwapPss):\\s+(\\d+)", text, re.MULTILINE)  # in memory or out
+    return sum(map(int, held)) / 1024
 
 if sys.argv[1] == "give back":
     assert give_back_large_blocks()
