@@ -231,9 +231,9 @@ class _Snooping:
         whole[observation] = np.maximum(whole[observation], squared)
 
     def _representative(self, group: Bools, largest: Floats) -> int:
-        """The axis that stands for a group: that of a length before a pick before others.
+        """Choose the axis that represents a group: of a length, else of a pick, else of a prior.
 
-        Of others, that of which the error shows most: it is the smallest in its own sigmas.
+        Of priors, the one with the largest redundancy: the smallest error of it shows.
         """
         for kind in READINGS:
             of_kind = group & (self.axes.kind == _place(self.axes.kinds, kind)) & (largest > 0)

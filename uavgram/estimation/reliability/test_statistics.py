@@ -32,8 +32,9 @@ NOT_OBSERVED = ("gauge", "relief", "idle", "linked", "tie heights", "beside", "t
 chains to their labels, and unknowns that nothing uses."""
 
 UNTESTED = (*NOT_OBSERVED, "matches", "ties", "identification")
-"""Those; what the program saw itself, of which wrong ones were left out before; and what was picked
-beside what was meant: where one length ends at a point, no test parts that from the length."""
+"""Groups of which no single observation is tested: those that nobody observed; matches and ties,
+whose outliers were left out before; and identification, which no test parts from a length that ends
+alone at a point."""
 
 
 @dataclass(frozen=True, eq=False)

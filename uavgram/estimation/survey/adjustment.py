@@ -297,7 +297,7 @@ class Refined:
         Names of the labels whose heights are found, though nobody said that they are off the
         ground.
     rival_lines
-        Names of lengths one of which may be the wrong one instead of one that was left out.
+        Names of lengths that explain the misfit as well as one that was left out.
     causes
         What explains that the observations do not fit, likeliest first.
     matches_left_out

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from uavgram.estimation.survey.unknowns import State
 
 LINKED_M = 0.001
-"""How far the departure of a picked place from the ground may differ from that of the point that
-was meant [m]."""
+"""Sigma of the difference in height above the ground between the picked and the meant point [m]."""
 
 
 class PickedPoints:
