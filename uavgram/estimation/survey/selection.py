@@ -103,6 +103,11 @@ def select_lines(survey: Survey, keep: Bools) -> Survey:
     return replace(survey, **_some_lines(survey, np.flatnonzero(keep)))
 
 
+def select_control(survey: Survey, keep: Bools) -> Survey:
+    """Keep the control points in `keep` (C,), and everything else."""
+    return replace(survey, **rows_of(survey, np.flatnonzero(keep), "c"))
+
+
 def without_known(survey: Survey, left_out: Collection[int]) -> Survey:
     """Leave out known things, by their number among the project's."""
     return replace(survey, known=tuple(one for one in survey.known if one.index not in left_out))

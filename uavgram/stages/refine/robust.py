@@ -7,7 +7,8 @@ errors. The rest is adjusted as usual; what was left out is reported.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, combinations, islice
 
@@ -21,12 +22,12 @@ from uavgram.estimation.reliability.test_statistics import NOT_OBSERVED, cofacto
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.selection import select_picks, without_known
+from uavgram.estimation.survey.selection import select_control, select_picks, without_known
 from uavgram.geometry.ground.plane_of_most import plane_of_most
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.naming import listed_photos
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey.survey import Ground, Survey
 from uavgram.stages.refine.annealing import (
     GROSS_SIGMAS,
     LEAST_REDUNDANCY,
@@ -39,9 +40,14 @@ from uavgram.stages.refine.annealing import (
     squared_misfits,
     weighted_minimum,
 )
-from uavgram.stages.refine.continued import carried, lines_used
+from uavgram.stages.refine.continued import carried
 from uavgram.stages.refine.left_out import control_left_out, heights_left_out
-from uavgram.stages.refine.minima import Participants, best_minima, minima_from
+from uavgram.stages.refine.minima import (
+    Participants,
+    best_minima,
+    minima_from,
+    trial_adjustment,
+)
 from uavgram.stages.refine.off_ground.shown import photos_of
 
 ORDINARY_SIGMAS = 5.0
@@ -75,6 +81,9 @@ OFF_GROUND_M = 0.1
 LEAST_ROUGHNESS_M, LEAST_TAPE_SCALE = 0.02, 1e-3
 """Roughness of the ground, and sigma of the scale of tapes, where less is stated: with none, no
 point could be off the ground, and no tape in another unit."""
+
+NO_PLACE = (LeftOutCause.NO_GROUND, LeftOutCause.MISPLACED_FRAME)
+"""Why picks have no first values, where those contradict others: all else is undetermined."""
 
 MISPLACED = LeftOut(
     LeftOutCause.MISPLACED_FRAME,
@@ -163,9 +172,9 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
     if plain is None or not _is_in_order(taking, plain):
         agreed = _most_agreed(taking)
         # A photo of another place spoils the others' tests: these are made anew without it.
-        while agreed and agreed[0].annealed.frames:
+        while agreed and agreed[0].misplaced:
             best = agreed[0]
-            rest = best.taking.without_frames(best.annealed.frames, MISPLACED)
+            rest = best.taking.without_frames(best.misplaced, MISPLACED)
             agreed = _most_agreed(rest) if _are_most_left(taking, rest) else []
         robust = _without_outliers(agreed)
         if robust is not None:
@@ -213,7 +222,7 @@ class Candidate:
     taking
         What takes part.
     first
-        The adjustment that it began from.
+        The adjustment that it began from; `pick_index` has the picks of the robust adjustment.
     annealed
         Where it ended.
     """
@@ -228,34 +237,65 @@ class Candidate:
         gross = ((name, *self.annealed.gross(name).tolist()) for name in self.annealed.misfit)
         return (self.first.pick_index.tobytes(), *gross)
 
+    @property
+    def unplaced(self) -> Ints:
+        """Picks without a place in the robust adjustment, by their row in the whole survey."""
+        return np.setdiff1d(np.flatnonzero(self.taking.keep), self.first.pick_index)
+
+    @property
+    def contradicting(self) -> Ints:
+        """Picks without a place that were not just too few."""
+        why = self.first.pick_reason
+        return np.array(
+            [k for k in self.unplaced.tolist() if why.get(k, MISPLACED).cause in NO_PLACE],
+            dtype=np.int64,
+        )
+
+    @property
+    def misplaced(self) -> tuple[str, ...]:
+        """Names of frames that contradict all the others."""
+        survey, frames = self.taking.survey, self.annealed.frames
+        if survey.telemetry is not None:  # else the pose of the log leads to the sky
+            return frames
+        placed = survey.pick_frame[self.first.pick_index]
+        lost = np.setdiff1d(survey.pick_frame[self.contradicting], placed)
+        return (*frames, *(survey.frame_id[k] for k in lost.tolist()))
+
     def cost(self, picks: int) -> float:
         """Of the adjustment; each of so many picks that has no place in it counts as gross."""
         return self.annealed.cost + GROSS_SIGMAS**2 * (picks - len(self.first.pick_index))
 
-    def fits(self, picks: int) -> bool:
+    def fits(self) -> bool:
         """Whether what is no gross error agrees."""
         found, blocks = self.annealed, self.annealed.minimum.blocks
         gross = {name: len(found.gross(name)) for name in found.misfit}
         left = sum(blocks[name].residual.shape[1] * count for name, count in gross.items())
         numbers = sum(block.residual.size for block in blocks.values())
         degrees = max(numbers - left - found.problem.layout.size, 1)
-        squares = self.cost(picks) - GROSS_SIGMAS**2 * sum(gross.values())
+        squares = found.cost - GROSS_SIGMAS**2 * sum(gross.values())
         return bool(squares < chdtri(degrees, MISFIT))
 
-    def is_agreed(self, picks: int) -> bool:
+    def is_agreed(self) -> bool:
         """Whether nearly everything takes part, and no other length could be wrong instead."""
         misfit = self.annealed.misfit
+        if not self.annealed.minimum.converged:
+            return False
         gross = sum(len(self.annealed.gross(name)) for name in misfit if name != "roughness")
+        gross += len(self.contradicting)
         if gross > max(1, FEW_GROSS * sum(map(len, misfit.values()))):
             return False
-        if gross and not misfit.get("lengths", np.ones(1)).all():
+        if gross and not self.checks_lengths():
             return False  # nothing checks a length any more: it could be wrong instead
         lengths = self.annealed.gross("lengths")
         if len(lengths) and self._is_placed_by_lengths():
             return False  # in another pose another one may be wrong
         if any(_has_rival(self.annealed, row) for row in lengths):
             return False
-        return len(self.first.pick_index) == picks and not self._strains_a_prior()
+        return not self._strains_a_prior()
+
+    def checks_lengths(self) -> bool:
+        """Whether other observations check every length."""
+        return bool(self.annealed.misfit.get("lengths", np.ones(1)).all())
 
     def _is_placed_by_lengths(self) -> bool:
         """Whether lengths alone place the photo: a wrong one may lead to another pose."""
@@ -273,124 +313,209 @@ class Candidate:
 
 
 def _most_agreed(taking: Participants) -> list[Candidate]:
-    """Robust adjustments from all first values, that of least cost first."""
-    picks, found = int(taking.keep.sum()), list[Candidate]()
-    for candidates in (_from_softened, _without_known, _without_lengths, _without_frames):
-        found = sorted([*found, *candidates(taking)], key=lambda one: one.cost(picks))
-        if found and found[0].is_agreed(picks):
-            return found[:1]
-    if not (found and found[0].fits(picks)):
-        last = chain(_with_a_loose_frame(taking), _without_picks(taking))
-        found += islice((one for one in last if one.fits(picks)), 1)
-    return sorted(found, key=lambda one: one.cost(picks))
+    """Robust adjustments from all first values, that of least cost first.
 
-
-def _from_softened(taking: Participants) -> Iterator[Candidate]:
-    """Robust adjustments from hundredfold sigmas, and from heights that photos show."""
-    for candidate in _from_all_minima(_softened(taking)):
-        yield replace(candidate, taking=taking)
-    yield from _from_free_heights(taking)
-
-
-def _without_lengths(taking: Participants) -> Iterator[Candidate]:
-    """Robust adjustments from first values without one length, without two, and without any.
-
-    First values may hang on a wrong length; a log may have led all else to agree with lengths that
-    are in another unit.
+    First values that leave out more are tried where those before lead to no agreement.
     """
-    rough = replace(taking, survey=_softer(taking.survey, 1.0))
-    lines = np.flatnonzero(~taking.line_removed).tolist()
-    sets: list[tuple[int, ...]] = []
-    if taking.survey.telemetry is not None and lines:
-        sets.append(tuple(lines))
-    if 3 < len(lines) <= MOST_STARTS:
-        sets += combinations(lines, 1)
-    if taking.survey.telemetry is None and 4 < len(lines) <= MOST_IN_PAIRS:
-        sets += combinations(lines, 2)
-    for left_out in sets:
-        for candidate in _from_all_minima(rough.without_lines(left_out), rough):
+    found = _by_cost(taking, _from_softened(taking))
+    if found and found[0].misplaced:
+        rest = taking.without_frames(found[0].misplaced, MISPLACED)
+        others = _by_cost(taking, _from_softened(rest)) if _are_most_left(taking, rest) else []
+        if others and others[0].is_agreed() and others[0].checks_lengths():
+            return others[:1]
+        found = _by_cost(taking, [*found, *others])
+    whole = replace(taking, survey=_softer(taking.survey, 1.0))
+    for kind in (_without_a_known_thing, _without_lengths, _without_a_frame):
+        if found and found[0].is_agreed():
+            return found[:1]
+        found = _by_cost(taking, [*found, *_from_each(kind(whole), whole, taking)])
+    if not (found and found[0].fits()):
+        last = chain(_with_a_loose_frame(whole), _without_a_pick(whole))
+        found += islice((one for one in _from_each(last, whole, taking) if one.fits()), 1)
+    return _by_cost(taking, found)
+
+
+def _from_each(
+    reduced: Iterable[Participants], whole: Participants, taking: Participants
+) -> Iterator[Candidate]:
+    """Adjust robustly from parts of the observations, of which all take part again."""
+    for part in reduced:
+        for candidate in _from_reduced(part, whole):
             yield replace(candidate, taking=taking)
 
 
-def _without_known(taking: Participants) -> Iterator[Candidate]:
-    """Robust adjustments from first values without one known thing, and without all control."""
-    rough = replace(taking, survey=_softer(taking.survey, 1.0))
-    things = [one.index for one in taking.survey.known if one.index not in taking.known_removed]
+def _by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[Candidate]:
+    """Candidates for what takes part, that of least cost first."""
+    picks = int(taking.keep.sum())
+    return sorted(candidates, key=lambda one: one.cost(picks))
+
+
+def _without_a_known_thing(whole: Participants) -> Iterator[Participants]:
+    """Leave out each known thing, and all control where a log places the survey."""
+    things = [one.index for one in whole.survey.known if one.index not in whole.known_removed]
     for thing in things if len(things) <= MOST_STARTS else []:
-        rest = replace(rough, known_removed=taking.known_removed | {thing})
-        for candidate in _from_all_minima(rest, rough):
-            yield replace(candidate, taking=taking)
-    if taking.survey.telemetry is not None and len(taking.survey.control_label):
-        rest = replace(rough, survey=_with_control_of(rough.survey, np.zeros(0, dtype=np.int64)))
-        for candidate in _from_all_minima(rest, rough):
-            yield replace(candidate, taking=taking)
+        yield replace(whole, known_removed=whole.known_removed | {thing})
+    if whole.survey.telemetry is not None and len(whole.survey.control_label):
+        none = np.zeros(len(whole.survey.control_label), dtype=np.bool_)
+        yield replace(whole, survey=select_control(whole.survey, none))
 
 
-def _without_frames(taking: Participants) -> Iterator[Candidate]:
-    """Without a log, robust adjustments from first values without one photo."""
-    frames = np.unique(taking.survey.pick_frame[taking.keep]).tolist()
-    if taking.survey.telemetry is not None or not 2 < len(frames) <= MOST_STARTS:
-        return
-    for frame in frames:
-        rest = taking.without_frame(frame, MISPLACED)
-        for candidate in _from_all_minima(_softened(rest)):
-            yield replace(candidate, taking=rest)
+def _without_lengths(whole: Participants) -> Iterator[Participants]:
+    """Leave out each length; with a log all of them first, without one each pair as well.
+
+    First values may depend on a wrong length; and where all lengths are in another unit, they and
+    the log may lead all else to agree with them.
+    """
+    lines, has_log = np.flatnonzero(~whole.line_removed), whole.survey.telemetry is not None
+    sets: list[tuple[int, ...]] = [tuple(lines.tolist())] if has_log and len(lines) else []
+    if 3 < len(lines) <= MOST_STARTS:
+        sets += combinations(lines.tolist(), 1)
+    if not has_log and 4 < len(lines) <= MOST_IN_PAIRS:
+        sets += combinations(lines.tolist(), 2)
+    yield from map(whole.without_lines, sets)
 
 
-def _with_a_loose_frame(taking: Participants) -> Iterator[Candidate]:
-    """With a log, robust adjustments from first values in which one photo's picks weigh nothing.
+def _without_a_frame(whole: Participants) -> Iterator[Participants]:
+    """Leave out each photo, without a log."""
+    for frame in _few_frames(whole) if whole.survey.telemetry is None else []:
+        yield whole.without_frame(frame, MISPLACED)
+
+
+def _with_a_loose_frame(whole: Participants) -> Iterator[Participants]:
+    """Let the picks of each photo weigh nearly nothing, where a log places it.
 
     Labels that are swapped in one photo turn and move it, and may lead all first values astray. The
     log places it well enough to show which of its picks agree with the other photos.
     """
-    survey = taking.survey
-    frames = np.unique(survey.pick_frame[taking.keep]).tolist()
-    if survey.telemetry is None or not 2 < len(frames) <= MOST_STARTS:
-        return
-    rough = replace(taking, survey=_softer(survey, 1.0))
-    for frame in frames:
-        own = survey.pick_frame == frame
-        sigma_px = survey.pick_sigma_px / np.where(own, np.sqrt(NEARLY_NONE), 1.0)
-        loose = replace(rough, survey=replace(rough.survey, pick_sigma_px=sigma_px))
-        for candidate in _from_all_minima(loose, rough):
-            yield replace(candidate, taking=taking)
+    survey = whole.survey
+    for frame in _few_frames(whole) if survey.telemetry is not None else []:
+        weight = np.where(survey.pick_frame == frame, NEARLY_NONE, 1.0)
+        sigma_px = survey.pick_sigma_px / np.sqrt(weight)
+        yield replace(whole, survey=replace(survey, pick_sigma_px=sigma_px))
 
 
-def _without_picks(taking: Participants) -> Iterator[Candidate]:
-    """Robust adjustments of few picks, from first values without one of them."""
-    rough = replace(taking, survey=_softer(taking.survey, 1.0))
-    survey, keep = taking.survey, taking.keep
+def _few_frames(whole: Participants) -> list[int]:
+    """Photos with picks; none where they are too few to tell one from the others, or too many."""
+    frames: list[int] = np.unique(whole.survey.pick_frame[whole.keep]).tolist()
+    return frames if 2 < len(frames) <= MOST_STARTS else []
+
+
+def _without_a_pick(whole: Participants) -> Iterator[Participants]:
+    """Leave out each of few picks, of points that have others."""
+    survey, keep = whole.survey, whole.keep
     often = np.bincount(survey.pick_label[keep], minlength=len(survey.label)) > 1
     picks = np.flatnonzero(keep & often[survey.pick_label]).tolist()
     for pick in picks if len(picks) <= MOST_PICKS and not survey.matches.points else []:
-        for candidate in _from_all_minima(rough.without_picks({pick: MISPLACED}), rough):
-            yield replace(candidate, taking=taking)
+        yield whole.without_picks({pick: MISPLACED})
 
 
-def _from_free_heights(taking: Participants) -> Iterator[Candidate]:
-    """The robust adjustment from heights that photos show, and the plane that most points lie on.
+def _from_softened(taking: Participants) -> Iterator[Candidate]:
+    """Adjust robustly from hundredfold sigmas, and from heights that photos show.
 
     Where most points are off the ground, as on roofs and cars, none of them pulls the ground then.
     """
-    grounds = [replace(one, roughness_sigma_m=ANYWHERE_M) for one in taking.survey.grounds]
+    whole = replace(taking, survey=_softer(taking.survey, 1.0))
     try:
-        first = best_minima(_softened(taking))
-        adjustment, survey = first.adjustment, _softer(first.adjustment.survey, 1.0 / SCHEDULE[0])
-        anywhere = _with_all(first, replace(survey, grounds=tuple(grounds)))
-        found = anneal(anywhere, carried(adjustment, anywhere), on_ground=False)
-        state, weight = found.minimum.state, dict(found.weight)
-        problem = _with_all(first, survey)
-        is_off = _clear_of_ground(survey, state.point)[problem.third.rough]
-        weight["roughness"] = np.where(is_off, NEARLY_NONE, 1.0)
-        minimum = weighted_minimum(problem, state, weight)
-        yield Candidate(taking, first, decide(problem, minimum, weight))
-    except (GeometryError, SingularError, ValueError):  # undetermined, or impossible
+        first = best_minima(replace(taking, survey=_softer(taking.survey, SCHEDULE[0])))
+    except GeometryError:
         return
+    for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
+        with suppress(SingularError, ValueError):  # undetermined, or impossible with all of it
+            placed, problem = _stated_problem(adjustment, first, whole)
+            annealed = anneal(problem, carried(adjustment, problem))
+            yield Candidate(taking, placed, annealed)
+    with suppress(SingularError, ValueError):
+        placed, problem = _stated_problem(first.adjustment, first, whole)
+        survey = problem.survey
+        grounds = [replace(one, roughness_sigma_m=ANYWHERE_M) for one in survey.grounds]
+        anywhere = _with_ground(problem, tuple(grounds))
+        start = carried(first.adjustment, anywhere)
+        found = anneal(anywhere, start, on_ground=False)
+        is_off = _clear_of_ground(survey, found.minimum.state.point)[problem.third.rough]
+        weight = {**found.weight, "roughness": np.where(is_off, NEARLY_NONE, 1.0)}
+        minimum = weighted_minimum(problem, found.minimum.state, weight)
+        yield Candidate(taking, placed, decide(problem, minimum, weight))
 
 
-def _with_all(first: Refined, survey: Survey) -> SurveyProblem:
-    """The likelihood of the observations of an adjustment."""
-    return SurveyProblem(survey, first.adjustment.problem.pivot_m, lines_used(first.adjustment))
+def _from_reduced(reduced: Participants, whole: Participants) -> Iterator[Candidate]:
+    """Adjust robustly from each ordinary minimum of a part of the observations.
+
+    Parameters
+    ----------
+    reduced
+        What takes part, without some of it, or with picks that weigh nearly nothing.
+    whole
+        What takes part: the robust adjustment decides on what was left out.
+    """
+    try:
+        first = best_minima(reduced)
+    except GeometryError:
+        return
+    loose = np.flatnonzero(reduced.survey.pick_sigma_px > whole.survey.pick_sigma_px)
+    used = np.setdiff1d(first.pick_index, loose)
+    for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
+        with suppress(SingularError, ValueError):  # undetermined, or impossible with all of it
+            placed, problem = _stated_problem(adjustment, first, whole)
+            weight = _weights_without(problem, adjustment, first, reduced)
+            weight["pixels"] = np.where(np.isin(placed.pick_index, used), 1.0, NEARLY_NONE)
+            minimum = weighted_minimum(problem, carried(adjustment, problem), weight)
+            yield Candidate(whole, placed, decide(problem, minimum, weight))
+
+
+def _stated_problem(
+    adjustment: Adjustment, first: Refined, whole: Participants
+) -> tuple[Refined, SurveyProblem]:
+    """Build the likelihood of all observations of points and photos that an adjustment has.
+
+    Parameters
+    ----------
+    adjustment, first
+        One of the minima of a part of the observations, or with other sigmas; and their record.
+    whole
+        All observations, with their sigmas.
+
+    Returns
+    -------
+    The record with the picks of the likelihood, and the likelihood.
+    """
+    survey, reduced = whole.survey, adjustment.survey
+    is_placed = np.zeros(len(whole.keep), dtype=np.bool_)
+    is_placed[first.pick_index] = True
+    if not reduced.matches.points + reduced.ties.points:  # else a pick has unknowns of its own
+        is_placed |= (
+            whole.keep
+            & np.isin(np.array(survey.label)[survey.pick_label], reduced.label)
+            & np.isin(np.array(survey.frame_id)[survey.pick_frame], reduced.frame_id)
+        )
+    stated = select_picks(without_known(survey, whole.known_removed), is_placed).survey
+    roughness = (one.roughness_sigma_m for one in stated.grounds)
+    survey = replace(
+        reduced,
+        pick_frame=stated.pick_frame,
+        pick_label=stated.pick_label,
+        pixel_px=stated.pixel_px,
+        pick_sigma_px=stated.pick_sigma_px,
+        target_pick=stated.target_pick,
+        length_sigma_m=stated.length_sigma_m,
+        known=stated.known,
+        control_label=stated.control_label,
+        control_world_m=stated.control_world_m,
+        control_sigma_m=stated.control_sigma_m,
+        grounds=tuple(
+            replace(ground, roughness_sigma_m=sigma_m)
+            for ground, sigma_m in zip(reduced.grounds, roughness, strict=True)
+        ),
+    )
+    lines = ~whole.line_removed[first.line_index]
+    placed = replace(first, pick_index=np.flatnonzero(is_placed))
+    return placed, SurveyProblem(survey, adjustment.problem.pivot_m, lines)
+
+
+def _with_ground(problem: SurveyProblem, grounds: tuple[Ground, ...]) -> SurveyProblem:
+    """The likelihood of the same observations on other ground."""
+    used = np.zeros(len(problem.survey.line_start), dtype=np.bool_)
+    used[problem.line_index] = True
+    return SurveyProblem(replace(problem.survey, grounds=grounds), problem.pivot_m, used)
 
 
 def _clear_of_ground(survey: Survey, point_m: Floats) -> Bools:
@@ -413,84 +538,6 @@ ANYWHERE_M = 3.0
 """Sigma of the height of a point above the ground, of which nothing is known."""
 
 
-def _from_all_minima(
-    taking: Participants, whole: Participants | None = None
-) -> Iterator[Candidate]:
-    """Robust adjustments from each ordinary minimum of what takes part.
-
-    Parameters
-    ----------
-    taking
-        What takes part, with hundredfold sigmas; or with those stated, but for some lengths,
-        known things, control or picks, or with picks that weigh nearly nothing.
-    whole
-        The same with these: the robust adjustment decides on them.
-    """
-    try:
-        first = best_minima(taking)
-    except GeometryError:
-        return
-    back = np.flatnonzero((whole or taking).keep & ~taking.keep)
-    is_loose = (whole or taking).survey.pick_sigma_px < taking.survey.pick_sigma_px
-    open_picks = np.union1d(back, np.flatnonzero(taking.keep & is_loose))
-    first = replace(first, pick_index=np.union1d(first.pick_index, back))
-    for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
-        used, survey = lines_used(adjustment), adjustment.survey
-        if whole:
-            used = ~whole.line_removed[first.line_index]
-            stated = _stated(whole, first.pick_index)
-            survey = _with_known_of(stated, survey)
-            if len(open_picks):
-                if (stated.label, stated.frame_id) != (survey.label, survey.frame_id):
-                    continue  # without the pick, its point or its photo is lost
-                survey = _with_picks_of(stated, survey)
-        else:
-            survey = _softer(survey, 1.0 / SCHEDULE[0])
-        problem = SurveyProblem(survey, adjustment.problem.pivot_m, used)
-        try:
-            state = carried(adjustment, problem)
-            if whole:
-                weight = _weights_without(problem, adjustment, first, taking)
-                is_open = np.isin(first.pick_index, open_picks)
-                weight["pixels"] = np.where(is_open, NEARLY_NONE, 1.0)
-                annealed = decide(problem, weighted_minimum(problem, state, weight), weight)
-            else:
-                annealed = anneal(problem, state)
-        except (SingularError, ValueError):  # undetermined, or impossible with all of it
-            continue
-        yield Candidate(taking, first, annealed)
-
-
-def _stated(whole: Participants, pick_index: Ints) -> Survey:
-    """Some picks of a survey, with all known things and control."""
-    keep = np.zeros(len(whole.keep), dtype=np.bool_)
-    keep[pick_index] = True
-    return select_picks(without_known(whole.survey, whole.known_removed), keep).survey
-
-
-def _with_known_of(stated: Survey, reduced: Survey) -> Survey:
-    """A reduced survey with all known things and control."""
-    return replace(
-        reduced,
-        known=stated.known,
-        control_label=stated.control_label,
-        control_world_m=stated.control_world_m,
-        control_sigma_m=stated.control_sigma_m,
-    )
-
-
-def _with_picks_of(stated: Survey, reduced: Survey) -> Survey:
-    """A reduced survey with more picks of its points in its photos."""
-    return replace(
-        reduced,
-        pick_frame=stated.pick_frame,
-        pick_label=stated.pick_label,
-        pixel_px=stated.pixel_px,
-        pick_sigma_px=stated.pick_sigma_px,
-        target_pick=stated.target_pick,
-    )
-
-
 def _weights_without(
     problem: SurveyProblem, adjustment: Adjustment, first: Refined, taking: Participants
 ) -> dict[str, Floats]:
@@ -500,21 +547,6 @@ def _weights_without(
     control = ~np.isin(problem.survey.control_label, adjustment.survey.control_label)
     is_out = {"lengths": lines, "known": np.array(known, dtype=np.bool_), "control": control}
     return {name: np.where(rows, NEARLY_NONE, 1.0) for name, rows in is_out.items() if len(rows)}
-
-
-def _with_control_of(survey: Survey, rows: Ints) -> Survey:
-    """The survey with some rows of its control alone."""
-    return replace(
-        survey,
-        control_label=survey.control_label[rows],
-        control_world_m=survey.control_world_m[rows],
-        control_sigma_m=survey.control_sigma_m[rows],
-    )
-
-
-def _softened(taking: Participants) -> Participants:
-    """What takes part, with hundredfold sigmas."""
-    return replace(taking, survey=_softer(taking.survey, SCHEDULE[0]))
 
 
 def _softer(survey: Survey, factor: float) -> Survey:
@@ -614,28 +646,40 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     wrong = {reduced.label[reduced.control_label[k]] for k in found.gross("control")}
     is_wrong = np.array([survey.label[k] in wrong for k in survey.control_label], dtype=np.bool_)
     rest = replace(
-        survey,
+        select_control(survey, ~is_wrong),
         is_free=survey.is_free | np.isin(survey.label, [*names, *heights]),
         pick_sigma_px=sigma_px,
-        control_label=survey.control_label[~is_wrong],
-        control_world_m=survey.control_world_m[~is_wrong],
-        control_sigma_m=survey.control_sigma_m[~is_wrong],
     )
     left = replace(
         taking, survey=rest, line_removed=removed, known_removed=taking.known_removed | known
     )
     left = left.without_picks(reason)
-    try:
-        refined = best_minima(left)
-    except GeometryError:  # first values want what was left out
-        unplaced = {k: why for k, why in first.pick_reason.items() if k not in left.reason}
-        left = left.without_picks(unplaced)
-        try:
-            refined = minima_from(left, lambda survey: [_first_values(found, survey)])
-        except GeometryError:
-            return None
+    unplaced = {k: first.pick_reason.get(k, MISPLACED) for k in candidate.unplaced.tolist()}
+    placed = left.without_picks(unplaced)
+    results = [_adjusted(placed, found)]
+    if unplaced:  # without the gross errors, first values may have a place for all picks
+        results.append(trial_adjustment(left, None))
+    number = int(left.keep.sum())
+    refined = min(filter(None, results), key=lambda one: _cost_of_all(one, number), default=None)
+    if refined is None:
+        return None
     contradicting = tuple(reduced.label[k] for k in np.unique(reduced.pick_label[lost]))
     return Robust(rest, refined, np.flatnonzero(is_wrong), names, heights, contradicting)
+
+
+def _adjusted(left: Participants, found: Annealed) -> Refined | None:
+    """Adjust what is left, from values of the robust adjustment where there are no others."""
+    with suppress(GeometryError):
+        return best_minima(left)
+    with suppress(GeometryError):
+        return minima_from(left, lambda survey: [_first_values(found, survey)])
+    return None
+
+
+def _cost_of_all(refined: Refined, picks: int) -> tuple[bool, float]:
+    """Order adjustments of so many picks: those at rest first, then by their cost."""
+    minimum, lost = refined.adjustment.minimum, picks - len(refined.pick_index)
+    return not minimum.converged, minimum.cost + GROSS_SIGMAS**2 * lost
 
 
 def _first_values(found: Annealed, survey: Survey) -> FirstValues:

@@ -167,6 +167,40 @@ def _too_high(adjustment: Adjustment) -> tuple[float, float]:
     return up_m, bias**2 + mean**2 * float(weight.sum())
 
 
+class Scale(NamedTuple):
+    """How many times too large all lengths are, by the heights of the log.
+
+    Attributes
+    ----------
+    ratio, relative_sigma
+        The factor, and its sigma as a share of it.
+    gain
+        Fall of the weighted sum of squares.
+    """
+
+    ratio: float
+    relative_sigma: float
+    gain: float
+
+
+def scale_by_heights(adjustment: Adjustment) -> Scale | None:
+    """Compare heights above the ground with those of the log; None where it has none above it.
+
+    Lengths that are all too large by a factor put the cameras that many times too high.
+    """
+    prior = _telemetry(adjustment)
+    if prior is None:
+        return None
+    up_m, gain = _too_high(adjustment)
+    center, _, covariance = _places_off(adjustment)
+    height_m = float(center[:, 2].mean() - adjustment.state.plane[0])
+    by_log_m = height_m + up_m
+    if min(height_m, by_log_m) <= 0.0:
+        return None
+    variance = float(prior.position_bias_sigma_m[2]) ** 2 + float(covariance[:, 2, 2].mean())
+    return Scale(height_m / by_log_m, float(np.sqrt(variance)) / by_log_m, gain)
+
+
 def _with_heights(up_m: float, survey: Survey) -> Survey:
     """A survey that knows nothing of the log's heights in common, with seeds lower by that."""
     prior, seeds = survey.telemetry, survey.seeds

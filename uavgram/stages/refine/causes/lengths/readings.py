@@ -12,10 +12,13 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import Explained
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.reliability.wrong_units import CONVERSIONS, DECIMALS, UNITS
+from uavgram.estimation.survey.names import named_ends
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
 from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.flight.log import scale_by_heights
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.lengths.doubted import FARTHEST, Doubted, Told, doubted
 
@@ -71,6 +74,7 @@ def wrong_readings(standing: Standing) -> Iterator[Hypothesis]:
     """Lengths that do not fit: in another unit, by a digit, or exchanged with one another."""
     found = doubted(standing)
     yield from _wrong_units(found)
+    yield from _all_in_another_unit(standing)
     yield from _wrong_digits(found)
     yield from _exchanged(found)
 
@@ -84,6 +88,28 @@ def _wrong_units(found: Doubted) -> Iterator[Hypothesis]:
         for some in (*((k,) for k in rows), *together):
             tell = partial(_in_another_unit, found, some, unit)
             yield from _slip(found, some, right[list(some)], len(WRONG_UNITS), tell)
+
+
+def _all_in_another_unit(standing: Standing) -> Iterator[Hypothesis]:
+    """Propose that all lengths are in another unit, where the log's heights show its scale.
+
+    No single length is off then, as all else may have followed them.
+    """
+    scale = scale_by_heights(standing.adjustment)
+    if scale is None:
+        return
+    survey = standing.survey
+    for unit in WRONG_UNITS:
+        off = np.log(scale.ratio / unit.size) / scale.relative_sigma
+        right_m = survey.length_m / unit.size
+        yield Hypothesis(
+            tell=partial(_of_all, survey, unit),
+            mend=Mend(length_m=dict(enumerate(right_m.tolist()))),
+            is_of_all=True,
+            promise=scale.gain - off**2,
+            price=float(np.log(len(WRONG_UNITS))),
+            settles=frozenset(survey.line_name),
+        )
 
 
 def _wrong_digits(found: Doubted) -> Iterator[Hypothesis]:
@@ -160,10 +186,9 @@ def _in_another_unit(
     right = [f"{found.reading_m[k] / unit.size:.2f} m" for k in rows]
     each = [f"{found.what(k)} would be {m}" for k, m in zip(rows, right, strict=True)]
     seem = f"seem to be {unit.words}"
-    if len(rows) >= ALL and len(rows) == len(found.standing.survey.line_start):
-        text = f"All lengths {seem}: {unit.undo}. {'; '.join(each[:2])}, and so on."
-        told = Told(text, ("", "", ""), f"All lengths {seem}.")
-        return found.told("lengths-wrong-unit", rows, told)
+    survey = found.standing.survey
+    if len(rows) >= ALL and len(rows) == len(survey.line_start):
+        return _of_all(survey, unit)
     if len(rows) > 1:
         text = f"{len(rows)} lengths {seem}: {unit.undo}. {'; '.join(each)}."
         told = Told(text, ("", "", ""), f"{listed(map(found.short, rows))} {seem}.")
@@ -175,6 +200,27 @@ def _in_another_unit(
     several = (f"{{count}} lengths {seem}", each[0], f"{unit.undo.capitalize()}.")
     plain = f"{found.short(rows[0])} seems to be {unit.words}."
     return found.told("line-wrong-unit", rows, Told(text, several, plain))
+
+
+def _of_all(survey: Survey, unit: WrongUnit, _: Explained | None = None) -> Message:
+    """The message on all lengths in another unit."""
+    ends = zip(survey.line_start.tolist(), survey.line_end.tolist(), strict=True)
+    names = survey.line_name or ("",) * len(survey.line_start)
+    each = [
+        f"{named_ends(name, survey.label[start], survey.label[end])} would be {m / unit.size:.2f} m"
+        for name, (start, end), m in zip(names, ends, survey.length_m.tolist(), strict=True)
+    ]
+    what = f"All lengths seem to be {unit.words}"
+    text = f"{what}: {unit.undo}. {'; '.join(each[:2])}, and so on."
+    labels = dict.fromkeys(survey.label[k] for k in (*survey.line_start, *survey.line_end))
+    return Message(
+        "warning",
+        "lengths-wrong-unit",
+        text,
+        lengths=survey.line_name,
+        labels=tuple(labels),
+        plain=f"{what}.",
+    )
 
 
 def _by_a_digit(found: Doubted, k: int, slip: Slip, _: Explained | None) -> Message:
