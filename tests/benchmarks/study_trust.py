@@ -98,7 +98,7 @@ def judged(survey: Survey, row: Row) -> Row:
     reasons = [
         {
             "cause": one.cause,
-            "text": one.text[:240],
+            "text": one.text[:400],
             "frames": list(one.frames),
             "labels": list(one.labels),
             "lengths": list(one.lengths),

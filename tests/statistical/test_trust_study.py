@@ -113,3 +113,32 @@ def test_causes_by_their_codes() -> None:
     assert accepts("length_in_feet", "line-wrong-unit")
     assert not accepts("length_in_feet", "lengths-factor")
     assert len(FAULTS) >= 16
+
+
+@pytest.mark.parametrize(
+    ("base", "fault", "seed", "cause"),
+    [
+        ("strip_no_log", "photo_elsewhere", 21000, "photo-elsewhere"),
+        ("strip_no_log", "photo_mirrored", 21000, "photo-mirrored"),
+        ("single", "all_in_feet", 12001, "lengths-wrong-unit"),
+        ("strip", "swapped_all", 12000, "labels-swapped-everywhere"),
+        ("strip_no_log", "all_hook_10cm", 12000, "lengths-offset-possible"),
+        ("strip", "level_tapes", 12000, "lengths-level-possible"),
+    ],
+)
+def test_a_fault_is_the_first_cause_and_no_value_beside_it_is_wrong_and_in_order(
+    base: str, fault: str, seed: int, cause: str
+) -> None:
+    row = judged(drawn(base, fault, seed), {"world": base, "fault": fault, "seed": seed})
+    assert row["reasons"][0]["cause"] == cause
+    assert row["level"] != "green"
+    assert max(map(abs, zs(row, "ok")), default=0.0) < 3.5
+
+
+def test_a_click_that_nothing_checks_is_named_beside_the_length_that_was_left_out() -> None:
+    """Of two errors that explain the same, neither is chosen."""
+    survey = drawn("single", "pick_60_400px", 12003)
+    row = judged(survey, {"world": "single", "fault": "pick_60_400px", "seed": 12003})
+    (label,) = survey.wrong["labels"]
+    assert row["reasons"][0]["cause"] == "line-left-out"
+    assert f"the click on {label!r} is wrong" in row["reasons"][0]["text"]

@@ -176,7 +176,7 @@ def assemble(observed: Observations) -> Assembled:
         length_sigma_m=lines.sigma_m[seen],
         line_name=tuple(lines.name[i] for i in seen),
         line_tape=tuple(lines.tape_of(i) for i in seen),
-        line_along=tuple(lines.along_of(i) for i in seen),
+        line_along=tuple(lines.along_of(i) for i in seen) if lines.along else (),
         tape_scale_sigma=observed.tape.scale_sigma,
         own_scale_sigma=observed.own_scale_sigma,
         known=things,

@@ -45,6 +45,7 @@ CAUSES = (
         *("telemetry-strained", "prior-strained"),
     ),
     ("check-suspect", "lengths-contradict", "odd-height"),
+    ("lengths-offset-possible", "lengths-level-possible"),
     ("misfit",),
     ("ground-not-plane", "picks-less-exact", "lengths-less-exact", "identification-less-exact"),
     ("ambiguous-pose", "three-lengths", "three-known"),

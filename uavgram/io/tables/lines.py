@@ -52,7 +52,10 @@ def read_lines(path: str | Path) -> KnownLines:
         sigma_m=table.numbers["sigma_m"],
         adjust=np.array([use != "check" for use in table.text["use"]], dtype=np.bool_),
         tape=table.text["tape"],
+        # Where nothing is written in the whole column, how the tape was held is not known.
         along=tuple(
             "horizontal" if word == "horizontal" else "slope" for word in table.text["along"]
-        ),
+        )
+        if any(table.text["along"])
+        else (),
     )

@@ -8,6 +8,8 @@ from itertools import chain
 import numpy as np
 
 from uavgram.errors import near_miss
+from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
+from uavgram.estimation.reliability.test_statistics import cofactors
 from uavgram.estimation.reliability.wrong_units import likely_mistake
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.names import named_ends
@@ -263,18 +265,35 @@ def _text(
             f"The length {named_ends(name, start, end)} was left out: {taped[0]}, but "
             f"{_against(refined)} say {seen[0]}{ask or '.'}"
         )
+        if clicks := _unchecked_clicks(refined.adjustment, (start, end)):
+            opening += (
+                f" Or the click on {listed(map(repr, clicks), link='or')} is wrong, which nothing "
+                "else checks: click it again, or mark it in another photo."
+            )
     else:
         names = [lines.name[i] for i in found]
         each = zip(names, taped, seen, strict=True)
-        listed = "; ".join(f"{name!r} {given}, {is_} seen" for name, given, is_ in each)
+        items = "; ".join(f"{name!r} {given}, {is_} seen" for name, given, is_ in each)
         opening = (
             f"{len(found)} lengths were left out, wrong in one way by what {_against(refined)} "
-            f"say{ask} {listed}."
+            f"say{ask} {items}."
         )
     return (
         f"{opening} Look at reading and unit, and at the labels and the picks of the ends. With so "
         "gross an error, nothing else would fit."
     )
+
+
+def _unchecked_clicks(adjustment: Adjustment, labels: Sequence[str]) -> list[str]:
+    """Find labels whose clicks nothing checks: they may be wrong instead of a length."""
+    block = adjustment.minimum.blocks["pixels"]
+    share = np.einsum("nii->n", cofactors(block, adjustment.covariance))
+    label, names = adjustment.survey.pick_label, adjustment.survey.label
+    return [
+        name
+        for name in labels
+        if name in names and (share[label == names.index(name)] < NO_REDUNDANCY).all()
+    ]
 
 
 def _against(refined: Refined) -> str:

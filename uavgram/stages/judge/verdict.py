@@ -34,6 +34,7 @@ TAKING_PART = frozenset(
         *("labels-swapped", "label-elsewhere", "line-wrong-unit", "line-wrong-digit"),
         *("line-other-ends", "lines-exchanged", "other-camera", "photo-mirrored", "photo-turned"),
         *("photo-elsewhere", "picks-contradict"),
+        *("lengths-offset-possible", "lengths-level-possible"),
     }
 )
 """Codes of what does not fit and still takes part: what is measured at its labels is in doubt."""

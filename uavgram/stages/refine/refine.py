@@ -15,6 +15,7 @@ from uavgram.stages.refine.at_stated_noise import adjusted_as_stated, participan
 from uavgram.stages.refine.begin.photo_motion import with_motion_by_photos
 from uavgram.stages.refine.begin.tied_frames import with_tied_frames
 from uavgram.stages.refine.causes.adapt import adapted
+from uavgram.stages.refine.causes.lengths.common import open_questions
 from uavgram.stages.refine.causes.photos.mirrored import mirrored_solution, undecided
 from uavgram.stages.refine.learnt import learnt_remarks
 from uavgram.stages.refine.left_out import with_gross_known, with_gross_lengths
@@ -109,6 +110,8 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     told = (*causes, *begun.messages)
     told = (*told, *tied, *off_ground_remarks(refined), *readout, *noise_remarks(refined.noise))
     told = (*told, *learnt_remarks(refined.adjustment))
+    if not any("lengths" in one.message.code for one in begun.causes):
+        told = (*told, *open_questions(refined.adjustment))
     return refined, (*told, *remarks(survey, refined), *search)
 
 

@@ -271,15 +271,24 @@ def _with_rival(best: Judged, trials: Sequence[Judged]) -> tuple[Judged, Judged 
     single = [one for one in others if one.hypothesis.tell is None]
     if best.after is not None and any(one.odds > best.odds - SURE for one in single):
         return max(single, key=lambda one: one.odds), None  # one wrong reading does as well
-    rivals = [
-        one for one in others if one.hypothesis.tell is not None and one.odds > best.odds - SURE
-    ]
+    rivals = [one for one in others if one.hypothesis.tell is not None and _does(one, best)]
     if not rivals:
         return best, None
     rival = max(rivals, key=lambda one: (not _blames_tapes(one), one.odds))
     if _blames_tapes(best) and not _blames_tapes(rival):
         return rival, best
     return best, rival if best.after is not None else None
+
+
+def _does(one: Judged, best: Judged) -> bool:
+    """Whether a hypothesis does as well as another one: by what is left, or else by its odds.
+
+    Against one that changes the whole survey by what is known, as by the ratio of two units, one
+    with unknowns of any size leaves as little, and is still less likely.
+    """
+    if one.after is None or best.after is None or best.hypothesis.is_of_all:
+        return one.odds > best.odds - SURE
+    return one.after.cost < best.after.cost + 2.0 * SURE
 
 
 def _blames_tapes(judged: Judged) -> bool:

@@ -12,7 +12,9 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
+from uavgram.estimation.measuring.next_length import next_line
 from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -46,6 +48,9 @@ NOT_CHANCE = 4.0
 """Sigmas from which on something that all lengths have in common is told, and asks for a cause by
 itself: who is told that all his lengths are wrong can use none of them."""
 
+
+OPEN, EXCLUDED = 0.01, 3.0
+"""Level of the test whether an offset is possible; sigmas from which on level tapes are not."""
 
 STILL, MOST_DOUBTED = 3.0, 6
 """The same without any single length; and lengths that are left aside for it, worst first."""
@@ -102,20 +107,16 @@ def taped_level(standing: Standing) -> Iterator[Hypothesis]:
     adjustment = standing.adjustment
     if "lengths" not in adjustment.minimum.blocks or not adjustment.minimum.converged:
         return
-    survey, line = adjustment.survey, adjustment.problem.line_index
-    taped = taped_lines(survey, line)
-    if taped.level.all():
+    line = adjustment.problem.line_index
+    if taped_lines(adjustment.survey, line).level.all():
         return
-    level = taped._replace(level=np.ones_like(taped.level))
-    reading, *_ = adjustment.problem.readings(adjustment.state, taped)
-    shorter = adjustment.problem.readings(adjustment.state, level)[0] - reading
-    along = (shorter / survey.length_sigma_m[line])[:, None, None]
+    moved, _ = _level(adjustment)
     rows = np.arange(len(line))
     lines = frozenset(_lines(standing, rows).tolist())
     yield Hypothesis(
         tell=partial(_taped_level, standing, _names(standing, rows)),
         mend=Mend(level=lines),
-        moved=(Moved("lengths", rows, along),),
+        moved=(moved,),
         amount=1.0,
         checked=CHECKED,
         price=LEVEL,
@@ -125,13 +126,75 @@ def taped_level(standing: Standing) -> Iterator[Hypothesis]:
 
 def _taped_level(standing: Standing, names: tuple[str, ...], _: Explained | None) -> Message:
     """The message on lengths that were taped level."""
-    slope = float(np.degrees(np.arctan(np.hypot(*standing.adjustment.state.plane[1:3]))))
+    slope = _slope_deg(standing.adjustment)
     text = (
         f"All lengths seem to have been taped level on a ground that slopes by {slope:.0f} "
         "degrees: they fit as horizontal distances, and not along the slope. Ask how the tape was "
         "held, and write 'horizontal' into the column along of the lengths if it was level."
     )
     return Message("warning", "lengths-level", text, lengths=names)
+
+
+def open_questions(adjustment: Adjustment) -> Iterator[Message]:
+    """Report what all lengths may have in common, where the observations do not exclude it.
+
+    An offset that makes everything fit better, beyond chance at the level `OPEN`; or lengths taped
+    level on a slope, where nobody wrote how, and the difference would show in the results.
+    """
+    if "lengths" not in adjustment.minimum.blocks or not adjustment.minimum.converged:
+        return
+    labels, names = adjustment.survey.label, adjustment.survey.line_name
+    offsets = [one for one in _common(adjustment) if not one.is_factor]
+    tests = explained(adjustment, [one.moved for one in offsets], CHECKED)
+    level = OPEN / max(len(offsets), 1)
+    for one, found in zip(offsets, tests, strict=True):
+        value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
+        if found.gain > chdtri(1, level) and abs(value) <= LARGEST_OFFSET_M:
+            how = "long" if value > 0 else "short"
+            text = (
+                f"Everything fits better if {one.tape.words[0].lower()}{one.tape.words[1:]} are "
+                f"too {how} by the same amount, {abs(value):.2f} ± {sigma:.2f} m. Check where the "
+                "tape begins (its hook, or a tape whose zero is not at its end), or measure one "
+                "of the lines again with another tape."
+            )
+            yield Message("warning", "lengths-offset-possible", text, labels=labels, lengths=names)
+    if _may_be_level(adjustment):
+        slope = _slope_deg(adjustment)
+        text = (
+            f"The ground slopes by {slope:.0f} degrees, and the file of the lengths does not state "
+            "how the tape was held. Held level, it reads less than along the slope, and the "
+            "results would be too small. Write 'slope' or 'horizontal' into the column along of "
+            "the lengths."
+        )
+        yield Message("warning", "lengths-level-possible", text, labels=labels, lengths=names)
+
+
+def _may_be_level(adjustment: Adjustment) -> bool:
+    """Whether lengths may have been taped level, and that would move the scale by a sigma."""
+    if adjustment.survey.line_along or adjustment.survey.gauge == "plane":
+        return False
+    moved, share = _level(adjustment)
+    advice = next_line(adjustment)
+    if advice is None or share < advice.relative_sigma:
+        return False
+    (found,) = explained(adjustment, [[moved]], CHECKED)
+    return bool(found.value[0] > 1.0 - EXCLUDED * np.sqrt(found.covariance[0, 0]))
+
+
+def _level(adjustment: Adjustment) -> tuple[Moved, float]:
+    """By how much level tapes read less, as a hypothesis; and the mean as a share of readings."""
+    survey, line = adjustment.survey, adjustment.problem.line_index
+    taped = taped_lines(survey, line)
+    level = taped._replace(level=np.ones_like(taped.level))
+    reading, *_ = adjustment.problem.readings(adjustment.state, taped)
+    shorter = adjustment.problem.readings(adjustment.state, level)[0] - reading
+    along = (shorter / survey.length_sigma_m[line])[:, None, None]
+    return Moved("lengths", np.arange(len(line)), along), float(-shorter.sum() / reading.sum())
+
+
+def _slope_deg(adjustment: Adjustment) -> float:
+    """Slope of the ground [degrees]."""
+    return float(np.degrees(np.arctan(np.hypot(*adjustment.state.plane[1:3]))))
 
 
 def _is_common(adjustment: Adjustment, one: _Common) -> bool:

@@ -100,8 +100,10 @@ def _all_in_another_unit(standing: Standing) -> Iterator[Hypothesis]:
         return
     survey = standing.survey
     for unit in WRONG_UNITS:
-        off = np.log(scale.ratio / unit.size) / scale.relative_sigma
+        off = float(np.log(scale.ratio / unit.size)) / scale.relative_sigma
         right_m = survey.length_m / unit.size
+        if abs(off) > FARTHEST:
+            continue
         yield Hypothesis(
             tell=partial(_of_all, survey, unit),
             mend=Mend(length_m=dict(enumerate(right_m.tolist()))),
