@@ -5,7 +5,7 @@ import pytest
 import shutters
 
 from uavgram.estimation.clocks.alignment import align
-from uavgram.estimation.clocks.camera_clock import fit_camera_clock
+from uavgram.estimation.clocks.clock_line import fit_camera_clock
 from uavgram.model.arrays import Floats
 
 

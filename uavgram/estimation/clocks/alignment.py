@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.clocks.camera_clock import CameraClock, fit_camera_clock, is_within
+from uavgram.estimation.clocks.clock_line import ClockLine, fit_camera_clock
 from uavgram.estimation.clocks.offset_search import Search, search_offsets
 from uavgram.geometry.motion.running import windows
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -66,7 +66,7 @@ class Alignment:
 
     unique: bool
     candidates: tuple[Candidate, ...]
-    clock: CameraClock
+    clock: ClockLine
     event_index: Ints
     status: tuple[PairStatus, ...]
     residual_s: Floats
@@ -115,7 +115,7 @@ def align(
     if not search.fits:
         return _none(len(photo))
     clock = _fitted(photo, resolution_s, event, search)
-    time = clock.to_event(photo)
+    time = clock.to_time(photo)
     tolerance = resolution_s / 2 + _gate_s(clock) + _LINE_SIGMAS * clock.sigma_at(time)
     index = _assigned(time, event, tolerance)
     return Alignment(
@@ -134,7 +134,7 @@ def _none(count: int) -> Alignment:
     return Alignment(
         unique=False,
         candidates=(),
-        clock=CameraClock(float("nan"), 0.0, 0.0),
+        clock=ClockLine(float("nan"), 0.0, 0.0),
         event_index=np.full(count, -1, dtype=np.int64),
         status=_named(np.full(count, 3)),
         residual_s=nothing,
@@ -142,17 +142,17 @@ def _none(count: int) -> Alignment:
     )
 
 
-def _gate_s(clock: CameraClock) -> float:
+def _gate_s(clock: ClockLine) -> float:
     """How far a shutter may be from its event beside the readings' step."""
-    return float(np.clip(_GATE_SIGMAS * clock.jitter_s, _GATE_FLOOR_S, _GATE_LIMIT_S))
+    return float(np.clip(_GATE_SIGMAS * clock.scatter_s, _GATE_FLOOR_S, _GATE_LIMIT_S))
 
 
-def _fitted(photo_s: Floats, resolution_s: float, event_s: Floats, search: Search) -> CameraClock:
+def _fitted(photo_s: Floats, resolution_s: float, event_s: Floats, search: Search) -> ClockLine:
     """The camera's clock from its unmistakable pairs; the scatter is theirs, not the search's."""
     clock = search.fits[0].clock
     reach = max(search.tolerance_s, resolution_s / 2 + _GATE_FLOOR_S)
     for _ in range(3):
-        time = clock.to_event(photo_s)
+        time = clock.to_time(photo_s)
         tolerance = np.full(len(time), reach)
         index = _assigned(time, event_s, tolerance)
         if not (index >= 0).any():
@@ -171,7 +171,7 @@ def _assigned(time_s: Floats, event_s: Floats, tolerance_s: Floats) -> Ints:
     On a line the cheapest assignment with a convex cost never crosses: it is monotone.
     """
     residual = time_s[:, None] - event_s[None, :]
-    inside = is_within(residual, tolerance_s[:, None])
+    inside = np.abs(residual) <= tolerance_s[:, None]
     index = np.full(len(time_s), -1, dtype=np.int64)
     if inside.sum(axis=1).max() <= 1 and inside.sum(axis=0).max() <= 1:  # nothing to choose
         rows, columns = np.nonzero(inside)
@@ -204,7 +204,7 @@ def _is_alone_both_ways(time_s: Floats, event_s: Floats, index: Ints, tolerance_
 
     An event that two photos could claim is nobody's for certain: one photo's own may be lost.
     """
-    claims = is_within(time_s[:, None] - event_s[None, :], tolerance_s[:, None])
+    claims = np.abs(time_s[:, None] - event_s[None, :]) <= tolerance_s[:, None]
     return np.asarray((claims.sum(axis=1) == 1) & (claims.sum(axis=0)[index] == 1) & (index >= 0))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.alignment import Alignment, align
-from uavgram.estimation.clocks.camera_clock import COARSE_S
+from uavgram.estimation.clocks.clock_line import COARSE_S
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import Boot
 from uavgram.model.message import Message
