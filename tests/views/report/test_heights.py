@@ -98,7 +98,7 @@ def test_the_method_tells_of_heights_where_there_are_some() -> None:
 
 @pytest.mark.parametrize(
     ("source", "sigma", "text"),
-    [("", np.nan, "–"), ("ground", 0.0, "on it"), ("free", 0.25, "1.500 ± 0.250 m, found")],
+    [("ground", 0.0, "on it"), ("free", 0.25, "1.500 ± 0.250 m, found")],
 )
 def test_heights_in_words(source: HeightSource, sigma: float, text: str) -> None:
     assert height_text(1.5, sigma, source) == text

@@ -133,7 +133,7 @@ class _Worker:
             self.timer.cancel()
         if self.process.is_alive():
             self.process.terminate()
-        self.pool.shutdown(wait=False, cancel_futures=True)
+        self.pool.shutdown(wait=False)
 
 
 _STARTING = threading.Lock()
@@ -272,7 +272,6 @@ def _kept_from_ctrl_c() -> Iterator[None]:
 def _begin(memory_bytes: int | None) -> None:  # pragma: no cover (in another process)
     """Make a process ready; Ctrl+C is for who started it, and it ends with that."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # where it is not kept back already
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # but for while it works
     threading.Thread(target=_end_with_parent, daemon=True).start()
     use_one_core()
     load_little()
@@ -297,7 +296,7 @@ def _made(
         made = work(item)
     except Exception as raised:  # noqa: BLE001 (whoever asked for it hears of it)
         fault = _sendable(raised)
-    finally:
+    finally:  # an answer that is cut short would never end; who waits for work is told to leave
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
     return made, fault, memory_bytes is not None and _kept_bytes() > _RECYCLED_AT * memory_bytes
 
