@@ -28,7 +28,7 @@ def test_uneven_spacing_gives_the_offset_and_every_pair(
         logged = np.flatnonzero(rng.random(120) > 0.05)  # events lost
         result = align(reading, resolution, event[logged])
         assert result.unique
-        assert result.offset_s == pytest.approx(
+        assert result.clock.offset_s == pytest.approx(
             offset - resolution / 2, abs=0.1 * resolution + 1e-3
         )
         paired = result.certain

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.estimation.clocks.clock_line import ClockLine, fit_camera_clock
-from uavgram.estimation.clocks.offset_search import Search, search_offsets
+from uavgram.estimation.clocks.offset_search import Fit, Search, search_offsets
 from uavgram.geometry.motion.running import windows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.pairing import PairStatus
@@ -30,14 +30,6 @@ _LINE_SIGMAS = 4.0
 _SPACING_SHARE = 0.6
 _FASTEST_S = 0.1
 _SPACINGS_AROUND = 21
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A clock offset [s] and how many photos fall on an event each under it."""
-
-    offset_s: float
-    matched: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +57,7 @@ class Alignment:
     """
 
     unique: bool
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[Fit, ...]
     clock: ClockLine
     event_index: Ints
     status: tuple[PairStatus, ...]
@@ -76,16 +68,6 @@ class Alignment:
     def certain(self) -> Bools:
         """(F,) whether the pair can be relied on."""
         return np.array([status == "certain" for status in self.status], dtype=bool)
-
-    @property
-    def offset_s(self) -> float:
-        """Photo clock minus event clock at the middle of the pairs."""
-        return self.clock.offset_s
-
-    @property
-    def offset_sigma_s(self) -> float:
-        """Standard deviation of `offset_s`."""
-        return self.clock.offset_sigma_s
 
 
 def align(
@@ -120,7 +102,7 @@ def align(
     index = _assigned(time, event, tolerance)
     return Alignment(
         unique=search.unique,
-        candidates=tuple(Candidate(fit.clock.offset_s, fit.matched) for fit in search.fits),
+        candidates=search.fits,
         clock=clock,
         event_index=index,
         status=_named(_status(time, event, index, tolerance)),

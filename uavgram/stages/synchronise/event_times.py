@@ -90,12 +90,12 @@ def event_timing(
     )
     time[timed[certain]] = event_utc[alignment.event_index[certain]]
     sigma[timed[certain]] = _jitter_s(photos, alignment)
-    common = float(np.hypot(alignment.offset_sigma_s, chosen.lag_sigma_s()))
+    common = float(np.hypot(alignment.clock.offset_sigma_s, chosen.lag_sigma_s()))
     pairing = pairing_of(photos, chosen, alignment)
     return Timing(
         time,
         sigma,
-        alignment.offset_s,
+        alignment.clock.offset_s,
         min(options.offset_sigma_s, common),
         (*messages, *pairing_messages(pairing)),
         pairing,
