@@ -97,7 +97,11 @@ def network() -> Iterator[None]:
 
 def inside(k: int, folder: Path, *words: str) -> subprocess.Popen[bytes]:
     """A program of Dask in a namespace, with all of its children in a group of their own."""
-    own = os.environ | {"WORKER": str(k), "JOURNAL": str(folder / "journal.txt")}
+    own = os.environ | {
+        "WORKER": str(k),
+        "JOURNAL": str(folder / "journal.txt"),
+        "DASK_DISTRIBUTED__SCHEDULER__WORKER_TTL": "60s",  # five minutes, if nothing is said
+    }
     with (folder / f"dask{k}.txt").open("wb") as log:
         return subprocess.Popen(
             ["ip", "netns", "exec", f"{TAG}n{k}", sys.executable, "-m", *words],

@@ -2,7 +2,7 @@
 
     python tests/benchmarks/study_missions.py --repetitions 200
 
-Each mission file (.waypoints by pymavlink, .plan, Litchi's table) of a plan with a log and of one
+Each mission file (.waypoints by pymavlink, .plan) of a plan with a log and of one
 without is read back, and its photos are taken by the simulator: each time with a drone that departs
 from the mission, a log, picks, tapes and a ground drawn from what the project states of them, and
 adjusted by the whole program. Told is the root mean square of errors over the plan's ±, with the
@@ -23,7 +23,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 
-from mission_files import by_litchi, by_plan, by_pymavlink, stations
+from mission_files import by_plan, by_pymavlink, stations
 
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.scenario.as_stated import as_stated
@@ -58,7 +58,7 @@ FLIGHTS = {
     "strip of 3, 3 lines, consumer log": ("consumer", "strip", 3, 3),
     "strip of 3, 4 lines, no log": ("none", "strip", 3, 4),
 }
-READERS = {".waypoints": by_pymavlink, ".plan": by_plan, "Litchi": by_litchi}
+READERS = {".waypoints": by_pymavlink, ".plan": by_plan}
 
 
 def planned(

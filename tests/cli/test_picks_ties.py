@@ -10,7 +10,7 @@ import yaml
 from small_projects import Command
 from tied_photos import CAMERA, flight, write_photos
 
-from uavgram.io.project_lock import ProjectLock
+from uavgram.io.locks import ProjectLock
 from uavgram.io.tables.ties import read_ties
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import pose_frames

@@ -33,8 +33,8 @@ def test_no_wrong_pair_is_certain_and_uneven_spacing_gives_the_right_ones() -> N
             certain += result.certain.sum()
             wrong += (result.certain & (result.event_index != case.truth)).sum()
             moved = case.drift * (result.clock.reference_s - case.middle_s)
-            error = result.offset_s - case.offset_s - moved
-            z.append(error / result.offset_sigma_s)
+            error = result.clock.offset_s - case.offset_s - moved
+            z.append(error / result.clock.offset_sigma_s)
         if case.uneven:
             there[case.resolution_s] += has_event.sum()
             right = (result.event_index == case.truth) & has_event

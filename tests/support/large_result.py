@@ -141,6 +141,7 @@ def _points(
         departure_sigma_m=np.zeros(count),
         height_above_ground_m=np.zeros(count),
         height_sigma_m=np.zeros(count),
+        height_source=tuple("ground" for _ in labels),
         covariance_m3=np.zeros((count, 3, 3)),
         latitude_deg=latitude,
         longitude_deg=longitude,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,6 @@ from pymavlink import mavutil, mavwp
 from qgc_plan_format import PlacedItem, QgcPlan
 
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
-from uavgram.io.exports.mission_litchi import litchi_text
 from uavgram.io.exports.mission_qgc import qgc_plan_text
 from uavgram.io.exports.mission_waypoints import waypoints_text
 from uavgram.model.arrays import Floats
@@ -49,14 +47,6 @@ def by_plan(mission: Mission, _: Path) -> Floats:
             assert height == item.Altitude
             rows.append((latitude, longitude, home_m + item.Altitude, heading, pitch))
     return np.array(rows)
-
-
-def by_litchi(mission: Mission, _: Path) -> Floats:
-    columns = ("latitude", "longitude", "altitude(m)", "actionparam1", "actionparam2")
-    table = csv.DictReader(litchi_text(mission).splitlines())
-    rows = np.array([[float(row[column]) for column in columns] for row in table])
-    rows[:, 2] += mission.home[2]  # its heights are above the place of take-off
-    return rows
 
 
 def stations(rows: Floats, site: Site) -> tuple[Station, ...]:

@@ -450,6 +450,7 @@ def build(
             departure_sigma_m=np.zeros(len(labels)),
             height_above_ground_m=np.zeros(len(labels)),
             height_sigma_m=np.zeros(len(labels)),
+            height_source=tuple("ground" for _ in labels),
             covariance_m3=np.zeros((len(labels), 3, 3)),
             latitude_deg=points["geo"][:, 0],
             longitude_deg=points["geo"][:, 1],

@@ -94,7 +94,7 @@ def test_scale_bars_are_round_in_the_unit_that_they_name() -> None:
     assert round_bar(0.06, IMPERIAL)[1] == "2 in"
 
 
-def test_a_result_of_before_units_is_metric_and_a_result_keeps_them() -> None:
+def test_options_without_units_are_metric_and_a_result_keeps_them() -> None:
     assert units_from_options((("name", "x"),)) == METRIC
     assert units_from_options((("units.length", "ft"), ("units.speed", "m/s"))) == Units(
         length="ft", speed="m/s"

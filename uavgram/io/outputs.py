@@ -6,16 +6,14 @@ import errno
 import logging
 import os
 import shutil
-import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Set
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from uavgram.errors import OutputError
-
-if sys.platform != "win32":  # without locks, what killed runs left behind stays
-    import fcntl
+from uavgram.io.locks import lock
+from uavgram.io.own_files import NO_FOLLOW
 
 log = logging.getLogger(__name__)
 
@@ -68,7 +66,7 @@ def staged_output(
         folder.mkdir(parents=True, exist_ok=True)
         _remove_stale(folder)
         staging = Path(tempfile.mkdtemp(prefix=PREFIX, dir=folder))
-        lock = _lock(staging)
+        held = _lock(staging)
         try:
             (staging / NEW).mkdir()
             yield staging / NEW
@@ -79,8 +77,8 @@ def staged_output(
             _commit(staging, folder)
         finally:
             shutil.rmtree(staging, ignore_errors=True)
-            if lock is not None:
-                os.close(lock)
+            if held is not None:
+                os.close(held)
             if not existed:
                 with suppress(OSError):  # it holds results now, or someone else's files
                     folder.rmdir()
@@ -134,23 +132,20 @@ def as_output_errors(folder: Path) -> Iterator[None]:
 
 def _lock(staging: Path) -> int | None:
     """Mark a hidden folder as in use, for as long as this process lives."""
-    if sys.platform == "win32":
-        return None
-    handle = os.open(staging, os.O_RDONLY)
-    with suppress(OSError):  # some network file systems know no locks
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    handle = None
+    with suppress(OSError):  # without locks, what killed runs left behind stays
+        handle = os.open(staging, os.O_RDONLY)
+        lock(handle)
     return handle
 
 
 def _remove_stale(folder: Path) -> None:
     """Remove hidden folders and files whose process is no more."""
-    if sys.platform == "win32":
-        return
     for stale in folder.glob(f"{PREFIX}*"):
         with suppress(OSError):  # locked by a living run, or gone already
-            handle = os.open(stale, os.O_RDONLY | os.O_NOFOLLOW)
+            handle = os.open(stale, os.O_RDONLY | NO_FOLLOW)
             try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                lock(handle)
                 log.info("removing %s, which a killed run left behind", stale)
                 _put_back(stale, folder)
                 shutil.rmtree(stale) if stale.is_dir() else stale.unlink()

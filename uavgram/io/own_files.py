@@ -10,7 +10,7 @@ from pathlib import Path
 from uavgram.errors import OutputError
 
 # Not there on Windows, where links need a right that few have.
-_NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
+NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
 
 
 def open_own(path: Path, flags: int, mode: int = 0o600) -> int:
@@ -31,7 +31,7 @@ def open_own(path: Path, flags: int, mode: int = 0o600) -> int:
         It cannot be opened for another reason.
     """
     check_own(path)
-    return os.open(path, flags | _NO_FOLLOW, mode)
+    return os.open(path, flags | NO_FOLLOW, mode)
 
 
 def check_own(path: Path) -> None:

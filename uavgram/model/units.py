@@ -36,7 +36,7 @@ SHORT_FORMS = {"metric": METRIC, "imperial": IMPERIAL}
 
 
 def units_from_options(options: tuple[tuple[str, object], ...]) -> Units:
-    """Units as the options of a result name them; metric where its program did not know any.
+    """Units as the options of a result name them; metric where none are named.
 
     Parameters
     ----------

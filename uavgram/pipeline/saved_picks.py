@@ -9,8 +9,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from uavgram.errors import InputError, OutputError
+from uavgram.io.locks import ProjectLock
 from uavgram.io.outputs import replace_bytes
-from uavgram.io.project_lock import ProjectLock
 from uavgram.io.tables.picked import picks_content
 from uavgram.model.options import Project
 from uavgram.model.survey.observations import Picks

@@ -11,7 +11,7 @@ from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
 from uavgram.model.units import METRIC, Units
-from uavgram.views.survey.verdict import LEVEL_WORDS, level_of, scale_sentence, status_text
+from uavgram.views.survey.verdict import LEVEL_WORDS, scale_sentence, status_text
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of, value_text
 from uavgram.views.wording import (
@@ -73,7 +73,7 @@ def light_line(result: Result) -> str:
 
     Two lines: the scale is not why the verdict is what it is.
     """
-    level = LEVEL_WORDS[level_of(result)]
+    level = LEVEL_WORDS[result.verdict.level]
     return "\n".join(filter(None, [f"Verdict: {level}.", scale_sentence(result)]))
 
 

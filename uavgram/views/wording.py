@@ -208,14 +208,12 @@ def height_text(height_m: float, sigma_m: float, source: HeightSource) -> str:
     Parameters
     ----------
     height_m, sigma_m
-        Over the ground below; NaN where nobody knows.
+        Over the ground below.
     source
         Where that is from.
     """
     if source == "ground":
         return "on it"
-    if not source:
-        return "–"
     if source in ("free", "found"):
         unasked = "" if source == "free" else ", though picks.csv has it on the ground"
         return f"{plus_minus(height_m, sigma_m)} m, found{unasked}"

@@ -20,11 +20,10 @@ FILES = {
     "plan.json",
     "plan.kml",
     "plan.rrd",
-    "mission_litchi.csv",
     "scenario.yaml",
 }
 SITE = "site: {latitude_deg: 47.0, longitude_deg: 8.0, scene_east_m: 0, scene_north_m: 0}\n"
-MISSIONS = {"mission.plan", "mission.waypoints", "mission_litchi.csv"}
+MISSIONS = {"mission.plan", "mission.waypoints"}
 PLAN = """
 name: yard
 plan:

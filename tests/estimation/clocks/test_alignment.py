@@ -5,7 +5,7 @@ import pytest
 import shutters
 
 from uavgram.estimation.clocks.alignment import align
-from uavgram.estimation.clocks.camera_clock import fit_camera_clock
+from uavgram.estimation.clocks.clock_line import fit_camera_clock
 from uavgram.model.arrays import Floats
 
 
@@ -28,7 +28,7 @@ def test_uneven_spacing_gives_the_offset_and_every_pair(
         logged = np.flatnonzero(rng.random(120) > 0.05)  # events lost
         result = align(reading, resolution, event[logged])
         assert result.unique
-        assert result.offset_s == pytest.approx(
+        assert result.clock.offset_s == pytest.approx(
             offset - resolution / 2, abs=0.1 * resolution + 1e-3
         )
         paired = result.certain

@@ -16,6 +16,8 @@ from uavgram.pipeline.study.photo_scene import Photo, exact_draw, photo_of
 
 EVERYTHING = StudyScene(focal_share=0.01, centre_px=30.0, tape_scale=2e-3, tilt_deg=30.0)
 SMALL = 1e-3
+NO_LOG_SIGMA = np.array([100.0, 100.0, 1000.0, 10.0, 10.0, 10.0])
+"""Of the pose [m, rad]: so weak that it moves no length."""
 
 
 def lengths(photo: Photo, moved: np.ndarray, shifts: np.ndarray) -> np.ndarray:
@@ -26,14 +28,19 @@ def lengths(photo: Photo, moved: np.ndarray, shifts: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2))
 
 
-@pytest.mark.parametrize("scene", [EVERYTHING, replace(EVERYTHING, log="none")])
-def test_slopes_are_what_each_error_does(scene: StudyScene) -> None:
-    photo = photo_of(scene)
+@pytest.mark.parametrize("has_log", [True, False])
+def test_slopes_are_what_each_error_does(*, has_log: bool) -> None:
+    photo = photo_of(EVERYTHING)
+    if not has_log:
+        information = np.diag(NO_LOG_SIGMA**-2)
+        photo = replace(
+            photo, design=replace(photo.design, information=information, ground_root=None)
+        )
     slopes = slopes_of(photo.design, exact_draw(photo), photo.place_m, photo.pairs)
     size = slopes.by_error.shape[1]
     known = len(photo.design.line) + 2 * len(photo.place_m)
     errors = np.arange(size)
-    if scene.log == "none":  # where the pose is free, its priors hold it, and are no observation
+    if not has_log:  # where the pose is free, its priors hold it, and are no observation
         errors = np.r_[:known, known + 6 : size]
     step = SMALL * np.eye(size)[errors]
     ends = lengths(photo, np.concatenate([step, -step]), slopes.shifts)
@@ -46,34 +53,13 @@ def test_slopes_are_what_each_error_does(scene: StudyScene) -> None:
     assert found[measured] / scale == pytest.approx(expected / scale, abs=1e-5)
 
 
-@pytest.mark.parametrize(
-    ("scene", "first_order"),
-    [
-        (StudyScene(lines=2), 1.08),
-        (StudyScene(lines=2, log="rtk"), 1.05),
-    ],
-)
-def test_few_lengths_are_predicted_to_second_order(scene: StudyScene, first_order: float) -> None:
+def test_few_lengths_are_predicted_to_second_order() -> None:
     """Errors there are larger than first-order sigmas by more than 5 %."""
+    scene = StudyScene(lines=2)
     photo = photo_of(scene)
     found = predict_lengths(photo.design, exact_draw(photo), photo.place_m, photo.pairs)
     ratio = np.sqrt(np.mean(found.error_m**2 / found.variance))
-    assert ratio > first_order - 0.02
+    assert ratio > 1.06
     cell = photo_cell(Place(curve="", at=0.0, label="", scene=scene), 1500)
     assert cell.ratio == pytest.approx(1.0, abs=0.04)
-    assert cell.elsewhere == 0
     assert cell.lost < 0.03 * cell.repetitions
-
-
-def test_another_solution_is_counted_and_no_error() -> None:
-    """Three lengths on one side: now and then another pose fits them better, metres off."""
-    scene = StudyScene(lines=3, layout="side")
-    cell = photo_cell(Place(curve="", at=0.0, label="", scene=scene), 4000)
-    assert 0 < cell.elsewhere < 0.005 * cell.repetitions
-    assert cell.ratio == pytest.approx(1.0, abs=0.04)
-
-
-def test_errors_by_what_nobody_states_are_errors() -> None:
-    misread = photo_cell(Place(curve="", at=0.0, label="", scene=StudyScene(blunder_m=2.0)), 50)
-    assert misread.elsewhere == 0
-    assert misread.ratio > 2.0

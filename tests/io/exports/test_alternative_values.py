@@ -36,15 +36,6 @@ def test_results_json_has_them_with_the_measurement_and_gives_them_back(
     assert dump_results(back) == dump_results(marked)
 
 
-def test_a_file_of_before_has_none(marked: Result, tmp_path: Path) -> None:
-    path, content = tmp_path / "results.json", json.loads(dump_results(marked))
-    for record in content["measurements"]:
-        del record["alternative_values"]
-    path.write_text(json.dumps(content), encoding="utf-8")
-
-    assert not load_results(path).measurements.is_ambiguous.any()
-
-
 def test_the_csv_joins_them(marked: Result) -> None:
     rows = list(csv.DictReader(io.StringIO(dump_measurements_csv(marked))))
 

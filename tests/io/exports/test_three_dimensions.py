@@ -73,22 +73,6 @@ def test_results_tell_where_a_height_is_from(
     assert again.world == solid.world
 
 
-def test_results_of_earlier_versions_claim_nothing_of_heights(
-    solid: Result, tmp_path: Path
-) -> None:
-    content = json.loads(dump_results(solid))
-    del content["world"]["undulation_m"]
-    for one in content["points"]:
-        for key in ("height_above_ground_m", "height_sigma_m", "height_source", "covariance_m3"):
-            del one[key]
-    (tmp_path / "results.json").write_text(json.dumps(content), encoding="utf-8")
-    again = load_results(tmp_path / "results.json")
-
-    assert set(again.points.height_source) == {""}
-    assert not again.points.is_off_ground.any()
-    assert again.world.ellipsoid_shift_m is None
-
-
 def test_geojson_has_heights_above_the_ellipsoid(solid: Result, points: dict[str, Record]) -> None:
     """RFC 7946, 3.1.1: what stands third is above the WGS 84 ellipsoid; judged by PROJ."""
     content, found = geojson_points(solid)

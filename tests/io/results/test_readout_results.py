@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from sample_results import sample_result
 
-from uavgram.io.results.results_json import dump_results, load_results, write_results
+from uavgram.io.results.results_json import load_results, write_results
 from uavgram.model.camera.readout import Readout
 from uavgram.model.result.shared import Estimate
 
@@ -36,16 +36,3 @@ def test_readout_and_sweep_come_back(tmp_path: Path) -> None:
     assert again.shared.readout_s is not None
     assert again.shared.readout_s.value[0] == 0.031
     np.testing.assert_array_equal(again.frames.sweep, sweep)
-
-
-def test_a_file_without_any_of_it_is_read(tmp_path: Path) -> None:
-    content = json.loads(dump_results(sample_result()))
-    del content["camera"]["readout"], content["shared"]["readout_s"]
-    for frame in content["frames"]:
-        del frame["moved_while_read"]
-    (tmp_path / "old.json").write_text(json.dumps(content))
-    old = load_results(tmp_path / "old.json")
-
-    assert old.shared.readout_s is None
-    assert old.camera.readout is None
-    assert not old.frames.sweep.any()

@@ -18,7 +18,7 @@ import pytest
 from pick_pages import LONGEST_WAIT_S, Server, ask, entry_by, entry_of, running, small_project
 
 from uavgram.cli import main
-from uavgram.io.project_lock import LOCK, is_locked
+from uavgram.io.locks import LOCK, is_locked
 from uavgram.picking.web.running import FILE, PATH, fresh_address
 from uavgram.picking.web.tokens import MOST_OPEN, Tokens
 

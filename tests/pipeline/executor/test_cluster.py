@@ -4,6 +4,7 @@ import sys
 import threading
 from collections.abc import Iterator
 
+import dask
 import distributed
 import pytest
 from executor_work import GO_ON, HELD_BY, STOPPED, fail_at_two, hang_once
@@ -17,9 +18,12 @@ from uavgram.pipeline.executor.cluster import Cluster, on_cluster
 @pytest.fixture
 def local(monkeypatch: pytest.MonkeyPatch) -> Iterator[distributed.LocalCluster]:
     monkeypatch.setattr(cores, "_allowed", [])  # workers of their own processes keep it
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
-    ) as started:
+    with (
+        dask.config.set({"distributed.scheduler.worker-ttl": "4s"}),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
+        ) as started,
+    ):
         yield started
 
 
@@ -35,10 +39,9 @@ def test_each_item_is_made_and_what_fails_stops_no_other(local: distributed.Loca
 
 
 def test_an_item_of_a_worker_that_fell_silent_is_made_by_another(
-    local: distributed.LocalCluster, monkeypatch: pytest.MonkeyPatch
+    local: distributed.LocalCluster,
 ) -> None:
     """One stops in the midst of its work: its connection stands, and nothing comes over it."""
-    monkeypatch.setattr(cluster, "SILENT_S", 4.0)
 
     def stop_the_busy() -> None:
         STOPPED.wait(30.0)

@@ -18,7 +18,6 @@ from uavgram.pipeline.plan.run import PlanOutputs, write_outputs
 PLAN = sample_plan()
 FILES = {
     *("field_sheet.html", "mission.plan", "plan.geojson", "plan.json", "plan.kml", "plan.rrd"),
-    "mission_litchi.csv",
     "scenario.yaml",
 }
 

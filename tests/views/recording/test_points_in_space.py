@@ -160,15 +160,6 @@ def test_a_survey_on_the_ground_has_none_of_this(flat: Contents) -> None:
         assert "llipsoid" not in text
 
 
-def test_results_of_versions_that_told_no_heights_have_none(result: Result) -> None:
-    unknown = np.full(len(result.points.label), np.nan)
-    points = replace(
-        result.points, height_above_ground_m=unknown, height_sigma_m=unknown, height_source=()
-    )
-
-    assert measure_scene(replace(result, points=points)).off_ground is None
-
-
 def test_the_side_view_looks_level_across_the_longer_side_and_has_all_in_it(
     result: Result,
 ) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import synthetic_survey as survey
@@ -62,21 +60,6 @@ def test_rough_ground_has_sigmas_and_no_heights_and_a_plane_has_neither() -> Non
     assert "stand off the ground" not in render_report(survey.build())
 
 
-def test_results_of_earlier_versions_have_no_heights_to_show() -> None:
-    result = survey.build()
-    count = len(result.points.label)
-    nothing = np.full(count, np.nan)
-    points = replace(
-        result.points,
-        height_above_ground_m=nothing,
-        height_sigma_m=nothing,
-        covariance_m3=np.full((count, 3, 3), np.nan),
-        height_source=(),
-    )
-
-    assert "height over the ground" not in table(replace(result, points=points))[0]
-
-
 def test_the_plan_marks_points_off_the_ground_and_writes_their_heights() -> None:
     result = raised(survey.build(lines=(), measures=()))
     view = top_view(result)
@@ -115,7 +98,7 @@ def test_the_method_tells_of_heights_where_there_are_some() -> None:
 
 @pytest.mark.parametrize(
     ("source", "sigma", "text"),
-    [("", np.nan, "–"), ("ground", 0.0, "on it"), ("free", 0.25, "1.500 ± 0.250 m, found")],
+    [("ground", 0.0, "on it"), ("free", 0.25, "1.500 ± 0.250 m, found")],
 )
 def test_heights_in_words(source: HeightSource, sigma: float, text: str) -> None:
     assert height_text(1.5, sigma, source) == text

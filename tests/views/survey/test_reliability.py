@@ -118,7 +118,7 @@ def test_the_report_says_what_could_be_wrong_unseen() -> None:
     assert "7 numbers, root mean square error 0.057 m, lengths 0.42 % on average" in page
 
 
-def test_a_result_of_before_has_a_report_without_all_this() -> None:
+def test_a_result_without_evidence_has_a_report_without_all_this() -> None:
     page = render_report(survey.build())
     assert "What could be wrong without being seen" not in page
     assert "Taken out as blunders" not in page

@@ -16,7 +16,7 @@ from uavgram.model.message import Message
 from uavgram.model.remedy import Remedy
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.result.verdict import NOT_JUDGED, Reason, Verdict
+from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.stages.products.map_layers import features_of
 from uavgram.views.report.page import render_report
 from uavgram.views.survey.verdict import (
@@ -74,14 +74,6 @@ def test_red_says_not_to_use_the_numbers_whatever_the_reason() -> None:
     assert 'class="verdict red"' in render_report(red)
 
 
-def test_a_result_that_nobody_judged_is_not_green() -> None:
-    unjudged = replace(survey.build(clean=True), verdict=NOT_JUDGED)
-
-    sentence = verdict_sentence(unjudged)
-    assert sentence.startswith("Verdict: amber, check this first: ")
-    assert "Nothing says whether" in sentence
-
-
 def test_the_only_measurement_is_given_with_what_is_missing() -> None:
     made = survey.build(clean=True)
     missing = Reason(
@@ -106,11 +98,8 @@ def test_without_a_measurement_there_is_no_verdict_anywhere() -> None:
     )
     assert headline(none) == "Nothing is measured yet"
     assert verdict_sentence(none) == "Verdict: none, as nothing is measured."
-    written_before = replace(none, verdict=survey.SUSPECT)
-    words = verdict_words(written_before)
-    assert words.level is None
-    assert words.sentence.startswith("Verdict: none, as nothing is measured. Line 'R3 hedge'")
-    assert light_line(written_before).startswith("Verdict: none, as nothing is measured.")
+    assert verdict_words(none).level is None
+    assert light_line(none).startswith("Verdict: none, as nothing is measured.")
     assert load_verdict(dump_verdict(none.verdict)) == none.verdict
     assert dump_verdict(none.verdict)["level"] is None
 

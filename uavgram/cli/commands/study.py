@@ -29,11 +29,9 @@ def study(
     Parameters
     ----------
     name
-        lengths, picks, view, camera, lines, telemetry, ground, distortion, plates, blunder, photos
-        or methods; or all.
+        lengths, picks, view, camera or methods; or all.
     repetitions
-        Draws of each photo; surveys of several photos, which run through the whole program, are
-        drawn a tenth as often.
+        Draws of each condition.
     workers
         Processes; 0: as many as there are cores.
     output

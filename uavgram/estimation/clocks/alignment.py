@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.clocks.camera_clock import CameraClock, fit_camera_clock, is_within
-from uavgram.estimation.clocks.offset_search import Search, search_offsets
+from uavgram.estimation.clocks.clock_line import ClockLine, fit_camera_clock
+from uavgram.estimation.clocks.offset_search import Fit, Search, search_offsets
 from uavgram.geometry.motion.running import windows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.pairing import PairStatus
@@ -30,14 +30,6 @@ _LINE_SIGMAS = 4.0
 _SPACING_SHARE = 0.6
 _FASTEST_S = 0.1
 _SPACINGS_AROUND = 21
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A clock offset [s] and how many photos fall on an event each under it."""
-
-    offset_s: float
-    matched: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +57,8 @@ class Alignment:
     """
 
     unique: bool
-    candidates: tuple[Candidate, ...]
-    clock: CameraClock
+    candidates: tuple[Fit, ...]
+    clock: ClockLine
     event_index: Ints
     status: tuple[PairStatus, ...]
     residual_s: Floats
@@ -76,16 +68,6 @@ class Alignment:
     def certain(self) -> Bools:
         """(F,) whether the pair can be relied on."""
         return np.array([status == "certain" for status in self.status], dtype=bool)
-
-    @property
-    def offset_s(self) -> float:
-        """Photo clock minus event clock at the middle of the pairs."""
-        return self.clock.offset_s
-
-    @property
-    def offset_sigma_s(self) -> float:
-        """Standard deviation of `offset_s`."""
-        return self.clock.offset_sigma_s
 
 
 def align(
@@ -115,12 +97,12 @@ def align(
     if not search.fits:
         return _none(len(photo))
     clock = _fitted(photo, resolution_s, event, search)
-    time = clock.to_event(photo)
+    time = clock.to_time(photo)
     tolerance = resolution_s / 2 + _gate_s(clock) + _LINE_SIGMAS * clock.sigma_at(time)
     index = _assigned(time, event, tolerance)
     return Alignment(
         unique=search.unique,
-        candidates=tuple(Candidate(fit.clock.offset_s, fit.matched) for fit in search.fits),
+        candidates=search.fits,
         clock=clock,
         event_index=index,
         status=_named(_status(time, event, index, tolerance)),
@@ -134,7 +116,7 @@ def _none(count: int) -> Alignment:
     return Alignment(
         unique=False,
         candidates=(),
-        clock=CameraClock(float("nan"), 0.0, 0.0),
+        clock=ClockLine(float("nan"), 0.0, 0.0),
         event_index=np.full(count, -1, dtype=np.int64),
         status=_named(np.full(count, 3)),
         residual_s=nothing,
@@ -142,17 +124,17 @@ def _none(count: int) -> Alignment:
     )
 
 
-def _gate_s(clock: CameraClock) -> float:
+def _gate_s(clock: ClockLine) -> float:
     """How far a shutter may be from its event beside the readings' step."""
-    return float(np.clip(_GATE_SIGMAS * clock.jitter_s, _GATE_FLOOR_S, _GATE_LIMIT_S))
+    return float(np.clip(_GATE_SIGMAS * clock.scatter_s, _GATE_FLOOR_S, _GATE_LIMIT_S))
 
 
-def _fitted(photo_s: Floats, resolution_s: float, event_s: Floats, search: Search) -> CameraClock:
+def _fitted(photo_s: Floats, resolution_s: float, event_s: Floats, search: Search) -> ClockLine:
     """The camera's clock from its unmistakable pairs; the scatter is theirs, not the search's."""
     clock = search.fits[0].clock
     reach = max(search.tolerance_s, resolution_s / 2 + _GATE_FLOOR_S)
     for _ in range(3):
-        time = clock.to_event(photo_s)
+        time = clock.to_time(photo_s)
         tolerance = np.full(len(time), reach)
         index = _assigned(time, event_s, tolerance)
         if not (index >= 0).any():
@@ -171,7 +153,7 @@ def _assigned(time_s: Floats, event_s: Floats, tolerance_s: Floats) -> Ints:
     On a line the cheapest assignment with a convex cost never crosses: it is monotone.
     """
     residual = time_s[:, None] - event_s[None, :]
-    inside = is_within(residual, tolerance_s[:, None])
+    inside = np.abs(residual) <= tolerance_s[:, None]
     index = np.full(len(time_s), -1, dtype=np.int64)
     if inside.sum(axis=1).max() <= 1 and inside.sum(axis=0).max() <= 1:  # nothing to choose
         rows, columns = np.nonzero(inside)
@@ -204,7 +186,7 @@ def _is_alone_both_ways(time_s: Floats, event_s: Floats, index: Ints, tolerance_
 
     An event that two photos could claim is nobody's for certain: one photo's own may be lost.
     """
-    claims = is_within(time_s[:, None] - event_s[None, :], tolerance_s[:, None])
+    claims = np.abs(time_s[:, None] - event_s[None, :]) <= tolerance_s[:, None]
     return np.asarray((claims.sum(axis=1) == 1) & (claims.sum(axis=0)[index] == 1) & (index >= 0))
 
 

@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.clock_line import ClockLine, fit_line, fit_lower_envelope
+from uavgram.estimation.clocks.clock_line import (
+    BOOT_DRIFT_SIGMA,
+    ClockLine,
+    fit_line,
+    fit_lower_envelope,
+)
 from uavgram.geometry.earth.gps_time import DAY_S, MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Boot, BootClock, ClockSamples
@@ -88,15 +93,15 @@ def to_boot(clock: BootClock, time_utc_s: Floats | float) -> Floats:
 
 
 def _line(samples: ClockSamples) -> ClockLine:
-    return fit_line(samples.time_boot_s, samples.utc_s)
+    return fit_line(samples.time_boot_s, samples.utc_s, BOOT_DRIFT_SIGMA)
 
 
 def _clock(line: ClockLine, systematic_s: float, source: str) -> BootClock:
     return BootClock(
-        offset_s=line.offset_s,
-        rate=line.rate,
+        offset_s=line.at(0.0),
+        rate=1.0 + line.drift,
         # what scatters need not be independent from reading to reading: no mean is better
-        sigma_s=float(np.hypot(max(line.sigma_s, line.scatter_s), systematic_s)),
+        sigma_s=float(np.hypot(max(line.offset_sigma_s, line.scatter_s), systematic_s)),
         source=source,
         drift_sigma=line.drift_sigma,
         scatter_s=line.scatter_s,
@@ -118,12 +123,11 @@ def _jumps(line: ClockLine, samples: ClockSamples) -> tuple[Message, ...]:
 
 def _is_dated(line: ClockLine, time_boot_s: Floats) -> bool:
     """Whether the line tells times at which there were autopilots."""
-    middle = line.offset_s + line.rate * float(np.median(time_boot_s))
-    return MIN_PLAUSIBLE_UTC_S < middle < MAX_PLAUSIBLE_UTC_S
+    return MIN_PLAUSIBLE_UTC_S < line.at(float(np.median(time_boot_s))) < MAX_PLAUSIBLE_UTC_S
 
 
 def _is_plausible(line: ClockLine, samples: ClockSamples) -> bool:
-    steady = abs(line.rate - 1) < _WORST_DRIFT and line.scatter_s < _WORST_SCATTER_S
+    steady = abs(line.drift) < _WORST_DRIFT and line.scatter_s < _WORST_SCATTER_S
     return steady and _is_dated(line, samples.time_boot_s)
 
 
@@ -146,13 +150,13 @@ def _gps_objection(line: ClockLine, gps: ClockSamples) -> str:
 def _objection(line: ClockLine, system: ClockSamples, station: ClockLine | None) -> str:
     """Why SYSTEM_TIME cannot be believed; empty where it can."""
     middle = float(np.median(system.time_boot_s))
-    stated = line.offset_s + line.rate * middle
+    stated = line.at(middle)
     if not _is_dated(line, system.time_boot_s):
         return f"is nonsense ({stated / (365.2425 * DAY_S) + 1970:.0f} as the year)"
     if not _is_plausible(line, system):
         return "does not keep pace with its boot clock"
     if station is not None:
-        apart = stated - (station.offset_s + station.rate * middle)
+        apart = stated - station.at(middle)
         if abs(apart) > DAY_S:
             return f"lies {apart / DAY_S:.1f} days off the ground station's clock"
     return ""
@@ -160,7 +164,7 @@ def _objection(line: ClockLine, system: ClockSamples, station: ClockLine | None)
 
 def _difference(line: ClockLine, station: ClockLine | None) -> tuple[Message, ...]:
     """A remark where the ground station's clock tells another time."""
-    apart = 0.0 if station is None else station.offset_s - line.offset_s
+    apart = 0.0 if station is None else station.at(0.0) - line.at(0.0)
     if abs(apart) < 1.0:
         return ()
     text = f"The ground station's clock is {apart:+.1f} s off the autopilot's UTC, which was used."

@@ -1,105 +1,139 @@
-"""A straight line between two clocks, from pairs of readings with outliers or with delays."""
+"""The line between two clocks, from pairs of readings: with outliers, delays, or coarse steps."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from uavgram.model.arrays import Floats
 
 # Autopilots were measured to run 18 to 146 ppm off; a short log must not invent more than that.
-DRIFT_SIGMA = 2e-4
+BOOT_DRIFT_SIGMA = 2e-4
+# Of a camera's clock against the autopilot's: quartz without temperature control stays within some
+# 50 ppm.
+CAMERA_DRIFT_SIGMA = 1e-4
+COARSE_S = 0.1  # clocks of a coarser step: the step outweighs what shutters scatter
+LEAST_JITTER_S = 0.001
+COARSE_JITTER_S = 0.02  # of shutters, where the readings are too coarse to tell
 _STEPS = 30
 _LONGEST_DELAY_S = 600.0  # a reading further off the others is damaged
 _TUKEY = 4.685  # of the biweight, 95 % efficient for normal errors (Huber 1981)
+_SIGNIFICANT = 3.0  # sigmas of a drift worth telling
+_FREE = 1e6  # sigma of a drift of which nothing is known beforehand
 
 
 @dataclass(frozen=True)
 class ClockLine:
-    """``other = offset_s + rate * time``.
+    """``other = time + offset_s + drift * (time - reference_s)``.
 
     Attributes
     ----------
-    offset_s, rate
-        Of the line.
+    offset_s, drift
+        Of the line; the offset holds at the reference, drift is dimensionless (1e-6 is 1 ppm).
+    reference_s
+        On the first clock.
+    offset_sigma_s, drift_sigma
+        Standard deviations, uncorrelated by the choice of the reference.
     scatter_s
-        Robust standard deviation of one pair about it.
-    sigma_s
-        Standard deviation of the line at the middle of the readings.
-    drift_sigma
-        Standard deviation of the rate.
+        Standard deviation of one pair about the line; of coarse clocks without the readings' step.
     """
 
     offset_s: float
-    rate: float
-    scatter_s: float
-    sigma_s: float
-    drift_sigma: float
+    drift: float
+    reference_s: float
+    offset_sigma_s: float = float("inf")
+    drift_sigma: float = CAMERA_DRIFT_SIGMA
+    scatter_s: float = 0.0
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the drift exceeds three of its sigmas."""
+        return abs(self.drift) > _SIGNIFICANT * self.drift_sigma
+
+    def at(self, time_s: float) -> float:
+        """Reading of the other clock at an instant of the first."""
+        return time_s + self.offset_s + self.drift * (time_s - self.reference_s)
+
+    def to_time(self, other_s: Floats) -> Floats:
+        """(N,) instants of the first clock at readings of the other."""
+        since = (other_s - self.offset_s - self.reference_s) / (1.0 + self.drift)
+        return np.asarray(self.reference_s + since)
 
     def residual_s(self, time_s: Floats, other_s: Floats) -> Floats:
         """(N,) by how much readings of the other clock are ahead of the line."""
         # the offset last: beside 1e9 s a microsecond of the others would be lost
-        return np.asarray((other_s - self.offset_s) - self.rate * time_s)
+        since = self.drift * (time_s - self.reference_s)
+        return np.asarray((other_s - time_s - self.offset_s) - since)
+
+    def sigma_at(self, time_s: Floats) -> Floats:
+        """(N,) standard deviation of the line at these instants [s]."""
+        return np.asarray(
+            np.hypot(self.offset_sigma_s, self.drift_sigma * (time_s - self.reference_s))
+        )
 
 
-def fit_line(time_s: Floats, other_s: Floats) -> ClockLine:
-    """Fit a line by iteratively reweighted least squares (Tukey's biweight).
+def fit_line(
+    time_s: Floats, other_s: Floats, drift_sigma: float, scatter_s: float | None = None
+) -> ClockLine:
+    """Fit a line; its drift has a prior of zero.
 
-    The start is robust: the median slope of pairs half the data apart (after Theil and Sen), so
-    up to a quarter of wrong pairs cannot pull it.
+    By least squares where the scatter is known. Else by iteratively reweighted least squares
+    (Tukey's biweight), from the median slope of pairs half the data apart (after Theil and Sen),
+    so up to a quarter of wrong pairs cannot pull it.
 
     Parameters
     ----------
     time_s, other_s
         (N,) readings of the two clocks at the same instants, N >= 1.
+    drift_sigma
+        Of the prior.
+    scatter_s
+        Of one pair.
     """
-    middle = float(np.mean(time_s))
-    t = time_s - middle
-    base = float(np.median(other_s - time_s))
-    y = (other_s - time_s) - base  # small numbers: the clocks themselves are 1e9 s large
-    slope = _start_slope(t, y)
-    level = float(np.median(y - slope * t))
-    scatter = 0.0
-    weight = np.ones(len(t))
-    for _ in range(_STEPS):
-        residual = y - level - slope * t
-        # readings are digital: below a microsecond there is nothing to weigh
-        scatter = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
-        weight = np.clip(1 - (residual / (_TUKEY * scatter)) ** 2, 0, None) ** 2
-        previous = (level, slope)
-        level, slope = _weighted_line(t, y, weight, scatter)
-        if abs(level - previous[0]) < 1e-9 and abs(slope - previous[1]) < 1e-12:
-            break
-    rate = 1.0 + slope
+    reference = float(time_s.sum()) / len(time_s)
+    t = time_s - reference
+    apart = other_s - time_s
+    base = float(apart[0])
+    y = apart - base  # small numbers: the clocks themselves are 1e9 s large
+    if scatter_s is not None:
+        level = float(y.sum()) / len(y)
+        scatter, total, square = scatter_s, float(len(t)), float(t @ t)
+        slope = float(t @ (y - level)) / (square + (scatter / drift_sigma) ** 2)
+    else:
+        slope = _start_slope(t, y, 10 * drift_sigma)
+        level, scatter, weight = float(np.median(y - slope * t)), 0.0, np.ones(len(t))
+        for _ in range(_STEPS):
+            residual = y - level - slope * t
+            # readings are digital: below a microsecond there is nothing to weigh
+            scatter = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
+            weight = np.clip(1 - (residual / (_TUKEY * scatter)) ** 2, 0, None) ** 2
+            previous, moment = (level, slope), weight @ t
+            normal = [
+                [weight.sum(), moment],
+                [moment, weight @ t**2 + (scatter / drift_sigma) ** 2],
+            ]
+            level, slope = np.linalg.solve(normal, [weight @ y, weight @ (t * y)]).tolist()
+            if abs(level - previous[0]) < 1e-9 and abs(slope - previous[1]) < 1e-12:
+                break
+        total, square = float(weight.sum()), float(weight @ t**2)
     return ClockLine(
-        offset_s=base + level + middle - rate * middle,
-        rate=rate,
+        offset_s=base + level,
+        drift=slope,
+        reference_s=reference,
+        offset_sigma_s=float(scatter / np.sqrt(max(total, 1.0))),
+        drift_sigma=float(scatter / np.sqrt(square + (scatter / drift_sigma) ** 2)),
         scatter_s=scatter,
-        sigma_s=float(scatter / np.sqrt(max(float(weight.sum()), 1.0))),
-        drift_sigma=float(scatter / np.sqrt(weight @ t**2 + (scatter / DRIFT_SIGMA) ** 2)),
     )
 
 
-def _start_slope(t: Floats, y: Floats) -> float:
+def _start_slope(t: Floats, y: Floats, most: float) -> float:
     half = len(t) // 2
     if half < 2:
         return 0.0
     apart = t[half:] - t[: len(t) - half]
     slopes = (y[half:] - y[: len(y) - half])[apart > 0] / apart[apart > 0]
-    if not len(slopes):
-        return 0.0
-    return float(np.clip(np.median(slopes), -10 * DRIFT_SIGMA, 10 * DRIFT_SIGMA))
-
-
-def _weighted_line(t: Floats, y: Floats, weight: Floats, scatter: float) -> tuple[float, float]:
-    """Level and slope; the slope has a prior of zero with `DRIFT_SIGMA`."""
-    prior = (scatter / DRIFT_SIGMA) ** 2
-    normal = np.array(
-        [[weight.sum(), weight @ t], [weight @ t, weight @ t**2 + prior]], dtype=np.float64
-    )
-    level, slope = np.linalg.solve(normal, np.array([weight @ y, weight @ (t * y)]))
-    return float(level), float(slope)
+    return float(np.clip(np.median(slopes), -most, most)) if len(slopes) else 0.0
 
 
 def fit_lower_envelope(time_s: Floats, other_s: Floats, bin_s: float = 5.0) -> ClockLine:
@@ -122,4 +156,62 @@ def fit_lower_envelope(time_s: Floats, other_s: Floats, bin_s: float = 5.0) -> C
     order = np.lexsort((late, np.floor((time_s - time_s[0]) / bin_s)))
     bins = np.floor((time_s[order] - time_s[0]) / bin_s)
     least = order[np.diff(bins, prepend=-np.inf) > 0]
-    return fit_line(time_s[least], other_s[least])
+    return fit_line(time_s[least], other_s[least], BOOT_DRIFT_SIGMA)
+
+
+def fit_camera_clock(event_s: Floats, reading_s: Floats, resolution_s: float) -> ClockLine:
+    """Fit the line to pairs of events and a camera's readings, with its standard deviations.
+
+    A fine clock's pairs scatter normally: least squares. A coarse clock's error is uniform over
+    its step: every pair bounds the line, the middle between the extremes is the best offset, and
+    what they leave open is its uncertainty. Readings that all fall on the same part of a step
+    (exposures at whole seconds) leave the whole step open, however many they are.
+
+    Parameters
+    ----------
+    event_s, reading_s
+        (N,) times of the events on their own clock, and the camera's readings; N >= 1.
+    resolution_s
+        Step of the readings.
+    """
+    coarse, least = resolution_s > COARSE_S, max(resolution_s / np.sqrt(12.0), LEAST_JITTER_S)
+    free = fit_line(event_s, reading_s, _FREE, least)
+    if len(event_s) < 2:
+        sigma = float(np.hypot(resolution_s, COARSE_JITTER_S))
+        return ClockLine(free.offset_s, 0.0, free.reference_s, sigma)
+    residual = free.residual_s(event_s, reading_s)
+    scatter = max(float(np.std(residual)), least)
+    open_s = max(resolution_s - float(np.ptp(residual)), 0.0) if coarse else 0.0
+    # what the readings leave open is common to all: as if each scattered by it
+    lever = float(np.sqrt(np.sum((event_s - free.reference_s) ** 2)))
+    common = open_s * lever / max(float(np.ptp(event_s)), 1e-3)
+    line = fit_line(event_s, reading_s, CAMERA_DRIFT_SIGMA, float(np.hypot(scatter, common)))
+    residual = line.residual_s(event_s, reading_s)
+    if not coarse:
+        return replace(line, scatter_s=max(float(np.std(residual)), LEAST_JITTER_S))
+    middle, sigma = _middle(residual, resolution_s)
+    return replace(
+        line,
+        offset_s=line.offset_s + middle,
+        offset_sigma_s=sigma,
+        scatter_s=COARSE_JITTER_S,
+    )
+
+
+def _middle(residual_s: Floats, resolution_s: float) -> tuple[float, float]:
+    """Offset and its sigma from readings with a uniform error.
+
+    The midrange of n uniform errors of full width w has sigma w / sqrt(2 (n + 1) (n + 2))
+    (Johnson, Kotz and Balakrishnan 1995, Continuous univariate distributions 2, chapter 26).
+    Readings that do not fill the step leave the offset open over the rest of it; readings that
+    exceed it by more than shutters scatter do not belong together, by as much as they exceed it.
+    """
+    # A pair of another event lies outside: the most readings that one step can hold count.
+    ordered = np.sort(residual_s)
+    held = np.searchsorted(ordered, ordered + resolution_s + 2 * COARSE_JITTER_S, side="right")
+    first = int(np.argmax(held - np.arange(len(ordered))))
+    n = int(held[first]) - first
+    low, high = float(ordered[first]), float(ordered[held[first] - 1])
+    filled = resolution_s / np.sqrt(2.0 * (n + 1) * (n + 2))
+    rest = abs(resolution_s - (high - low)) / np.sqrt(12.0)
+    return (low + high) / 2, float(np.sqrt(filled**2 + rest**2 + COARSE_JITTER_S**2 / 4))

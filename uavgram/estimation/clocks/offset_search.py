@@ -14,12 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import bdtrc
 
-from uavgram.estimation.clocks.camera_clock import (
+from uavgram.estimation.clocks.clock_line import (
+    CAMERA_DRIFT_SIGMA,
     COARSE_S,
-    DRIFT_SIGMA,
-    CameraClock,
-    is_within,
-    rough_clock,
+    ClockLine,
+    fit_line,
 )
 from uavgram.geometry.motion.running import running_median
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -56,7 +55,7 @@ class Fit:
         Photos without an event where one may be missing from the log.
     """
 
-    clock: CameraClock
+    clock: ClockLine
     event_index: Ints
     matched: int
     excused: int
@@ -103,9 +102,9 @@ def search_offsets(
         Between which the offset must lie.
     """
     loose = resolution_s / 2 + _SCATTERS * MOST_SCATTER_S
-    wide = loose + 1.5 * DRIFT_SIGMA * float(np.ptp(photo_s)) / 2
+    wide = loose + 1.5 * CAMERA_DRIFT_SIGMA * float(np.ptp(photo_s)) / 2
     start = float(event_s[0])
-    peaks = [CameraClock(p, 0.0, start) for p in _peaks(photo_s, event_s, wide, bounds_s)]
+    peaks = [ClockLine(p, 0.0, start) for p in _peaks(photo_s, event_s, wide, bounds_s)]
     rough = [_settle(photo_s, event_s, c, (wide, max(wide / 2, loose), loose)) for c in peaks]
     clocks = [c for c in rough if c is not None]
     tolerance = _best_tolerance(photo_s, resolution_s, event_s, clocks)
@@ -124,7 +123,7 @@ def search_offsets(
 
 
 def _best_tolerance(
-    photo_s: Floats, resolution_s: float, event_s: Floats, clocks: list[CameraClock]
+    photo_s: Floats, resolution_s: float, event_s: Floats, clocks: list[ClockLine]
 ) -> float:
     """The tolerance that suits the hypothesis with the highest likelihood.
 
@@ -135,15 +134,15 @@ def _best_tolerance(
     if resolution_s > COARSE_S:
         return tolerance
     for clock in clocks:
-        residual, index = nearest(clock.to_event(photo_s), event_s)
+        residual, index = nearest(clock.to_time(photo_s), event_s)
         reach = resolution_s / 2 + _SCATTERS * MOST_SCATTER_S
         for _ in range(4):
-            near = is_within(residual, reach)
+            near = np.abs(residual) <= reach
             middle = float(residual[near].mean()) if near.any() else 0.0
             scatter = float(np.std(residual[near])) if near.sum() > 2 else MOST_SCATTER_S
             scatter = float(np.clip(scatter, LEAST_SCATTER_S, MOST_SCATTER_S))
             residual, reach = residual - middle, resolution_s / 2 + _SCATTERS * scatter
-        pairs = len(np.unique(index[is_within(residual, reach)]))
+        pairs = len(np.unique(index[np.abs(residual) <= reach]))
         score = pairs * np.log(_PAIR_ODDS / _by_chance(event_s, reach))
         if score > best:
             best, tolerance = score, reach
@@ -186,25 +185,30 @@ def _peaks(
 
 
 def _settle(
-    photo_s: Floats, event_s: Floats, clock: CameraClock, tolerances_s: tuple[float, ...]
-) -> CameraClock | None:
+    photo_s: Floats, event_s: Floats, clock: ClockLine, tolerances_s: tuple[float, ...]
+) -> ClockLine | None:
     """Draw the tolerance in about the pairs; None where none are left."""
     for tolerance in tolerances_s:
-        residual, index = nearest(clock.to_event(photo_s), event_s)
-        near = is_within(residual, tolerance)
+        residual, index = nearest(clock.to_time(photo_s), event_s)
+        near = np.abs(residual) <= tolerance
         if not near.any():
             return None
-        clock = rough_clock(event_s[index[near]], photo_s[near], tolerance / np.sqrt(3.0))
+        clock = fit_line(
+            event_s[index[near]],
+            photo_s[near],
+            CAMERA_DRIFT_SIGMA,
+            tolerance / np.sqrt(3.0),
+        )
     return clock
 
 
 def _judged(
-    photo_s: Floats, event_s: Floats, usual_s: Floats, clock: CameraClock, tolerance_s: float
+    photo_s: Floats, event_s: Floats, usual_s: Floats, clock: ClockLine, tolerance_s: float
 ) -> Fit:
     """Pairs of a settled clock, and which photos without one are excused."""
-    time = clock.to_event(photo_s)
+    time = clock.to_time(photo_s)
     residual, index = nearest(time, event_s)
-    near = is_within(residual, tolerance_s)
+    near = np.abs(residual) <= tolerance_s
     matched = len(np.unique(index[near]))
     excused = int(_may_be_missing(time[~near], event_s, usual_s, tolerance_s).sum())
     allowed = max(2, int(_LOST_SHARE * matched))

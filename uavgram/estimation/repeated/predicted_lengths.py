@@ -14,9 +14,6 @@ from uavgram.estimation.repeated.photo_step import State, draws_last, linearise
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
 
-WITHIN = 6.0
-"""Sigmas of errors that are believed to be errors of the same solution."""
-
 
 class PredictedLengths(NamedTuple):
     """M variances [m²], what of them comes from each source, and what second order adds.
@@ -54,17 +51,6 @@ class PredictedLengths(NamedTuple):
         """
         whole = self.variance + self.bent.variance + self.bent.bias**2
         return np.sqrt(np.where(np.isfinite(whole), whole, self.variance))
-
-    @property
-    def reach_m(self) -> Floats:
-        """(M,) largest error that errors within six sigmas make, to second order.
-
-        What lies farther is another solution; no sigma tells of that. Infinite where second order
-        is not known.
-        """
-        spread = np.sqrt(2.0 * self.bent.variance)  # of the second derivatives, Frobenius' norm
-        reach = WITHIN * np.sqrt(self.variance) + 0.5 * WITHIN**2 * spread
-        return np.where(np.isfinite(reach), reach, np.inf)
 
 
 def predict_lengths(

@@ -33,7 +33,6 @@ from uavgram.model.result.result import Result, SolutionSummary
 from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
 from uavgram.model.result.tables import MonteCarloResults
 from uavgram.model.result.ties import TieSummary
-from uavgram.model.result.verdict import NOT_JUDGED
 from uavgram.model.survey.world import Geodetic, World
 
 SCHEMA = 1
@@ -129,31 +128,31 @@ def _result(content: Record) -> Result:
         name=decode(str, content["name"]),
         provenance=_load_provenance(content["provenance"]),
         world=_load_world(content["world"]),
-        camera=from_record(Calibration, {"readout": None} | content["camera"]),
-        shared=_load_shared(content["shared"], {"drift_ppm": None} | content["clock"]),
+        camera=from_record(Calibration, content["camera"]),
+        shared=_load_shared(content["shared"], content["clock"]),
         areas=tuple(_load_plane(area) for area in content["areas"]),
         frames=tables.load_frames(content["frames"]),
         points=tables.load_points(content["points"]),
         lines=tables.LINES.load(content["lines"]),
-        known=tables.KNOWN.load(content.get("known", [])),
-        control_lines=tables.CONTROL_LINES.load(content.get("control_lines", [])),
-        picks=tables.load_picks(content["picks"]),
+        known=tables.KNOWN.load(content["known"]),
+        control_lines=tables.CONTROL_LINES.load(content["control_lines"]),
+        picks=tables.PICKS.load(content["picks"]),
         measurements=tables.load_measurements(rows, content["measurement_correlation"]),
-        profiles=tables.PROFILES.load(content.get("profiles", [])),
+        profiles=tables.PROFILES.load(content["profiles"]),
         monte_carlo=decode(MonteCarloResults | None, content["monte_carlo"]),
         second_order=tables.load_second_order(rows),
         evidence=tables.load_evidence(content),
-        removals=decode(tuple[RemovalRecord, ...], content.get("removals", [])),
+        removals=decode(tuple[RemovalRecord, ...], content["removals"]),
         error_budget=_load_error_budget(content.get("error_budget")),
-        checks_overall=decode(ChecksOverall | None, content.get("checks_overall")),
+        checks_overall=decode(ChecksOverall | None, content["checks_overall"]),
         point_checks=tables.POINT_CHECKS.load([c for c in checks if "label" in c]),
         line_checks=tables.LINE_CHECKS.load([c for c in checks if "label" not in c]),
         solution=from_record(SolutionSummary, content["solution"]),
-        noise=_load_noise(content.get("noise")),
-        orientation=decode(OrientationCorrelation | None, content.get("orientation")),
-        ties=decode(TieSummary | None, content.get("ties")),
+        noise=_load_noise(content["noise"]),
+        orientation=decode(OrientationCorrelation | None, content["orientation"]),
+        ties=decode(TieSummary | None, content["ties"]),
         messages=tuple(load_message(record) for record in content["messages"]),
-        verdict=load_verdict(content.get("verdict") or dump_verdict(NOT_JUDGED)),
+        verdict=load_verdict(content["verdict"]),
     )
 
 
@@ -198,14 +197,10 @@ def _refuse_constant(name: str) -> float:
 
 
 def load_message(record: Record) -> Message:
-    """Inverse of `Message.record`; those of earlier versions have no subjects."""
+    """Inverse of `Message.record`; what a message does not have is left out there."""
     none = dict.fromkeys((*SUBJECTS, *NUMBERS), ())
     # What would put it right stands with the verdict.
     return from_record(Message, none | record, several=None, plain="", mend=None, instead=())
-
-
-_EARLIER_WORLD: Record = {"crs": None, "undulation_m": None}
-"""What the world lacks in files of earlier versions."""
 
 
 def _dump_world(world: World) -> Record:
@@ -217,7 +212,7 @@ def _dump_world(world: World) -> Record:
 def _load_world(record: Record) -> World:
     place = decode(tuple[float, ...], [record[key] for key in Geodetic._fields])
     known = np.isfinite(place).all()
-    return from_record(World, _EARLIER_WORLD | record, origin=Geodetic(*place) if known else None)
+    return from_record(World, record, origin=Geodetic(*place) if known else None)
 
 
 def dump_inputs(inputs: Iterable[InputDigest]) -> Record:
@@ -229,7 +224,7 @@ def _load_provenance(record: Record) -> Provenance:
     """What made the result; lists in the options become tuples."""
     return from_record(
         Provenance,
-        {"made_by": ""} | record,
+        record,
         inputs=tuple(
             InputDigest(
                 path=path,
@@ -304,10 +299,10 @@ def _load_shared(record: Record, clock: Record) -> SharedResult:
     return SharedResult(
         **{key: None if record[key] is None else _load_estimate(record[key]) for key in _TELEMETRY},
         clock_offset_s=_load_clock(clock["offset_s"], clock["sigma_s"]),
-        clock_drift_ppm=_load_clock(clock["drift_ppm"], clock.get("drift_sigma_ppm")),
-        readout_s=_load_estimate(readout) if (readout := record.get("readout_s")) else None,
+        clock_drift_ppm=_load_clock(clock["drift_ppm"], clock["drift_sigma_ppm"]),
+        readout_s=None if record["readout_s"] is None else _load_estimate(record["readout_s"]),
         intrinsics=_load_estimate(record["intrinsics"]),
-        tape_scale={name: _load_estimate(x) for name, x in record.get("tape_scale", {}).items()},
+        tape_scale={name: _load_estimate(x) for name, x in record["tape_scale"].items()},
     )
 
 
@@ -355,8 +350,8 @@ def _load_noise(record: Record | None) -> Noise | None:
         roughness=tuple(
             from_record(AreaNoise, one, area=area) for area, one in record["roughness"].items()
         ),
-        lengths=decode(LearntSigma | None, record.get("lengths")),
-        identification=decode(LearntSigma | None, record.get("identification")),
+        lengths=decode(LearntSigma | None, record["lengths"]),
+        identification=decode(LearntSigma | None, record["identification"]),
     )
 
 

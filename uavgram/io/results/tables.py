@@ -78,29 +78,6 @@ _SECOND_ORDER = Table(
 )
 
 
-_EARLIER_POINT: Record = {
-    "departure_m": None,
-    "departure_sigma_m": None,
-    "height_above_ground_m": None,
-    "height_sigma_m": None,
-    "covariance_m3": [[None] * 3] * 3,
-    "height_source": "",
-    "neighbour_sigma_m": None,
-    "neighbours": [],
-}
-"""What points lack in files of earlier versions."""
-
-
-_EARLIER_FRAME: Record = {"moved_while_read": [0.0] * 6, "ties": 0, "ties_rms_px": None}
-_EARLIER_PICK: Record = {"source": "hand", "score": None}
-"""What frames and picks lack in files of earlier versions."""
-
-
-def load_picks(records: Sequence[Record]) -> PickResults:
-    """Picks of a results file."""
-    return PICKS.load([_EARLIER_PICK | row for row in records])
-
-
 def dump_frames(frames: FrameResults) -> list[Record]:
     """Frames; a pose that a frame does not have is null."""
     seed, refined = _dump_poses(frames.seed), _dump_poses(frames.refined)
@@ -110,7 +87,6 @@ def dump_frames(frames: FrameResults) -> list[Record]:
 
 def load_frames(records: Sequence[Record]) -> FrameResults:
     """Inverse of `dump_frames`."""
-    records = [_EARLIER_FRAME | row for row in records]
     return _FRAMES.load(
         records, **{key: _load_poses([row[key] for row in records]) for key in ("seed", "refined")}
     )
@@ -139,10 +115,10 @@ def dump_points(points: PointResults) -> list[Record]:
 
 def load_points(records: Sequence[Record]) -> PointResults:
     """Inverse of `dump_points`."""
-    nothing = {"covariance_m3": _EARLIER_POINT["covariance_m3"]}
+    nothing = {"covariance_m3": [[None] * 3] * 3}  # left out of points on the ground
     relative = [nothing | row["relative"] for row in records]
     return _POINTS.load(
-        [_EARLIER_POINT | row for row in records],
+        records,
         **_load_ellipses(records),
         relative=_RELATIVE.load(relative, **_load_ellipses(relative)),
     )
@@ -165,21 +141,11 @@ def _load_ellipses(records: Sequence[Record]) -> Record:
     }
 
 
-_LATER: Record = {
-    "alternative_values": [],
-    "shift_relief_10cm": None,
-    "shift_tape_1pct": None,
-    "parameters": "",
-    "status": "not-checked",
-}
-"""What earlier files do not have."""
-
-
 def load_measurements(records: Sequence[Record], correlation: Json) -> MeasurementResults:
     """Measured values, their correlation beside them."""
     n = len(records)
     return MEASUREMENTS.load(
-        [_LATER | {"sigma_stated": row["sigma"]} | row for row in records],
+        records,
         correlation=numbers(correlation, n, n),
     )
 

@@ -10,7 +10,7 @@ from uavgram.model.remedy import Correction, Remedy
 from uavgram.model.result.verdict import Reason, Verdict
 
 _ADDED: Record = {"plain": "", "mend": None, "instead": []}
-"""Keys of a reason that earlier versions did not write; what says nothing is left out."""
+"""Keys of a reason that are left out where they say nothing."""
 
 
 def dump_verdict(verdict: Verdict) -> Record:
@@ -19,7 +19,7 @@ def dump_verdict(verdict: Verdict) -> Record:
 
 
 def load_verdict(record: Record) -> Verdict:
-    """Inverse of `dump_verdict`; of earlier versions too."""
+    """Inverse of `dump_verdict`."""
     return from_record(
         Verdict, record, reasons=tuple(_load_reason(one) for one in record["reasons"])
     )

@@ -32,7 +32,7 @@ from uavgram.model.result.tables import (
     PointResults,
 )
 from uavgram.model.result.ties import TieSummary
-from uavgram.model.result.verdict import NOT_JUDGED, Verdict
+from uavgram.model.result.verdict import Verdict
 from uavgram.model.survey.world import World
 
 
@@ -119,12 +119,11 @@ class Result:
     noise: Noise | None = None
     """How large errors are, as the survey shows; None where the stated sigmas were kept."""
     orientation: OrientationCorrelation | None = None
-    """What the poses have in common with camera and plane; None in results of versions that did not
-    tell."""
+    """What the poses have in common with camera and plane; None where nothing was adjusted."""
     ties: TieSummary | None = None
     """All tie points together; None where none took part."""
     messages: tuple[Message, ...]
-    verdict: Verdict = NOT_JUDGED
+    verdict: Verdict
 
     @property
     def plane(self) -> AreaPlane:

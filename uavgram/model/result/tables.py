@@ -18,7 +18,7 @@ from uavgram.model.survey.observations import Source
 FrameStatus = Literal["refined", "seeded", "unmatched", "rejected"]
 LineStatus = Literal["used", "suspect", "removed", "checked", "unseen"]
 PickStatus = Literal["used", "suspect", "removed", "unused"]
-HeightSource = Literal["", "ground", "stated", "free", "found"]
+HeightSource = Literal["ground", "stated", "free", "found"]
 """Where a point's height over the ground is from."""
 
 
@@ -129,25 +129,22 @@ class PointResults(FrozenArrays):
         out. It tells how well the scene's shape is known, whatever the receiver's bias.
     departure_m, departure_sigma_m
         (K,) how far the ground under the point lies above the plane of its area; both 0 where the
-        ground is a plane, NaN in results of versions that did not tell.
+        ground is a plane.
     height_above_ground_m, height_sigma_m
         (K,) over the ground below, smooth as it was adjusted; both 0 of a point on the ground. The
-        sigma of a point off it contains how rough the ground is. NaN in results of versions that
-        did not tell.
+        sigma of a point off it contains how rough the ground is.
     covariance_m3
-        (K, 3, 3) of east, north and up [m2]; NaN likewise.
+        (K, 3, 3) of east, north and up [m2].
     height_source
         (K,) where the height is from: the ``ground``, ``stated``, ``free`` as someone said, or
-        ``found`` by the adjustment though nobody said so; empty in results of earlier versions.
-        Left out, what heights and sigmas tell.
+        ``found`` by the adjustment though nobody said so.
     latitude_deg, longitude_deg
         (K,) NaN with gauge ``plane``.
     frames
         (K,) the names of the frames in which it was picked and used.
     neighbour_sigma_m
         (K,) how well it is known against the points next to it: the median of the standard
-        deviations of the distances to them. NaN of a point that is alone, and in results of
-        versions that did not tell.
+        deviations of the distances to them. NaN of a point that is alone.
     neighbours
         (K,) their names, the nearest first.
     """
@@ -158,15 +155,15 @@ class PointResults(FrozenArrays):
     ellipse_95_m: Annotated[Floats, "n", 2]
     ellipse_azimuth_rad: Annotated[Floats, "n"]
     relative: PlanarUncertainty
-    departure_m: Annotated[Floats, "n", NAN_IS_NONE]
-    departure_sigma_m: Annotated[Floats, "n", NAN_IS_NONE]
-    height_above_ground_m: Annotated[Floats, "n", NAN_IS_NONE]
-    height_sigma_m: Annotated[Floats, "n", NAN_IS_NONE]
-    covariance_m3: Annotated[Floats, "n", 3, 3, NAN_IS_NONE]
+    departure_m: Annotated[Floats, "n"]
+    departure_sigma_m: Annotated[Floats, "n"]
+    height_above_ground_m: Annotated[Floats, "n"]
+    height_sigma_m: Annotated[Floats, "n"]
+    covariance_m3: Annotated[Floats, "n", 3, 3]
     latitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     longitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     frames: tuple[tuple[str, ...], ...]
-    height_source: Annotated[tuple[HeightSource, ...], "n"] = ()
+    height_source: Annotated[tuple[HeightSource, ...], "n"]
     neighbour_sigma_m: Annotated[Floats, "n", NAN_IS_NONE] = field(
         default_factory=lambda: np.zeros(0)
     )
@@ -176,18 +173,12 @@ class PointResults(FrozenArrays):
         if not self.neighbours:
             object.__setattr__(self, "neighbour_sigma_m", np.full(len(self.label), np.nan))
             object.__setattr__(self, "neighbours", ((),) * len(self.label))
-        if not self.height_source:
-            told = np.isfinite(self.height_above_ground_m)
-            off = np.where(self.height_sigma_m > 0, "free", "stated")
-            words = np.where(self.is_off_ground, off, np.where(told, "ground", ""))
-            object.__setattr__(self, "height_source", tuple(words.tolist()))
         super().__post_init__()
 
     @property
     def is_off_ground(self) -> Bools:
         """(K,) whether a point stands off the ground."""
-        height, sigma = self.height_above_ground_m, self.height_sigma_m
-        return np.asarray((np.nan_to_num(height) != 0) | (sigma > 0))
+        return np.asarray((self.height_above_ground_m != 0) | (self.height_sigma_m > 0))
 
     @property
     def departs(self) -> Bools:
@@ -311,8 +302,7 @@ class MeasurementResults:
     parameters
         (M,) as measure.csv has them, such as ``mu=0.7;mu_sigma=0.05``; left out, there are none.
     status
-        (M,) how far each can be trusted; left out, and in results of earlier versions, nothing
-        checked them.
+        (M,) how far each can be trusted; left out, nothing checked them.
     """
 
     name: Annotated[tuple[str, ...], "n"]

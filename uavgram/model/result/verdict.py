@@ -30,8 +30,7 @@ class Reason:
     frames, labels, lengths, measurements
         Names of what it speaks of.
     plain
-        What is wrong, in one sentence without numbers of tests; empty in results of earlier
-        versions.
+        What is wrong, in one sentence without numbers of tests; may be empty.
     mend
         What would put it right; None where only a person can.
     instead
@@ -58,16 +57,3 @@ class Verdict:
 
     level: VerdictLevel | None
     reasons: tuple[Reason, ...] = ()
-
-
-NOT_JUDGED = Verdict(
-    level="amber",
-    reasons=(
-        Reason(
-            cause="not-judged",
-            text="Nothing says whether this result can be trusted. It is of an earlier version: "
-            "run the project again.",
-        ),
-    ),
-)
-"""Of a result of a version that passed no verdict."""

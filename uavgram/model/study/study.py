@@ -23,7 +23,7 @@ class Cell:
         Where on the axis, and in words.
     predicted_m
         Root mean square, over the withheld distances, of the errors to expect: sigmas and mean
-        errors without any noise, of single photos to second order.
+        errors without any noise, to second order.
     simulated_m
         Of the errors that the repetitions made.
     ratio, ratio_range
@@ -31,17 +31,9 @@ class Cell:
     bias_m
         Root mean square of the mean errors.
     shares
-        What each of `SOURCES` has of the predicted variance, to first order; empty where that is
-        not told.
-    told
-        Share of repetitions whose misfit shows that something is wrong (1 in 1,000 by chance).
+        What each of `SOURCES` has of the predicted variance, to first order.
     repetitions, lost
         How many were drawn, and how many gave no result.
-    is_model
-        Whether the world is what the program takes for granted.
-    elsewhere
-        Repetitions that ended at another solution than the true one, where the world is the model;
-        the errors are those of the others.
     """
 
     curve: str
@@ -53,11 +45,8 @@ class Cell:
     ratio_range: tuple[float, float]
     bias_m: float
     shares: tuple[float, ...]
-    told: float
     repetitions: int
     lost: int
-    is_model: bool
-    elsewhere: int = 0
 
     def share(self, source: str) -> float:
         """What a source of errors has of the predicted variance."""
@@ -96,11 +85,6 @@ class Study:
         """Methods by setting, in their order; the usual one first."""
         names = dict.fromkeys(row.setting for row in self.methods)
         return {name: tuple(r for r in self.methods if r.setting == name) for name in names}
-
-    @property
-    def has_names(self) -> bool:
-        """Whether names stand along the axis, not numbers."""
-        return any("\n" in cell.label for cell in self.cells)
 
     @property
     def curves(self) -> dict[str, tuple[Cell, ...]]:

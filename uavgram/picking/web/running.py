@@ -19,8 +19,8 @@ from pathlib import Path
 
 from uavgram.config.project import load_project
 from uavgram.errors import UavgramError
+from uavgram.io.locks import is_locked
 from uavgram.io.own_files import check_own, open_own, read_own
-from uavgram.io.project_lock import is_locked
 
 log = logging.getLogger(__name__)
 

@@ -1,6 +1,6 @@
 """Processes that stay: each imports once, takes one item after another, and may die alone.
 
-Python's own pool gives up all work when one of its processes dies, and never looks at their memory.
+Each is a pool of Python's own with one process: where one dies, the others lose nothing.
 """
 
 from __future__ import annotations
@@ -10,15 +10,17 @@ import os
 import pickle
 import signal
 import sys
+import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context, resource_tracker
-from multiprocessing.connection import Connection, wait
+from functools import partial
+from multiprocessing import active_children, get_context, parent_process, resource_tracker
 from multiprocessing.context import BaseContext
-from multiprocessing.process import BaseProcess
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 from uavgram.errors import UavgramError
 from uavgram.pipeline.cores import use_one_core
@@ -83,38 +85,59 @@ class Bounds:
 
 
 class _Worker:
-    """A process, the pipe to it, the number of the item that it is at, and since when."""
+    """A pool of one process: the number of the item that it is at, since when, and its outcome."""
 
-    def __init__(
-        self, context: BaseContext, work: Callable[[Any], Any], memory_bytes: int | None
-    ) -> None:
-        self.pipe, theirs = context.Pipe()
-        self.item: int | None = None
-        self.since = 0.0
-        self.process: BaseProcess = context.Process(  # type: ignore[attr-defined]
-            target=_serve, args=(theirs, work, memory_bytes), daemon=True
+    def __init__(self, context: BaseContext, bounds: Bounds) -> None:
+        self._seconds = bounds.seconds
+        self.pool = ProcessPoolExecutor(
+            1, context, initializer=_begin, initargs=(bounds.memory_bytes,)
         )
-        with _kept_from_ctrl_c():
-            self.process.start()
-        theirs.close()
+        with _STARTING, _kept_from_ctrl_c():
+            others = set(active_children())
+            self.pool.submit(os.getpid)  # the process starts with the first call
+            self.process = (set(active_children()) - others).pop()
+        self.number, self.since = 0, 0.0
+        self.future: Future[tuple[Any, Exception | None, bool]] | None = None
+        self.timer: threading.Timer | None = None
 
-    def give(self, number: int, item: object) -> None:
-        self.item, self.since = number, time.monotonic()
-        with contextlib.suppress(OSError):  # it died: whoever waits for it sees that
-            self.pipe.send(item)
-
-    def take(self) -> tuple[Any, Exception | None, bool]:
-        """What was made or raised, and whether the process leaves now. EOFError if it died."""
+    def give(self, work: Callable[[Any], Any], number: int, item: object) -> None:
+        self.number, self.since = number, time.monotonic()
         try:
-            return self.pipe.recv()  # type: ignore[no-any-return]
-        except OSError as fault:
-            raise EOFError from fault
+            self.future = self.pool.submit(work, item)
+        except BrokenProcessPool as fault:  # it died while it waited
+            self.future = Future()
+            self.future.set_exception(fault)
+        if self._seconds is not None:
+            self.timer = threading.Timer(self._seconds, _end_all, ([self],))
+            self.timer.daemon = True
+            self.timer.start()
+
+    def take(self, tries: int) -> tuple[Ended[Any] | None, bool]:
+        """What came of the item, None if it is to be tried again; whether the process leaves."""
+        future, self.future = cast("Future[Any]", self.future), None
+        if self.timer is not None:
+            self.timer.cancel()
+        if not isinstance(future.exception(), BrokenProcessPool | SystemExit):
+            value, fault, leaves = future.result()
+            why = "" if fault is None else in_words(fault)
+            return Ended(self.number, value, tries, why, fault), leaves
+        if self._seconds is not None and time.monotonic() - self.since >= self._seconds:
+            return Ended(self.number, None, tries, overdue(self._seconds)), True
+        if tries < MOST_TRIES:
+            return None, True
+        self.pool.shutdown()
+        return Ended(self.number, None, tries, _why(tries, self.process.exitcode)), True
 
     def end(self) -> None:
-        with contextlib.suppress(OSError):
-            self.pipe.close()
+        if self.timer is not None:
+            self.timer.cancel()
         if self.process.is_alive():
             self.process.terminate()
+        self.pool.shutdown(wait=False)
+
+
+_STARTING = threading.Lock()
+"""Held while a process starts, so that it can be told from those of other threads."""
 
 
 def in_workers(
@@ -140,85 +163,34 @@ def in_workers(
         What each process may take; one that keeps half of its memory between items is replaced.
     """
     bounds = bounds or Bounds()
+    tries, waiting = [0] * len(items), deque(range(len(items)))
     with _one_thread_each():
         context = _context(getattr(work, "func", work).__module__)
-        pool = _Pool(items, lambda: _Worker(context, work, bounds.memory_bytes), count, bounds)
+        start = partial(_Worker, context, bounds)
+        made = partial(_made, work, bounds.memory_bytes)
+        workers = [start() for _ in range(min(count, len(items)))]
         try:
-            yield from pool.ended()
+            while True:
+                for worker in workers:
+                    if worker.future is None and waiting:
+                        number = waiting.popleft()
+                        tries[number] += 1
+                        worker.give(made, number, items[number])
+                busy = {one.future: k for k, one in enumerate(workers) if one.future is not None}
+                if not busy:
+                    return
+                for k in [busy[future] for future in wait(busy, None, FIRST_COMPLETED).done]:
+                    number = workers[k].number
+                    one, leaves = workers[k].take(tries[number])
+                    if leaves:
+                        workers[k].end()
+                        workers[k] = start()
+                    if one is None:
+                        waiting.append(number)
+                    else:
+                        yield one
         finally:
-            _end_all(pool.workers)
-
-
-class _Pool(Generic[Item]):
-    """Who is at what, what is still to do, and how often it was tried."""
-
-    def __init__(
-        self, items: Sequence[Item], start: Callable[[], _Worker], count: int, bounds: Bounds
-    ) -> None:
-        self._items, self._start, self._seconds = items, start, bounds.seconds
-        self._waiting = deque(range(len(items)))
-        self._tries = [0] * len(items)
-        self.workers = [start() for _ in range(min(count, len(items)))]
-
-    def ended(self) -> Iterator[Ended[Any]]:
-        """Outcomes until nothing is left to do."""
-        while True:
-            self._give()
-            busy = {id(one.pipe): one for one in self.workers if one.item is not None}
-            if not busy:
-                return
-            for pipe in wait([one.pipe for one in busy.values()], self._patience(busy.values())):
-                yield from self._taken(busy[id(pipe)])
-            yield from self._overdue()
-
-    def _patience(self, busy: Iterable[_Worker]) -> float | None:
-        """Seconds until the first of them has taken too long."""
-        if self._seconds is None:
-            return None
-        return max(min(one.since for one in busy) + self._seconds - time.monotonic(), 0.0)
-
-    def _overdue(self) -> Iterator[Ended[Any]]:
-        """Items that take too long, and would every time: their processes are ended."""
-        if self._seconds is None:
-            return
-        for worker in self.workers[:]:
-            number = worker.item
-            if number is None or time.monotonic() - worker.since < self._seconds:
-                continue
-            _end_all([worker])
-            self._replace(worker)
-            yield Ended(number, None, self._tries[number], overdue(self._seconds))
-
-    def _give(self) -> None:
-        for worker in self.workers:
-            if worker.item is None and self._waiting:
-                number = self._waiting.popleft()
-                self._tries[number] += 1
-                worker.give(number, self._items[number])
-
-    def _taken(self, worker: _Worker) -> Iterator[Ended[Any]]:
-        """What a worker made; nothing where it died and its item is tried again."""
-        number = 0 if worker.item is None else worker.item
-        tries = self._tries[number]
-        try:
-            value, fault, leaves = worker.take()
-        except EOFError:
-            worker.process.join()
-            self._replace(worker)
-            if tries < MOST_TRIES:
-                self._waiting.append(number)
-            else:
-                yield Ended(number, None, tries, _why(tries, worker.process.exitcode))
-            return
-        worker.item = None
-        if leaves:
-            self._replace(worker)
-        why = "" if fault is None else in_words(fault)
-        yield Ended(number, value, tries, why, fault)
-
-    def _replace(self, worker: _Worker) -> None:
-        worker.end()
-        self.workers[self.workers.index(worker)] = self._start()
+            _end_all(workers)
 
 
 def _end_all(workers: Sequence[_Worker]) -> None:
@@ -297,33 +269,36 @@ def _kept_from_ctrl_c() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _serve(
-    pipe: Connection, work: Callable[[Any], Any], memory_bytes: int | None
-) -> None:  # pragma: no cover (in another process)
-    """Take items until nobody gives any; Ctrl+C is for who started this process."""
+def _begin(memory_bytes: int | None) -> None:  # pragma: no cover (in another process)
+    """Make a process ready; Ctrl+C is for who started it, and it ends with that."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # where it is not kept back already
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # half-written folders are removed
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     use_one_core()
     load_little()
     seldom_look_for_cycles()
     _bound(memory_bytes)
-    while True:
-        try:
-            item = pipe.recv()
-        except (EOFError, OSError):
-            return
-        made, fault = None, None
-        try:
-            made = work(item)
-        except Exception as raised:  # noqa: BLE001 (whoever asked for it hears of it)
-            fault = _sendable(raised)
-        leaves = memory_bytes is not None and _kept_bytes() > _RECYCLED_AT * memory_bytes
-        try:
-            pipe.send((made, fault, leaves))
-        except OSError:  # who asked is gone
-            return
-        if leaves:
-            return
+
+
+def _end_with_parent() -> None:  # pragma: no cover (in another process)
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+def _made(
+    work: Callable[[Any], Any], memory_bytes: int | None, item: object
+) -> tuple[Any, Exception | None, bool]:  # pragma: no cover (in another process)
+    """What was made of an item or raised, and whether the process keeps too much memory."""
+    made, fault = None, None
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # half-written folders are removed
+    try:
+        made = work(item)
+    except Exception as raised:  # noqa: BLE001 (whoever asked for it hears of it)
+        fault = _sendable(raised)
+    finally:  # an answer that is cut short would never end; who waits for work is told to leave
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    return made, fault, memory_bytes is not None and _kept_bytes() > _RECYCLED_AT * memory_bytes
 
 
 def _sendable(fault: Exception) -> Exception:  # pragma: no cover (in another process)

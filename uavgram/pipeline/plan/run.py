@@ -10,7 +10,6 @@ from uavgram.config.scenario_text import scenario_text
 from uavgram.errors import GeometryError, InputError
 from uavgram.io.exports.kml import write_kml
 from uavgram.io.exports.layers_geojson import write_layers_geojson
-from uavgram.io.exports.mission_litchi import litchi_text
 from uavgram.io.exports.mission_qgc import qgc_plan_text
 from uavgram.io.exports.mission_waypoints import waypoints_text
 from uavgram.io.outputs import as_output_errors, replace_bytes, replace_text, staged_output
@@ -34,7 +33,7 @@ from uavgram.views.pages_pdf import weasyprint_for
 from uavgram.views.planned_recording.write import write_plan_recording
 
 PLAN_FILE, SHEET_FILE = "plan.json", f"{SHEET}.html"
-MISSIONS = {"mission.waypoints", "mission.plan", "mission_litchi.csv"}
+MISSIONS = {"mission.waypoints", "mission.plan"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +131,6 @@ def write_outputs(
             if made.autopilot == "ardupilot":
                 replace_text(hidden / "mission.waypoints", waypoints_text(mission))
             replace_text(hidden / "mission.plan", qgc_plan_text(mission))
-            replace_text(hidden / "mission_litchi.csv", litchi_text(mission))
         write_plan_recording(planned, hidden / "plan.rrd", made.units)
         write_plan(planned, hidden / PLAN_FILE)
         remark = "The planned survey: `uavgram simulate` repeats it against known truth."

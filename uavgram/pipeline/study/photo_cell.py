@@ -6,18 +6,14 @@ from dataclasses import dataclass
 from zlib import crc32
 
 import numpy as np
-from scipy.special import chdtri
 
-from uavgram.estimation.repeated.predicted_lengths import PredictedLengths, predict_lengths
+from uavgram.estimation.repeated.predicted_lengths import predict_lengths
 from uavgram.estimation.repeated.single_photo import adjust_photos
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Floats
 from uavgram.model.study.scene import StudyScene
 from uavgram.model.study.study import Cell
 from uavgram.pipeline.study.photo_scene import draw, exact_draw, photo_of
 from uavgram.pipeline.threads import one_blas_thread
-
-BY_CHANCE = 1e-3
-"""Share of right surveys whose misfit is called wrong."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,34 +46,7 @@ def photo_cell(place: Place, repetitions: int) -> Cell:
     ends = found.place_m[:, photo.pairs]
     error = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2) - true
     good = found.converged & np.isfinite(error).all(axis=1)
-    elsewhere = np.zeros_like(good)
-    if scene.is_model:  # else large errors are what is asked for
-        elsewhere = good & (np.abs(error) > expected.reach_m).any(axis=1)
-    # Each reading is one more than is needed where the pose is known beforehand. Without a log
-    # three of them are used up: by the height and the tilt's two angles.
-    free = len(photo.design.line) - (3 if scene.log == "none" else 0)
-    told = found.cost[good] > chdtri(free, BY_CHANCE) if free > 0 else np.zeros(1)
-    return cell_of(place, expected, error, (good, elsewhere), float(np.mean(told)))
-
-
-def cell_of(
-    place: Place,
-    expected: PredictedLengths,
-    error_m: Floats,
-    ended: tuple[Bools, Bools],
-    told: float,
-) -> Cell:
-    """What the draws say.
-
-    Parameters
-    ----------
-    place, expected, told
-        Of the cell.
-    error_m, ended
-        (B, M), and (B,) which came to rest, and which of them at another solution.
-    """
-    good, elsewhere = ended
-    error = error_m[good & ~elsewhere]
+    error = error[good]
     low, middle, high = ratio_of(error / expected.error_m)
     total = expected.variance.sum()
     return Cell(
@@ -90,11 +59,8 @@ def cell_of(
         ratio_range=(low, high),
         bias_m=float(np.sqrt(np.mean(error.mean(axis=0) ** 2))),
         shares=tuple(float(part.sum() / total) for part in expected.parts),
-        told=told,
-        repetitions=len(error_m),
+        repetitions=repetitions,
         lost=int((~good).sum()),
-        is_model=place.scene.is_model,
-        elsewhere=int(elsewhere.sum()),
     )
 
 

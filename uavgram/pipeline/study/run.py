@@ -14,20 +14,17 @@ from uavgram.model.study.methods import MethodRow
 from uavgram.model.study.study import Study
 from uavgram.pipeline.parallel import in_processes
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.study.grids import GRIDS, Grid
+from uavgram.pipeline.study.grids import GRIDS
 from uavgram.pipeline.study.method_scenes import Setting
 from uavgram.pipeline.study.methods import LIMITS, compared
-from uavgram.pipeline.study.photo_cell import Place, photo_cell
-from uavgram.pipeline.study.survey_cells import PHOTOS, SurveyPlace, survey_cell
+from uavgram.pipeline.study.photo_cell import photo_cell
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.views.study.figures import figure_files
 from uavgram.views.study.page import write_study_page
 
 JSON_FILE, PAGE_FILE = "study.json", "study.html"
 METHODS = "methods"
-NAMES = (*GRIDS, "photos", METHODS)
-SURVEYS_TO_PHOTOS = 10
-"""Of repetitions: a survey of several photos runs through the whole program, one photo does not."""
+NAMES = (*GRIDS, METHODS)
 
 SETTINGS = (Setting(name="usual"), *LIMITS)
 USUAL_TO_LIMITS = 4
@@ -66,7 +63,7 @@ def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress
     name
         One of `NAMES`.
     repetitions
-        Of each of its cells that is one photo.
+        Of each of its cells.
     workers
         Processes; 0: as many as there are cores.
     progress
@@ -86,14 +83,8 @@ def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress
             seconds=time.perf_counter() - began,
             methods=tuple(rows),
         )
-    if name == "photos":
-        grid: Grid[SurveyPlace] | Grid[Place] = PHOTOS
-        count = max(20, repetitions // SURVEYS_TO_PHOTOS)
-        found = in_processes(partial(survey_cell, repetitions=count), PHOTOS.places, workers)
-    else:
-        grid = GRIDS[name]
-        work = partial(photo_cell, repetitions=repetitions)
-        found = in_processes(work, GRIDS[name].places, workers)
+    grid = GRIDS[name]
+    found = in_processes(partial(photo_cell, repetitions=repetitions), grid.places, workers)
     return Study(
         name=name,
         title=grid.title,

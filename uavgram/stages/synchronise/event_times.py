@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.estimation.clocks.alignment import Alignment
-from uavgram.estimation.clocks.camera_clock import COARSE_S
+from uavgram.estimation.clocks.clock_line import COARSE_S
 from uavgram.geometry.earth.gps_time import span_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Photos
@@ -85,17 +85,17 @@ def event_timing(
     line_sigma = alignment.clock.sigma_at(alignment.photo_event_s)
     time[timed] = alignment.photo_event_s
     sigma[timed] = np.linalg.norm(
-        [file_sigma_s(photos)[timed], line_sigma, np.full(len(timed), alignment.clock.jitter_s)],
+        [file_sigma_s(photos)[timed], line_sigma, np.full(len(timed), alignment.clock.scatter_s)],
         axis=0,
     )
     time[timed[certain]] = event_utc[alignment.event_index[certain]]
     sigma[timed[certain]] = _jitter_s(photos, alignment)
-    common = float(np.hypot(alignment.offset_sigma_s, chosen.lag_sigma_s()))
+    common = float(np.hypot(alignment.clock.offset_sigma_s, chosen.lag_sigma_s()))
     pairing = pairing_of(photos, chosen, alignment)
     return Timing(
         time,
         sigma,
-        alignment.offset_s,
+        alignment.clock.offset_s,
         min(options.offset_sigma_s, common),
         (*messages, *pairing_messages(pairing)),
         pairing,
@@ -106,7 +106,7 @@ def _jitter_s(photos: Photos, alignment: Alignment) -> float:
     """Of an exposure about its event."""
     if float(np.nanmax(photos.file_time_resolution_s)) > COARSE_S:
         return EVENT_JITTER_S
-    return float(np.clip(alignment.clock.jitter_s, _LEAST_JITTER_S, _MOST_JITTER_S))
+    return float(np.clip(alignment.clock.scatter_s, _LEAST_JITTER_S, _MOST_JITTER_S))
 
 
 def file_sigma_s(photos: Photos) -> Floats:

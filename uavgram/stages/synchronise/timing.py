@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.alignment import Alignment, align
-from uavgram.estimation.clocks.camera_clock import COARSE_S
+from uavgram.estimation.clocks.clock_line import COARSE_S
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import Boot
 from uavgram.model.message import Message
@@ -121,7 +121,7 @@ def _snapped(
     taken = int(alignment.certain.sum())
     text = (
         f"The photos' times are in steps of {resolution:g} s: {taken} photos took the time "
-        f"of their camera event (camera clock minus UTC {alignment.offset_s:+.3f} s)."
+        f"of their camera event (camera clock minus UTC {alignment.clock.offset_s:+.3f} s)."
     )
     message = Message("info", "time-aligned", text)
     return event_timing(photos, chosen, alignment, options, (message,))
@@ -187,12 +187,13 @@ def _rival(alignment: Alignment) -> str:
     if len(alignment.candidates) < 2:
         return "none"
     other = alignment.candidates[1]
-    return f"{other.offset_s:+.3f} s with {other.matched}"
+    return f"{other.clock.offset_s:+.3f} s with {other.matched}"
 
 
 def _ambiguity(alignment: Alignment, photos: int, events: int) -> str:
     listed = ", ".join(
-        f"{c.offset_s:+.3f} s ({c.matched} of {photos} photos)" for c in alignment.candidates[:5]
+        f"{c.clock.offset_s:+.3f} s ({c.matched} of {photos} photos)"
+        for c in alignment.candidates[:5]
     )
     if alignment.candidates[0].matched < 0.6 * photos:
         return (
@@ -207,7 +208,9 @@ def _ambiguity(alignment: Alignment, photos: int, events: int) -> str:
 
 
 def _two_boots(unique: list[Alignment]) -> str:
-    listed = " and ".join(f"{a.offset_s:+.3f} s ({a.candidates[0].matched} photos)" for a in unique)
+    listed = " and ".join(
+        f"{a.clock.offset_s:+.3f} s ({a.candidates[0].matched} photos)" for a in unique
+    )
     return (
         f"time.offset_s is auto, but the photos fit the camera events of {len(unique)} flights of "
         f"the log: {listed}. {HOW}"

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, NullLocator
 
 from uavgram.model.study.methods import MethodRow
-from uavgram.model.study.study import SOURCES, Cell, Study
+from uavgram.model.study.study import SOURCES, Study
 from uavgram.views.study.words import AGREES, SOURCE_WORDS
 
 COLOURS = ("#2f6fb5", "#d9730d", "#2b8a3e", "#8e44ad", "#c92a2a")
@@ -47,17 +47,12 @@ def figure_files(studies: tuple[Study, ...]) -> dict[str, bytes]:
 
 
 def _cells(study: Study) -> Figure:
-    """Errors to the left, ratios in the middle, sources to the right where they are told."""
-    first = next(iter(study.curves.values()))
-    sources = all(cell.shares and cell.is_model for cell in first)  # else nothing of them changes
-    parts = 3 if sources else 2
-    width = 12.0 if sources else 9.4
-    figure = Figure(figsize=(width, 4.6), dpi=110, layout="constrained")
-    axes = figure.subplots(1, parts)
+    """Errors to the left, ratios in the middle, sources to the right."""
+    figure = Figure(figsize=(12.0, 4.6), dpi=110, layout="constrained")
+    axes = figure.subplots(1, 3)
     _errors(axes[0], study)
     _ratios(axes[1], study)
-    if sources:
-        _sources(axes[2], study)
+    _sources(axes[2], study)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower left", ncols=3, frameon=False)
     return figure
@@ -69,10 +64,7 @@ def _errors(axis: Axes, study: Study) -> None:
         at = [cell.at for cell in cells]
         predicted = [1e3 * cell.predicted_m for cell in cells]
         simulated = [1e3 * cell.simulated_m for cell in cells]
-        if study.has_names:  # nothing lies between them
-            axis.plot(at, predicted, "_", color=colour, markersize=22, label=name)
-        else:
-            axis.plot(at, predicted, color=colour, linewidth=1.4, label=name)
+        axis.plot(at, predicted, color=colour, linewidth=1.4, label=name)
         axis.plot(at, simulated, marker, color=colour, markersize=5, fillstyle="none")
     axis.set_yscale("log")
     _plain_ticks(axis)
@@ -103,7 +95,7 @@ def _ratios(axis: Axes, study: Study) -> None:
             axis.plot([at, at], [low, high], color=COLOURS[k % len(COLOURS)], linewidth=1.6)
             axis.plot(
                 at, cell.ratio, MARKERS[k % len(MARKERS)], color=COLOURS[k % len(COLOURS)],
-                markersize=4.5, fillstyle="full" if cell.is_model else "none",
+                markersize=4.5,
             )  # fmt: skip
     if max(cell.ratio_range[1] for cell in study.cells) > 3.0:
         axis.set_yscale("log")
@@ -134,11 +126,12 @@ def _sources(axis: Axes, study: Study) -> None:
             np.arange(len(cells)), part, 0.75, bottom, color=colour, label=SOURCE_WORDS[source]
         )
         bottom += part
-    axis.set_xticks(np.arange(len(cells)), [_short(cell) for cell in cells], fontsize=8)
+    axis.set_xticks(np.arange(len(cells)), [f"{cell.at:g}" for cell in cells], fontsize=8)
     axis.set_ylim(0, 100)
     axis.set_xlabel(study.axis)
-    below = (0.5, -0.2 if study.has_names else -0.15)
-    axis.legend(fontsize=8.5, loc="upper center", bbox_to_anchor=below, ncols=2, frameon=False)
+    axis.legend(
+        fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2, frameon=False
+    )
     axis.set_title(
         f"Where the errors come from [% of the variance]\n{name}", fontsize=9.5, loc="left"
     )
@@ -151,9 +144,8 @@ def _dress(axis: Axes, study: Study, title: str) -> None:
     if study.is_log:
         axis.set_xscale("log")
         axis.xaxis.set_minor_locator(NullLocator())
-    ticks = {cell.at: _short(cell) for cell in study.cells}
-    shown = _apart(sorted(ticks), is_log=study.is_log)
-    axis.set_xticks(shown, [ticks[at] for at in shown], fontsize=8)
+    shown = _apart(sorted({cell.at for cell in study.cells}), is_log=study.is_log)
+    axis.set_xticks(shown, [f"{at:g}" for at in shown], fontsize=8)
     axis.set_xlabel(study.axis)
 
 
@@ -166,11 +158,6 @@ def _apart(at: list[float], *, is_log: bool) -> list[float]:
         if place[kept[-1]] - place[k] >= room:
             kept.append(k)
     return [at[k] for k in reversed(kept)]
-
-
-def _short(cell: Cell) -> str:
-    """A cell's tick: its number, or its name."""
-    return cell.label if "\n" in cell.label else f"{cell.at:g}"
 
 
 def _methods(rows: tuple[MethodRow, ...]) -> Figure:

@@ -10,8 +10,6 @@ from uavgram.views.study.words import (
     capital,
     millimetres,
     most,
-    place_text,
-    size_m,
     source_text,
     verb,
 )
@@ -25,15 +23,10 @@ def overall(studies: tuple[Study, ...]) -> list[str]:
     studies
         What was made.
     """
-    cells = [
-        (study, cell) for study in studies for cell in study.cells if cell.is_model and cell.shares
-    ]
+    cells = [(study, cell) for study in studies for cell in study.cells]
     if len(studies) < 2 or not cells:
         return []
-    found = [
-        f"{len(cells)} conditions of single photos were studied in which the world is what the "
-        "program takes for granted."
-    ]
+    found = [f"{len(cells)} conditions of single photos were studied."]
     for source in ("picks", "lengths", "log", "camera", "ground"):
         mine = [(study, cell) for study, cell in cells if most(cell) == source]
         matter = verb(source, "matter", "matters")
@@ -44,13 +37,12 @@ def overall(studies: tuple[Study, ...]) -> list[str]:
         if len(mine) < len(cells) / 2:
             grouped = groupby(mine, lambda pair: (pair[0].name, pair[1].curve))
             where = [
-                f"{name}, {curve} (at {', '.join(place_text(cell) for _, cell in group)})"
+                f"{name}, {curve} (at {', '.join(cell.label for _, cell in group)})"
                 for (name, curve), group in grouped
             ]
             text += f": {'; '.join(where)}"
         found.append(f"{text}.")
-    agreed = agreement(studies)
-    return [*found, agreed] if agreed else found
+    return [*found, agreement(studies)]
 
 
 def ranking(studies: tuple[Study, ...]) -> list[tuple[str, str, str, str]]:
@@ -66,13 +58,10 @@ def ranking(studies: tuple[Study, ...]) -> list[tuple[str, str, str, str]]:
         if not study.cells:
             continue
         cells = next(iter(study.curves.values()))
-        least, worst = min(cells, key=size_m), max(cells, key=size_m)
-        times = size_m(worst) / size_m(least)
-        rows.append(
-            (times, study.title, f"{millimetres(size_m(least))} at {place_text(least)}", worst)
+        ordered = sorted(cells, key=lambda cell: cell.predicted_m)
+        best, worst = (
+            f"{millimetres(c.predicted_m)} at {c.label}" for c in (ordered[0], ordered[-1])
         )
+        rows.append((ordered[-1].predicted_m / ordered[0].predicted_m, study.title, best, worst))
     rows.sort(key=lambda row: -row[0])
-    return [
-        (title, best, f"{millimetres(size_m(worst))} at {place_text(worst)}", f"{times:.1f}")
-        for times, title, best, worst in rows
-    ]
+    return [(title, best, worst, f"{times:.1f}") for times, title, best, worst in rows]

@@ -55,15 +55,13 @@ def _row(cell: Cell) -> dict[str, object]:
     low, high = cell.ratio_range
     return {
         "curve": cell.curve,
-        "at": cell.label.replace("\n", ", "),
+        "at": cell.label,
         "predicted": f"{1e3 * cell.predicted_m:.1f}",
         "simulated": f"{1e3 * cell.simulated_m:.1f}",
         "ratio": f"{cell.ratio:.3f}",
         "range": f"{low:.3f} to {high:.3f}",
         "bias": f"{1e3 * cell.bias_m:.1f}",
         "shares": [f"{100 * share:.0f}" for share in cell.shares],
-        "told": f"{100 * cell.told:.1f}",
-        "count": f"{cell.repetitions - cell.lost - cell.elsewhere} of {cell.repetitions}",
-        "is_model": cell.is_model,
+        "count": f"{cell.repetitions - cell.lost} of {cell.repetitions}",
         "is_bad": low > AGREES[1] or high < AGREES[0],
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import groupby
+from operator import attrgetter
 
 import numpy as np
 
@@ -30,9 +31,6 @@ MANY, TOO_FEW = 0.05, 0.9
 """Share of photos from which on a method is told to fail, and of errors within 95 % up to which its
 sigmas are."""
 
-SEEN = 0.8
-"""Share of surveys from which on a mistake is called seen."""
-
 
 def said(study: Study) -> list[str]:
     """What a study says, most general first.
@@ -45,34 +43,26 @@ def said(study: Study) -> list[str]:
     if study.methods:
         return list(_of_methods(study))
     found = [*_thesis(study)] if study.name == "lengths" else []
-    course = _named if study.has_names else _course
-    found += [course(name, cells) for name, cells in study.curves.items()]
-    if study.name == "blunder":
-        found += [_unseen(name, cells) for name, cells in study.curves.items()]
-    found += _failing(study)
-    agreed = agreement((study,))
-    return [*found, agreed] if agreed else found
+    found += [_course(name, cells) for name, cells in study.curves.items()]
+    return [*found, agreement((study,))]
 
 
 def agreement(studies: tuple[Study, ...]) -> str:
-    """How well prediction and simulation agree where the world is the model; empty: nowhere is.
+    """How well prediction and simulation agree.
 
     Parameters
     ----------
     studies
         Whose cells are taken.
     """
-    cells = [cell for study in studies for cell in study.cells if cell.is_model]
-    if not cells:
-        return ""
+    cells = [cell for study in studies for cell in study.cells]
     ratios = [cell.ratio for cell in cells]
     low, high = AGREES
     inside = sum(low <= ratio <= high for ratio in ratios)
     apart = [c for c in cells if c.ratio_range[0] > high or c.ratio_range[1] < low]
     text = (
-        f"Where the world is what the program takes for granted, the errors were {min(ratios):.2f} "
-        f"to {max(ratios):.2f} times the predicted ones; {inside} of {len(cells)} cells lie "
-        f"between {low:.2f} and {high:.2f}"
+        f"The errors were {min(ratios):.2f} to {max(ratios):.2f} times the predicted ones; "
+        f"{inside} of {len(cells)} cells lie between {low:.2f} and {high:.2f}"
     )
     if inside < len(cells):
         text += (
@@ -80,9 +70,9 @@ def agreement(studies: tuple[Study, ...]) -> str:
             "explains"
         )
     if apart:
-        named = (f"{c.curve}, {place_text(c)} ({c.ratio:.2f})" for c in apart[:MOST_NAMED])
+        named = (f"{c.curve}, {c.label} ({c.ratio:.2f})" for c in apart[:MOST_NAMED])
         text += f": {'; '.join(named)}" + (" and others" if len(apart) > MOST_NAMED else "")
-    return f"{text}. {_lost(cells)}{_elsewhere(cells)}"
+    return f"{text}. {_lost(cells)}"
 
 
 def _lost(cells: list[Cell]) -> str:
@@ -93,21 +83,10 @@ def _lost(cells: list[Cell]) -> str:
     return f"{text}: {_most(losing)}." if losing else f"{text}."
 
 
-def _elsewhere(cells: list[Cell]) -> str:
-    """Which surveys ended at another solution; empty where none did."""
-    some = {cell: cell.elsewhere for cell in cells if cell.elsewhere}
-    if not some:
-        return ""
-    return (
-        f" {sum(some.values())} ended at another solution, far from the true one, which no "
-        f"standard deviation tells of; the errors above leave them out: {_most(some)}."
-    )
-
-
 def _most(number: dict[Cell, int]) -> str:
     """The cells with the largest numbers, and these."""
     by_size = sorted(number, key=lambda cell: -number[cell])[:MOST_NAMED]
-    named = (f"{c.curve}, {place_text(c)} ({number[c]} of {c.repetitions})" for c in by_size)
+    named = (f"{c.curve}, {c.label} ({number[c]} of {c.repetitions})" for c in by_size)
     return "; ".join(named) + (" and others" if len(number) > MOST_NAMED else "")
 
 
@@ -123,60 +102,32 @@ def most(cell: Cell) -> str:
     return max(shares, key=lambda source: shares[source])
 
 
-def size_m(cell: Cell) -> float:
-    """The error to tell: as predicted where that is right, else as simulated."""
-    return cell.predicted_m if cell.is_model else cell.simulated_m
-
-
 def _course(name: str, cells: tuple[Cell, ...]) -> str:
     """How the error goes along a curve, and where it comes from."""
+    predicted_m = attrgetter("predicted_m")
     first, last = cells[0], cells[-1]
-    least, worst = min(cells, key=size_m), max(cells, key=size_m)
+    least, worst = min(cells, key=predicted_m), max(cells, key=predicted_m)
     text = (
-        f"{capital(name)}: the error is {millimetres(size_m(first))} at {place_text(first)} and "
-        f"{millimetres(size_m(last))} at {place_text(last)}"
+        f"{capital(name)}: the error is {millimetres(first.predicted_m)} at {first.label} and "
+        f"{millimetres(last.predicted_m)} at {last.label}"
     )
     if _is_apart(worst, first) and _is_apart(worst, last):
-        text += f", and largest at {place_text(worst)} ({millimetres(size_m(worst))})"
+        text += f", and largest at {worst.label} ({millimetres(worst.predicted_m)})"
     elif _is_apart(least, first) and _is_apart(least, last):
-        text += f", and smallest at {place_text(least)} ({millimetres(size_m(least))})"
-    if all(cell.shares and cell.is_model for cell in cells):
-        parts = []
-        for source, group in groupby(cells, most):
-            some = list(group)
-            share = [_share(cell, source) for cell in some]
-            where = (
-                place_text(some[0])
-                if len(some) == 1
-                else f"{some[0].at:g} to {place_text(some[-1])}"
-            )
-            parts.append(f"{source_text(source)} at {where} ({_percents(share)})")
-        text += f". The largest part of the predicted variance comes from {'; '.join(parts)}"
+        text += f", and smallest at {least.label} ({millimetres(least.predicted_m)})"
+    parts = []
+    for source, group in groupby(cells, most):
+        some = list(group)
+        share = [_share(cell, source) for cell in some]
+        where = some[0].label if len(some) == 1 else f"{some[0].at:g} to {some[-1].label}"
+        parts.append(f"{source_text(source)} at {where} ({_percents(share)})")
+    text += f". The largest part of the predicted variance comes from {'; '.join(parts)}"
     return f"{text}."
 
 
 def _is_apart(one: Cell, other: Cell) -> bool:
-    """Whether the errors of two cells differ by more than chance and more than what is shown."""
-    low, high = sorted((_between(one), _between(other)))
-    return low[1] < high[0] and millimetres(size_m(one)) != millimetres(size_m(other))
-
-
-def _between(cell: Cell) -> tuple[float, float]:
-    """Between which sizes the error of a cell lies: a prediction has no chance in it."""
-    if cell.is_model:
-        return cell.predicted_m, cell.predicted_m
-    low, high = (cell.simulated_m * end / cell.ratio for end in cell.ratio_range)
-    return low, high
-
-
-def _named(name: str, cells: tuple[Cell, ...]) -> str:
-    """The error with each thing of a curve, the best first."""
-    ordered = sorted(cells, key=size_m)
-    return (
-        f"{capital(name)}: the error is "
-        + ", ".join(f"{millimetres(size_m(cell))} with {place_text(cell)}" for cell in ordered)
-        + "."
-    )
+    """Whether the errors of two cells differ as they are shown."""
+    return millimetres(one.predicted_m) != millimetres(other.predicted_m)
 
 
 def _thesis(study: Study) -> Iterator[str]:
@@ -212,46 +163,6 @@ def _crossing(cells: tuple[Cell, ...]) -> float | None:
             part = -lead[k - 1] / (lead[k] - lead[k - 1])
             return float(cells[k - 1].at ** (1 - part) * cells[k].at ** part)
     return None
-
-
-def _failing(study: Study) -> list[str]:
-    """Where the world is not the model: by how much the prediction fails."""
-    found = []
-    for name, cells in study.curves.items():
-        off = [cell for cell in cells if not cell.is_model]
-        if not off:
-            continue
-        bad = [cell for cell in off if cell.ratio_range[0] > AGREES[1]]
-        good = [cell for cell in off if cell not in bad]
-        parts = [
-            f"{cell.ratio:.2f} times ({cell.ratio_range[0]:.2f} to {cell.ratio_range[1]:.2f}) at "
-            f"{place_text(cell)}"
-            for cell in bad
-        ]
-        text = f"{capital(name)}: "
-        if bad:
-            text += f"the prediction fails: the errors are {', '.join(parts)}"
-        if good:
-            where = ", ".join(place_text(cell) for cell in good)
-            what = "it" if bad else "the prediction"
-            explain = f"5 % and chance explain by how much {what} is off at {where}"
-            text += f"; {explain}" if bad else explain
-        found.append(f"{text}.")
-    return found
-
-
-def _unseen(name: str, cells: tuple[Cell, ...]) -> str:
-    """From which size on a misreading shows in the misfit."""
-    parts = [f"{_percent(cell.told)} at {place_text(cell)}" for cell in cells if not cell.is_model]
-    sizes = [cell for cell in cells if not cell.is_model]
-    # From one on, with which all larger ones are seen.
-    seen = [one for k, one in enumerate(sizes) if all(c.told >= SEEN for c in sizes[k:])]
-    first = (
-        f"seen in at least {_percent(SEEN)} of the surveys from {place_text(seen[0])} on"
-        if seen
-        else f"never seen in {_percent(SEEN)} of the surveys"
-    )
-    return f"{capital(name)}: a misreading is {first}; it shows in {', '.join(parts)}."
 
 
 def _of_methods(study: Study) -> Iterator[str]:
@@ -328,11 +239,6 @@ def verb(source: str, plural: str, singular: str) -> str:
         Both forms.
     """
     return plural if source in {"lengths", "picks"} else singular
-
-
-def place_text(cell: Cell) -> str:
-    """Where on the axis a cell stands."""
-    return cell.label.replace("\n", " of ")
 
 
 def millimetres(size_m: float) -> str:

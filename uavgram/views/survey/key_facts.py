@@ -78,7 +78,7 @@ def _least_known_point(result: Result) -> Fact:
         sigma, around = size_text(float(points.neighbour_sigma_m[row])), points.neighbours[row]
         told = f"{points.label[row]}: ± {sigma} ({', '.join(around)})"
         return "point least known against its neighbours", told
-    widest = largest_ellipse(result)  # of versions that did not ask the neighbours
+    widest = largest_ellipse(result)  # a point that is alone has no neighbours
     axes = "" if widest is None else axes_text(points.relative.ellipse_95_m[widest])
     told = f"{points.label[widest]}: {axes}" if widest is not None else ""
     return "largest 95 % ellipse within the survey (half axes)", told

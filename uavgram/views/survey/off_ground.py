@@ -52,15 +52,14 @@ def off_ground(result: Result) -> OffGround | None:
     foot = points.position_world_m[rows].copy()
     foot[:, 2] -= points.height_above_ground_m[rows]
     half_axes, directions = error_ellipsoid(np.nan_to_num(points.relative.covariance_m3[rows]))
-    # files of before it was told have nothing there
-    source = tuple(points.height_source[row] or "free" for row in rows)
+    source = tuple(points.height_source[row] for row in rows)
     return OffGround(rows, foot, ELLIPSOID_95 * half_axes, directions, source)
 
 
 def height_of(points: PointResults, row: int) -> str:
     """``1.402 ± 0.021 m, found``: how high a point stands over the ground, and who says so."""
     height, sigma = float(points.height_above_ground_m[row]), float(points.height_sigma_m[row])
-    return height_text(height, sigma, points.height_source[row] or "free")
+    return height_text(height, sigma, points.height_source[row])
 
 
 def height_label(points: PointResults, row: int, units: Units = METRIC) -> str:

@@ -66,7 +66,7 @@ class VerdictWords(NamedTuple):
 def verdict_words(result: Result) -> VerdictWords:
     """The verdict with everything that stands beside it."""
     return VerdictWords(
-        level_of(result),
+        result.verdict.level,
         verdict_sentence(result),
         result.verdict.reasons,
         scale_sentence(result),
@@ -74,14 +74,9 @@ def verdict_words(result: Result) -> VerdictWords:
     )
 
 
-def level_of(result: Result) -> VerdictLevel | None:
-    """Give the colour: none without a measurement, although earlier versions wrote one then."""
-    return result.verdict.level if result.measurements.name else None
-
-
 def verdict_sentence(result: Result) -> str:
     """``Verdict: amber: D1 is 24.43 ± 0.79 m. Not checked: ...``: colour, value, reason."""
-    level, reasons = level_of(result), result.verdict.reasons
+    level, reasons = result.verdict.level, result.verdict.reasons
     why = [reason_sentence(reason) for reason in reasons[:1]]
     known = f": {_known(result)}" if level in ("green", "amber") else "."
     if (more := len(reasons) - 1) > 0:
@@ -102,7 +97,7 @@ def reason_sentence(reason: Reason) -> str:
 
 def headline(result: Result) -> str:
     """``Check: 3 of 4 measurements are in order.``: what is known, beside the light."""
-    level = level_of(result)
+    level = result.verdict.level
     if level is None:
         return "Nothing is measured yet"
     if level == "red":

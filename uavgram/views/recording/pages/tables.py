@@ -127,7 +127,7 @@ def checks_page(result: Result) -> str:
 def points_page(result: Result) -> str:
     """Ground points, the least known against their neighbours first."""
     within, rated = result.points.relative, result.points.neighbour_sigma_m
-    known = np.isfinite(rated).any()  # versions before did not ask the neighbours
+    known = np.isfinite(rated).any()  # a point that is alone has no neighbours
     order = np.argsort(-(rated if known else within.ellipse_95_m[:, 0]), kind="stable")
     return _page(
         "points",

@@ -31,7 +31,7 @@ from uavgram.views.style import (
     scale_colours,
 )
 from uavgram.views.survey.frame_states import frame_states
-from uavgram.views.survey.verdict import STATUS_WORDS, headline, level_of
+from uavgram.views.survey.verdict import STATUS_WORDS, headline
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of
 from uavgram.views.wording import size_text
@@ -117,7 +117,7 @@ def _band(
     width: int,
 ) -> None:
     """Draw the verdict over everything else: its words on its colour."""
-    pen.rectangle((0, 0, width, BAND_PX), fill=LEVEL_COLOURS[level_of(result)])
+    pen.rectangle((0, 0, width, BAND_PX), fill=LEVEL_COLOURS[result.verdict.level])
     pen.text((20, 4), headline(result), fill=(0, 0, 0), font=font)
 
 

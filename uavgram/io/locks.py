@@ -1,7 +1,11 @@
-"""One writer of a project's tables at a time: a lock that ends with the process that holds it."""
+"""Locks that end with the process that holds them; and that of a project's tables, which say whose.
+
+The operating system holds them, so what a killed process left behind is no lock.
+"""
 
 from __future__ import annotations
 
+import errno
 import logging
 import os
 import sys
@@ -10,7 +14,7 @@ from pathlib import Path
 from uavgram.errors import OutputError, UavgramError
 from uavgram.io.own_files import open_own
 
-if sys.platform != "win32":  # without locks, a second page is not noticed
+if sys.platform != "win32":
     import fcntl
 
 log = logging.getLogger(__name__)
@@ -18,11 +22,23 @@ log = logging.getLogger(__name__)
 LOCK = "pick.lock"
 
 
+def lock(handle: int) -> None:
+    """Lock an open file or folder for this process.
+
+    Raises
+    ------
+    BlockingIOError
+        Another one has locked it.
+    OSError
+        There are no locks here, as on some network file systems.
+    """
+    if sys.platform == "win32":
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
 class ProjectLock:
     """The right to write a project's tables, held until `release` or the end of the process.
-
-    The operating system holds the lock, so what a killed process left behind is no lock; the
-    file says whose it is.
 
     Parameters
     ----------
@@ -61,7 +77,7 @@ class ProjectLock:
         while True:
             handle = open_own(self._path, os.O_RDWR | os.O_CREAT)
             try:
-                _take(handle)
+                lock(handle)
             except BlockingIOError as fault:
                 holder = os.pread(handle, 32, 0).decode(errors="replace").strip() or "unknown"
                 os.close(handle)
@@ -69,6 +85,8 @@ class ProjectLock:
                     f"{project}: is open in another picking page or search for points, process "
                     f"{holder}: use that one, or end it with Ctrl+C first"
                 ) from fault
+            except OSError as fault:
+                log.warning("a second writer of this project is not noticed: %s", fault.strerror)
             if self._path.exists() and os.path.samestat(os.fstat(handle), self._path.stat()):
                 return handle
             os.close(handle)  # it was released, and so removed, between opening and locking
@@ -76,14 +94,12 @@ class ProjectLock:
 
 def is_locked(folder: Path) -> bool:
     """Whether a process holds the lock of a project with this output folder."""
-    if sys.platform == "win32":
-        return False
     try:
         handle = open_own(folder / LOCK, os.O_RDONLY)
     except (OSError, OutputError):
         return False
     try:
-        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        lock(handle)
     except BlockingIOError:
         return True
     except OSError:  # no locks here
@@ -91,14 +107,3 @@ def is_locked(folder: Path) -> bool:
     finally:
         os.close(handle)
     return False
-
-
-def _take(handle: int) -> None:
-    if sys.platform == "win32":
-        return
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        raise
-    except OSError as fault:  # some network file systems know no locks
-        log.warning("a second writer of this project would not be noticed: %s", fault.strerror)
