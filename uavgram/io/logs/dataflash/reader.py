@@ -106,6 +106,7 @@ def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
         boot,
         velocities=dataflash_pose.velocities(tables, core),
         receiver=receiver,
+        reception=dataflash_pose.reception(tables),
         resets=stated_resets(tables),
     )
     origin = dataflash_events.estimator_origin(tables)

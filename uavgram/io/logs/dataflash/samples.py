@@ -20,13 +20,19 @@ from uavgram.io.logs.quality.samples import (
     Place,
     attitude_samples,
     position_samples,
+    reception_samples,
     turn_rate_samples,
     unit_quaternions,
     velocity_samples,
 )
 from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas, positions_known
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import AttitudeSamples, EstimatorSigmas, PositionSamples
+from uavgram.model.flight.log import (
+    AttitudeSamples,
+    EstimatorSigmas,
+    PositionSamples,
+    ReceptionSamples,
+)
 from uavgram.model.flight.second_opinions import TurnRateSamples, VelocitySamples
 
 
@@ -256,3 +262,11 @@ def sigmas(tables: Tables, core: int) -> EstimatorSigmas | None:
     if name:
         parts.append((name, boot_time_s(columns), {"tilt": numbers(columns, "errRP")}))
     return merged_sigmas(parts, fix)
+
+
+def reception(tables: Tables) -> ReceptionSamples | None:
+    """What the receiver in use hears: GPS, while it has a 3-D fix."""
+    gps, _ = receiver(tables)
+    if not gps:
+        return None
+    return reception_samples("GPS", boot_time_s(gps), numbers(gps, "NSats"), numbers(gps, "HDop"))

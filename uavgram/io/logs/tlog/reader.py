@@ -93,6 +93,7 @@ def _boot(stream: Stream) -> tuple[Boot, tuple[str, ...]]:
         boot,
         velocities=tlog_pose.velocities(stream),
         receiver=receiver,
+        reception=tlog_pose.reception(stream),
         resets=stated_resets(stream),
     )
     return boot, (*notes, *disagreements(boot, receiver, attitude))

@@ -19,6 +19,7 @@ from uavgram.io.logs.quality.samples import (
     attitude_samples,
     first_found,
     position_samples,
+    reception_samples,
     turn_rate_samples,
     unit_quaternions,
     velocity_samples,
@@ -32,6 +33,7 @@ from uavgram.model.flight.log import (
     EstimatorSigmas,
     GimbalSamples,
     PositionSamples,
+    ReceptionSamples,
 )
 from uavgram.model.flight.second_opinions import TurnRateSamples, VelocitySamples
 
@@ -227,3 +229,12 @@ def sigmas(stream: Stream) -> EstimatorSigmas | None:
         parts.append(positions_known("GPS_RAW_INT", stream.boot_s(rows), horizontal, vertical))
         fix = stream.boot_s(rows), as_numbers(columns["fix_type"])
     return merged_sigmas(parts, fix)
+
+
+def reception(stream: Stream) -> ReceptionSamples | None:
+    """What the receiver hears while it has a 3-D fix; 255 and 65535 stand for unknown."""
+    columns, rows = receiver(stream)
+    if not columns:
+        return None
+    satellites, hdop = as_numbers(columns["satellites_visible"]), columns["eph"] / 100.0
+    return reception_samples("GPS_RAW_INT", stream.boot_s(rows), satellites, hdop)
