@@ -213,7 +213,15 @@ def _quaternions(tables: Tables, core: int) -> Found[AttitudeSamples]:
 def second_opinions(
     tables: Tables, core: int, gps: Columns
 ) -> tuple[PositionSamples | None, AttitudeSamples | None]:
-    """The receiver's own positions, and the estimator's attitudes, to hold against POS and ATT."""
+    """The receiver's own positions, and the estimator's attitudes, to hold against POS and ATT.
+
+    Parameters
+    ----------
+    tables, core
+        Of one boot; the estimator's core that flew.
+    gps
+        The receiver's rows, the first of `receiver`.
+    """
     place = _positions_of(gps, "GPS")[0] if gps else None
     name, columns = of_core(tables, ("XKF1", "NKF1"), core)
     if not name:
