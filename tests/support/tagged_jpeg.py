@@ -9,7 +9,15 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uavgram.io.photos.jpeg_segments import APP1, XMP_HEAD, Segment, build_jpeg, parse_jpeg
+from uavgram.io.photos.jpeg_segments import (
+    APP1,
+    EXIF_HEAD,
+    XMP_HEAD,
+    Segment,
+    build_jpeg,
+    parse_jpeg,
+)
+from uavgram.io.photos.tagging.exif_gps import ExifGps, with_gps
 from uavgram.model.flight.frames import Photos
 
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
@@ -37,6 +45,21 @@ def jpeg(xmp: bytes | None = None, size: int = 16) -> bytes:
     parsed = parse_jpeg(plain)
     assert parsed is not None
     return build_jpeg([*parsed.segments, Segment(APP1, XMP_HEAD + xmp)], parsed.scan)
+
+
+def placed_jpeg(longitude_deg: float, latitude_deg: float) -> bytes:
+    """A JPEG whose EXIF states a place."""
+    plain = parse_jpeg(jpeg())
+    assert plain is not None
+    place = ExifGps(
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        height_m=500.0,
+        sigma_horizontal_m=1.0,
+    )
+    return build_jpeg(
+        [Segment(APP1, EXIF_HEAD + with_gps(None, place)), *plain.segments], plain.scan
+    )
 
 
 def photos(paths: Sequence[Path], file_time_s: ArrayLike | None = None) -> Photos:

@@ -7,12 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pyproj import Transformer
-from tagged_jpeg import jpeg
+from tagged_jpeg import placed_jpeg
 
 from uavgram.errors import InputError
 from uavgram.io.imports.gcp_list import GcpSigmas, read_gcp_list
-from uavgram.io.photos.jpeg_segments import APP1, EXIF_HEAD, Segment, build_jpeg, parse_jpeg
-from uavgram.io.photos.tagging.exif_gps import ExifGps, with_gps
 
 HEAD = "EPSG:32632\n"
 ROW = "691000.25 5334000.5 520.125 1539.25 1337 DSC_1.JPG A\n"
@@ -205,14 +203,8 @@ def test_a_label_at_two_heights_is_a_mistake(tmp_path: Path) -> None:
 def test_exchanged_coordinates_are_told_where_photos_show_it(
     tmp_path: Path, folder: str, head: str, first: str, second: str
 ) -> None:
-    plain = parse_jpeg(jpeg())
-    assert plain is not None
-    place = ExifGps(latitude_deg=47.31, longitude_deg=8.54, height_m=500.0, sigma_horizontal_m=1.0)
-    data = build_jpeg(
-        [Segment(APP1, EXIF_HEAD + with_gps(None, place)), *plain.segments], plain.scan
-    )
     (tmp_path / folder).mkdir(exist_ok=True)
-    (tmp_path / folder / "a.jpg").write_bytes(data)
+    (tmp_path / folder / "a.jpg").write_bytes(placed_jpeg(8.54, 47.31))
     to_map = Transformer.from_crs("EPSG:4326", "EPSG:32632", always_xy=True)
     east, north = to_map.transform(8.55, 47.3)
     rows = f"{first} 400 1 1 a.jpg A\n{second} 400 2 2 a.jpg B\n".format(east, north)

@@ -32,17 +32,17 @@ def has(picture: Pixels, colour: tuple[int, int, int]) -> int:
 
 def test_track_events_and_missed_shots_are_drawn(data_dir: Path) -> None:
     picture = drawn(data_dir / "wind_oblique" / "flight.BIN")
-    third = picture.shape[0] // 3
-    top_left, bottom_right = picture[:third, :715], picture[2 * third :, 715:]
+    row = picture.shape[0] // 4
+    top_left, bottom_left = picture[:row, :715], picture[3 * row :, :715]
     assert has(top_left, BLUE) > 500
     assert has(top_left, ORANGE) > 500
     assert 20 < has(top_left, RED) < 400
-    assert has(bottom_right, ORANGE) > 200
+    assert has(bottom_left, ORANGE) > 200
 
 
 @pytest.mark.parametrize(
     ("name", "rows"),
-    [("dronekit_flight.tlog", 2 + 2), ("sample.ulg", 1), ("pymavlink_test.BIN", 3)],
+    [("dronekit_flight.tlog", 3 + 3), ("sample.ulg", 1), ("pymavlink_test.BIN", 3)],
 )
 def test_every_boot_has_the_panels_that_it_has_something_for(
     data_dir: Path, name: str, rows: int
@@ -79,6 +79,31 @@ def test_attitude_and_quality_of_positions_are_drawn(repository: Path) -> None:
     )
     np.testing.assert_array_equal(horizontal, boot.sigmas.horizontal_m)
     np.testing.assert_array_equal(vertical, boot.sigmas.vertical_m)
+
+
+@pytest.mark.parametrize(
+    ("name", "satellites", "hdop"),
+    [
+        ("copter_3.4.4.bin", (15, 17), (0.6, 0.69)),
+        ("dronekit_flight.tlog", (4, 8), (2.25, 5.54)),
+        ("sample_log_small.ulg", (14, 15), (0.7, 0.75)),
+        ("sample_px4_events.ulg", (10, 10), None),
+    ],
+)
+def test_satellites_and_their_geometry_are_drawn_of_every_kind_of_log(
+    data_dir: Path, name: str, satellites: tuple[int, int], hdop: tuple[float, float] | None
+) -> None:
+    summary = summarise_log(read_flight_log(data_dir / "logs" / name))
+    axis = Figure().add_subplot()
+    dict(plot._panels(summary.boots[0]))["GPS reception"](axis)
+
+    curves = [
+        np.asarray(line.get_ydata(), np.float64)
+        for each in axis.figure.axes
+        for line in each.get_lines()
+    ]
+    ranges = [(curve.min(), curve.max()) for curve in curves]
+    np.testing.assert_allclose(ranges, [satellites] if hdop is None else [satellites, hdop])
 
 
 def test_what_a_log_has_nothing_of_has_no_panel(repository: Path) -> None:

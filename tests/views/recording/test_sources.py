@@ -91,7 +91,7 @@ def test_pages_say_who_made_picks_and_what_ties(result: Result, contents: Conten
         for columns in contents.by_frame.values()
         if "TextDocument:text" in columns
     )
-    assert f"- tie points: {result.frames.ties[FRAME]}, residuals 0.32 px" in sheets[FRAME][0]
+    assert f"- tie points: {result.frames.ties[FRAME]}, missed by 0.32 px" in sheets[FRAME][0]
 
 
 def test_the_legend_has_the_colours_of_what_was_found(result: Result) -> None:

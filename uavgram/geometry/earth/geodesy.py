@@ -51,6 +51,13 @@ def enu_from_geodetic(
     return _finite_or_nan(np.stack([east, north, up], axis=-1))
 
 
+EXCHANGED = (
+    "is far from where the photos were taken, and near it with latitude and longitude (y and x) "
+    "exchanged"
+)
+"""What is wrong with such a place, after its name or line."""
+
+
 def are_exchanged(stated: Places, turned: Places, site: Origin) -> Bools:
     """Tell which places (N,) cannot be of the flight at `site`, but could with x and y exchanged.
 

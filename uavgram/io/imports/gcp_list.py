@@ -9,17 +9,15 @@ top-left pixel (OpenSfM, ``features.py``: ``normalized_image_coordinates`` adds 
 from __future__ import annotations
 
 import glob
-import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.geometry.earth.geodesy import Origin
-from uavgram.io.photos.exif_gps import read_exif_place
+from uavgram.io.photos.exif_gps import site_of
 from uavgram.io.photos.files import PHOTO_SUFFIXES
 from uavgram.io.tables.csv_tables import parse_number
 from uavgram.io.tables.odm_coordinates import content_lines, crs_of_header, geodetic
@@ -31,7 +29,6 @@ from uavgram.model.survey.observations import KnownPoints
 
 _NAMES = ("x", "y", "z", "column", "row")
 _NUMBERS, _Z = 5, 2
-_MOST_LOOKED_AT = 20  # photos, for a place
 _PHOTO = re.compile(rf".*(?:{'|'.join(map(re.escape, PHOTO_SUFFIXES))})(?=\s|$)", re.IGNORECASE)
 """A photo's name, which may hold blanks: up to the last word that ends as photos' names do."""
 _NO_HEIGHT = "has no height (NaN), which a control point needs: add it, or leave the control out"
@@ -100,7 +97,7 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
     if sigmas is not None:
         first = list({row.label: row for row in reversed(rows)}.values())[::-1]
         xyz = np.array([row.xyz for row in first], dtype=np.float64)
-        site = _photos_site(path, {row.image for row in rows})
+        site = site_of(_beside(path, {row.image for row in rows}))
         latitude, longitude = geodetic(path, crs, xyz, [row.line for row in first], site)
         known = KnownPoints(
             label=tuple(row.label for row in first),
@@ -157,14 +154,11 @@ def _cells(text: str) -> list[str]:
     return [*numbers, image, *first[len(image) :].split(), *map(str.strip, more)]
 
 
-def _photos_site(path: Path, images: set[str]) -> Origin | None:
-    """Where one of the photos, beside the file or in a folder there, was taken by its EXIF."""
-    for image in sorted(images)[:_MOST_LOOKED_AT]:
-        for photo in (path.parent / image, *path.parent.glob(f"*/{glob.escape(image)}")):
-            place = read_exif_place(photo) if photo.is_file() else None
-            if place is not None and math.isfinite(place.latitude_deg + place.longitude_deg):
-                return place.latitude_deg, place.longitude_deg, 0.0
-    return None
+def _beside(path: Path, images: set[str]) -> Iterator[Path]:
+    """Where photos may be: beside the file, or in a folder there."""
+    for image in sorted(images):
+        yield path.parent / image
+        yield from path.parent.glob(f"*/{glob.escape(image)}")
 
 
 def _named(rows: list[_Row]) -> list[_Row]:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from uavgram.geometry.earth.geodesy import Origin
 from uavgram.io.photos.exif import exif_numbers, exif_text, read_exif_tags
 
+_MOST_LOOKED_AT = 20  # photos, for the place of all
 _ALTITUDE_SIGN = {0: 1.0, 1: -1.0, 2: 1.0, 3: -1.0}
 
 
@@ -59,3 +64,12 @@ def _degrees(tags: dict[str, Any], name: str, negative: str) -> float:
         return float("nan")
     size = float(np.dot(parts, [1.0, 1 / 60, 1 / 3600]))
     return -size if reference.startswith(negative) else size
+
+
+def site_of(paths: Iterable[str | Path]) -> Origin | None:
+    """Say where photos were taken, by the first whose EXIF states it; None where none does."""
+    for path in islice((path for path in paths if Path(path).is_file()), _MOST_LOOKED_AT):
+        place = read_exif_place(path)
+        if math.isfinite(place.latitude_deg + place.longitude_deg):
+            return place.latitude_deg, place.longitude_deg, 0.0
+    return None

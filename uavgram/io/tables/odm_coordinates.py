@@ -11,7 +11,7 @@ from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
 from uavgram.errors import InputError
-from uavgram.geometry.earth.geodesy import Origin, are_exchanged
+from uavgram.geometry.earth.geodesy import EXCHANGED, Origin, are_exchanged
 from uavgram.io.inputs import read_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import HeightDatum
@@ -126,10 +126,7 @@ def geodetic(
     if site is not None:
         east, north = to_wgs84.transform(xyz[:, 1], xyz[:, 0])
         exchanged = are_exchanged((latitude, longitude), (north, east), site)
-        text = (
-            "is far from where the photos were taken, and near it with latitude and longitude "
-            f"(y and x) exchanged: {_X_FIRST}"
-        )
+        text = f"{EXCHANGED}: {_X_FIRST}"
         if exchanged.any():
             raise InputError.of_all(
                 path, [(line[k], text) for k in np.flatnonzero(exchanged).tolist()]

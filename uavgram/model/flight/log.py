@@ -120,6 +120,28 @@ class EstimatorSigmas(FrozenArrays):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class ReceptionSamples(FrozenArrays):
+    """N statements of the satellite receiver about what it hears; NaN where it is silent.
+
+    Attributes
+    ----------
+    time_boot_s
+        (N,) increasing.
+    satellites
+        (N,) number of those in use.
+    hdop
+        (N,) by which their directions multiply errors, horizontally: below 1 is good.
+    source
+        The message they come from.
+    """
+
+    time_boot_s: Annotated[Floats, "n"]
+    satellites: Annotated[Floats, "n", NAN_IS_NONE]
+    hdop: Annotated[Floats, "n", NAN_IS_NONE]
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class CameraEvents(FrozenArrays):
     """N exposures that the log knows of.
 
@@ -210,6 +232,7 @@ class Boot:
     velocities: VelocitySamples | None = None
     turn_rates: TurnRateSamples | None = None
     receiver: PositionSamples | None = None
+    reception: ReceptionSamples | None = None
     resets: tuple[EstimatorReset, ...] = ()
 
 

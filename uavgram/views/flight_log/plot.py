@@ -24,6 +24,7 @@ from uavgram.model.flight.log import (
     CameraEvents,
     EstimatorSigmas,
     PositionSamples,
+    ReceptionSamples,
 )
 from uavgram.model.flight.log_summary import BootSummary, LogSummary
 from uavgram.views.flight_log.text import KINDS
@@ -87,6 +88,8 @@ def _panels(summary: BootSummary) -> Iterator[tuple[str, Callable[[Axes], None]]
         yield "Attitude of the vehicle", partial(_draw_attitudes, boot.attitudes)
     if sigmas is not None and np.isfinite(sigmas.horizontal_m).any():
         yield "GPS quality", partial(_draw_quality, sigmas)
+    if boot.reception is not None:
+        yield "GPS reception", partial(_draw_reception, boot.reception)
     if summary.clock is not None and len(summary.clock_time_s):
         yield "Clock readings about their line", partial(_draw_clock, summary, summary.clock)
     if boot.events is not None and len(boot.events.time_boot_s) > 1:
@@ -185,6 +188,17 @@ def _draw_quality(sigmas: EstimatorSigmas, axis: Axes) -> None:
     # receivers state hundreds of metres before they have a place
     axis.set_ylim(0.0, 1.3 * float(np.nanpercentile(both, 95)) + 0.01)
     _explain(axis, "1 sigma of positions [m]", sigmas.source)
+
+
+def _draw_reception(heard: ReceptionSamples, axis: Axes) -> None:
+    axis.plot(heard.time_boot_s, heard.satellites, color=_BLUE, linewidth=1.2)
+    axis.set_ylim(0.0, 1.2 * float(np.nanmax(heard.satellites, initial=1.0)))
+    if np.isfinite(heard.hdop).any():
+        spread = axis.twinx()
+        spread.plot(heard.time_boot_s, heard.hdop, ".", color=_GREY, markersize=2)
+        spread.set_ylabel("HDOP, grey (below 1 is good)")
+        spread.set_ylim(0.0, 1.3 * float(np.nanpercentile(heard.hdop, 95)) + 0.01)
+    _explain(axis, "satellites in use", heard.source)
 
 
 def _draw_clock(summary: BootSummary, clock: BootClock, axis: Axes) -> None:

@@ -91,7 +91,7 @@ def blueprint(result: Result, scene: Scene, curves: Curves, poses: PoseCurves) -
     right = rrb.Vertical(
         rrb.Spatial2DView(
             origin=PHOTO,
-            name=f"Photo: picks white, residuals ×{scene.residual_factor} blue"
+            name=f"Photo: picks white, what they miss by (drawn ×{scene.residual_factor}) blue"
             + (", flight log alone orange" if result.has_seed.any() else ""),
             background=BACKGROUND,
             visual_bounds=_whole_photo(result),

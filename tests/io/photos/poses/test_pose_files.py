@@ -163,3 +163,28 @@ def test_a_file_about_other_photos_is_refused_with_a_hint(write: Write) -> None:
 
     with pytest.raises(InputError, match=r"did you mean 'DJI_0028\.jpeg'"):
         read_photo_poses(str(write(EXAMPLE)), photos, "msl")
+
+
+@pytest.mark.parametrize(
+    ("name", "head", "rows"),
+    [
+        ("geo.txt", "EPSG:4326\n", ("a.jpg {0} {1} 500", "b.jpg {1} {0} 500")),
+        ("geo.txt", "EPSG:32632\n", ("a.jpg {2} {3} 500", "b.jpg {3} {2} 500")),
+        ("poses.csv", CSV, ("a.jpg,{1},{0},500,,,,", "b.jpg,{0},{1},500,,,,")),
+    ],
+)
+def test_exchanged_places_are_named_where_the_photos_own_tags_show_it(
+    write: Write, tmp_path: Path, name: str, head: str, rows: tuple[str, str]
+) -> None:
+    paths = [tmp_path / f"{one}.jpg" for one in "ab"]
+    for path in paths:
+        path.write_bytes(tagged_jpeg.placed_jpeg(8.54, 47.31))
+    to_map = Transformer.from_crs("EPSG:4326", "EPSG:32632", always_xy=True)
+    numbers = 8.55, 47.3, *to_map.transform(8.55, 47.3)
+    right, wrong = (row.format(*numbers) for row in rows)
+    photos = tagged_jpeg.photos(paths)
+
+    poses, _ = read_photo_poses(str(write(f"{head}{right}\n", name)), photos, "msl")
+    np.testing.assert_allclose([poses.longitude_deg, poses.latitude_deg], [[8.55], [47.3]])
+    with pytest.raises(InputError, match=r":3: .*near it with latitude and longitude .* exchanged"):
+        read_photo_poses(str(write(f"{head}{right}\n{wrong}\n", name)), photos, "msl")

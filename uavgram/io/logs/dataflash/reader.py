@@ -91,21 +91,23 @@ def _parts(tables: Tables) -> list[Tables]:
 def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
     core = dataflash_pose.primary_core(tables)
     clocks = dataflash_events.gps_clock(tables)
+    heard = dataflash_pose.receiver(tables)
     boot, notes = checked_boot(
         dataflash_pose.positions(tables, core),
         dataflash_pose.attitudes(tables, core),
         dataflash_gimbal.gimbal(tables),
         dataflash_events.camera_events(tables, clocks),
-        sigmas=dataflash_pose.sigmas(tables, core),
+        sigmas=dataflash_pose.sigmas(tables, core, heard),
         home=dataflash_events.home(tables),
         clocks=clocks,
         turn_rates=dataflash_pose.turn_rates(tables),
     )
-    receiver, attitude = dataflash_pose.second_opinions(tables, core)
+    receiver, attitude = dataflash_pose.second_opinions(tables, core, heard[0])
     boot = replace(
         boot,
         velocities=dataflash_pose.velocities(tables, core),
         receiver=receiver,
+        reception=dataflash_pose.reception(heard[0]),
         resets=stated_resets(tables),
     )
     origin = dataflash_events.estimator_origin(tables)

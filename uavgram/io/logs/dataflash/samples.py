@@ -20,13 +20,19 @@ from uavgram.io.logs.quality.samples import (
     Place,
     attitude_samples,
     position_samples,
+    reception_samples,
     turn_rate_samples,
     unit_quaternions,
     velocity_samples,
 )
 from uavgram.io.logs.quality.sigmas import Stated, merged_sigmas, positions_known
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import AttitudeSamples, EstimatorSigmas, PositionSamples
+from uavgram.model.flight.log import (
+    AttitudeSamples,
+    EstimatorSigmas,
+    PositionSamples,
+    ReceptionSamples,
+)
 from uavgram.model.flight.second_opinions import TurnRateSamples, VelocitySamples
 
 
@@ -205,10 +211,17 @@ def _quaternions(tables: Tables, core: int) -> Found[AttitudeSamples]:
 
 
 def second_opinions(
-    tables: Tables, core: int
+    tables: Tables, core: int, gps: Columns
 ) -> tuple[PositionSamples | None, AttitudeSamples | None]:
-    """The receiver's own positions, and the estimator's attitudes, to hold against POS and ATT."""
-    gps, _ = receiver(tables)
+    """The receiver's own positions, and the estimator's attitudes, to hold against POS and ATT.
+
+    Parameters
+    ----------
+    tables, core
+        Of one boot; the estimator's core that flew.
+    gps
+        The receiver's rows, the first of `receiver`.
+    """
     place = _positions_of(gps, "GPS")[0] if gps else None
     name, columns = of_core(tables, ("XKF1", "NKF1"), core)
     if not name:
@@ -234,12 +247,19 @@ def turn_rates(tables: Tables) -> TurnRateSamples | None:
     return turn_rate_samples("RATE", boot_time_s(columns), (roll, pitch, yaw))
 
 
-def sigmas(tables: Tables, core: int) -> EstimatorSigmas | None:
+def sigmas(tables: Tables, core: int, heard: tuple[Columns, Columns]) -> EstimatorSigmas | None:
     """The estimator's variances and the receiver's accuracies, the larger of the two.
 
     XKV1's V07, V08, V09 are position variances [m²]; XKF4's errRP is the standard deviation of
     tilt [rad] (its SP, SH... are test ratios and no standard deviations); GPA has the receiver's
     own. The estimator alone is over-confident wherever the receiver's error is correlated.
+
+    Parameters
+    ----------
+    tables, core
+        Of one boot; the estimator's core that flew.
+    heard
+        As of `receiver`.
     """
     parts: list[Stated] = []
     name, columns = of_core(tables, ("XKV1", "NKV1"), core)
@@ -247,7 +267,7 @@ def sigmas(tables: Tables, core: int) -> EstimatorSigmas | None:
         v = [numbers(columns, f"V{i:02d}") for i in (7, 8, 9)]
         horizontal, vertical = (np.sqrt(np.abs(x)) for x in ((v[0] + v[1]) / 2, v[2]))
         parts.append(positions_known(name, boot_time_s(columns), horizontal, vertical))
-    gps, columns = receiver(tables)
+    gps, columns = heard
     fix = (boot_time_s(gps), numbers(gps, "Status")) if gps else None
     if columns:
         stated = numbers(columns, "HAcc"), numbers(columns, "VAcc")
@@ -256,3 +276,10 @@ def sigmas(tables: Tables, core: int) -> EstimatorSigmas | None:
     if name:
         parts.append((name, boot_time_s(columns), {"tilt": numbers(columns, "errRP")}))
     return merged_sigmas(parts, fix)
+
+
+def reception(gps: Columns) -> ReceptionSamples | None:
+    """What the receiver in use hears while it has a 3-D fix."""
+    if not gps:
+        return None
+    return reception_samples("GPS", boot_time_s(gps), numbers(gps, "NSats"), numbers(gps, "HDop"))

@@ -23,12 +23,14 @@ from uavgram.model.flight.log import (
     GimbalSamples,
     HomeSamples,
     PositionSamples,
+    ReceptionSamples,
 )
 from uavgram.model.flight.second_opinions import TurnRateSamples, VelocitySamples
 
 _LARGEST_UNDULATION_M = 150  # no geoid lies further from the ellipsoid
 _FASTEST_M_S = 200.0
 _FASTEST_RAD_S = 40.0  # beyond what gyroscopes of autopilots measure
+_MOST_SATELLITES, _LARGEST_HDOP = 200.0, 90.0  # logs write 255 and 99.99 or more for none
 
 T = TypeVar("T")
 Found = tuple[T | None, tuple[str, ...]]
@@ -216,6 +218,30 @@ def home_samples(
         height_m=height[rows],
         datum="msl",
         source=source,
+    )
+
+
+def reception_samples(
+    source: str, time_s: Floats, satellites: Floats, hdop: Floats
+) -> ReceptionSamples | None:
+    """Numbers of satellites and their geometry, where either is stated.
+
+    Parameters
+    ----------
+    source
+        The message's name.
+    time_s
+        (N,) since boot.
+    satellites, hdop
+        (N,) as stated.
+    """
+    satellites = np.where((satellites > 0) & (satellites < _MOST_SATELLITES), satellites, np.nan)
+    hdop = np.where((hdop > 0) & (hdop < _LARGEST_HDOP), hdop, np.nan)
+    rows = plausible_rows(time_s, np.isfinite(satellites) | np.isfinite(hdop))
+    if not len(rows):
+        return None
+    return ReceptionSamples(
+        time_boot_s=time_s[rows], satellites=satellites[rows], hdop=hdop[rows], source=source
     )
 
 

@@ -77,22 +77,23 @@ def _scan_notes(frames: FrameTable) -> list[str]:
 
 
 def _boot(stream: Stream) -> tuple[Boot, tuple[str, ...]]:
-    attitudes = tlog_pose.attitudes(stream)
+    attitudes, heard = tlog_pose.attitudes(stream), tlog_pose.receiver(stream)
     boot, notes = checked_boot(
         tlog_pose.positions(stream),
         attitudes,
         tlog_pose.gimbal(stream, attitudes[0]),
         camera_events(stream),
-        sigmas=tlog_pose.sigmas(stream),
+        sigmas=tlog_pose.sigmas(stream, heard),
         home=_home(stream),
         clocks=_clocks(stream),
         turn_rates=tlog_pose.turn_rates(stream),
     )
-    receiver, attitude = tlog_pose.second_opinions(stream)
+    receiver, attitude = tlog_pose.second_opinions(stream, heard)
     boot = replace(
         boot,
         velocities=tlog_pose.velocities(stream),
         receiver=receiver,
+        reception=tlog_pose.reception(stream, heard),
         resets=stated_resets(stream),
     )
     return boot, (*notes, *disagreements(boot, receiver, attitude))

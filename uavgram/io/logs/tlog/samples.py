@@ -19,6 +19,7 @@ from uavgram.io.logs.quality.samples import (
     attitude_samples,
     first_found,
     position_samples,
+    reception_samples,
     turn_rate_samples,
     unit_quaternions,
     velocity_samples,
@@ -32,6 +33,7 @@ from uavgram.model.flight.log import (
     EstimatorSigmas,
     GimbalSamples,
     PositionSamples,
+    ReceptionSamples,
 )
 from uavgram.model.flight.second_opinions import TurnRateSamples, VelocitySamples
 
@@ -97,9 +99,11 @@ def _attitude_samples(columns: Columns, xyzw: Floats, source: str) -> Found[Atti
     return attitude_samples(source, columns["time_boot_ms"] * 1e-3, unit_quaternions(xyzw))
 
 
-def second_opinions(stream: Stream) -> tuple[PositionSamples | None, AttitudeSamples | None]:
+def second_opinions(
+    stream: Stream, heard: tuple[Columns, Ints]
+) -> tuple[PositionSamples | None, AttitudeSamples | None]:
     """The receiver's own positions, and ATTITUDE, to hold against what is used."""
-    columns, rows = receiver(stream)
+    columns, rows = heard
     place = _position_samples(columns, stream.boot_s(rows), "GPS_RAW_INT")[0] if columns else None
     return place, _by_angles(stream)[0]
 
@@ -209,8 +213,8 @@ def _on_vehicle(samples: GimbalSamples, ned_from_body: Floats) -> GimbalSamples:
     return replace(samples, roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw, yaw_frame="earth")
 
 
-def sigmas(stream: Stream) -> EstimatorSigmas | None:
-    """The receiver's accuracies (0 where it states none), and PX4's estimator status.
+def sigmas(stream: Stream, heard: tuple[Columns, Ints]) -> EstimatorSigmas | None:
+    """The accuracies of what `receiver` heard (0 where it states none), and of PX4's estimator.
 
     EKF_STATUS_REPORT's variances are test ratios, no standard deviations.
     """
@@ -221,9 +225,18 @@ def sigmas(stream: Stream) -> EstimatorSigmas | None:
         horizontal = as_numbers(columns["pos_horiz_accuracy"])
         vertical = as_numbers(columns["pos_vert_accuracy"])
         parts.append(positions_known("ESTIMATOR_STATUS", stream.boot_s(rows), horizontal, vertical))
-    columns, rows = receiver(stream)
+    columns, rows = heard
     if columns:
         horizontal, vertical = columns["h_acc"] / 1e3, columns["v_acc"] / 1e3
         parts.append(positions_known("GPS_RAW_INT", stream.boot_s(rows), horizontal, vertical))
         fix = stream.boot_s(rows), as_numbers(columns["fix_type"])
     return merged_sigmas(parts, fix)
+
+
+def reception(stream: Stream, heard: tuple[Columns, Ints]) -> ReceptionSamples | None:
+    """What the receiver hears while it has a 3-D fix; 255 and 65535 stand for unknown."""
+    columns, rows = heard
+    if not columns:
+        return None
+    satellites, hdop = as_numbers(columns["satellites_visible"]), columns["eph"] / 100.0
+    return reception_samples("GPS_RAW_INT", stream.boot_s(rows), satellites, hdop)

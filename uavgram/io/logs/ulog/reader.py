@@ -51,6 +51,7 @@ def read_ulog(path: str | Path) -> FlightLog:
         boot,
         velocities=ulog_pose.velocities(tables),
         receiver=ulog_pose.receiver_positions(tables),
+        reception=ulog_pose.reception(tables),
         resets=stated_resets(tables),
     )
     return FlightLog(

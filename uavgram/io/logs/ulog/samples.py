@@ -17,6 +17,7 @@ from uavgram.io.logs.quality.samples import (
     attitude_samples,
     median_undulation_m,
     position_samples,
+    reception_samples,
     turn_rate_samples,
     unit_quaternions,
     velocity_samples,
@@ -29,6 +30,7 @@ from uavgram.model.flight.log import (
     EstimatorSigmas,
     GimbalSamples,
     PositionSamples,
+    ReceptionSamples,
 )
 from uavgram.model.flight.second_opinions import TurnRateSamples, VelocitySamples
 
@@ -242,3 +244,12 @@ def sigmas(tables: UlogTables) -> EstimatorSigmas | None:
     ]
     fix = None if gps is None else (gps.time_s, gps.column("fix_type"))
     return merged_sigmas(parts, fix)
+
+
+def reception(tables: UlogTables) -> ReceptionSamples | None:
+    """What the receiver hears."""
+    gps = receiver(tables)
+    if gps is None:
+        return None
+    heard = gps.column("satellites_used"), gps.column("hdop")
+    return reception_samples(gps.name, gps.time_s, *heard)

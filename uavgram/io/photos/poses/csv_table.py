@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from uavgram.geometry.earth.geodesy import EXCHANGED, Origin, are_exchanged
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
 from uavgram.model.flight.log import HeightDatum
 from uavgram.model.flight.photo_poses import PhotoPoses
@@ -16,7 +17,11 @@ _PLACE = ("latitude_deg", "longitude_deg", "height_m")
 
 
 def read_pose_csv(
-    path: str | Path, heights: HeightDatum, *, may_lack_places: bool = False
+    path: str | Path,
+    heights: HeightDatum,
+    site: Origin | None = None,
+    *,
+    may_lack_places: bool = False,
 ) -> PhotoPoses:
     """Read image, latitude_deg, longitude_deg, height_m and, optional, angles and sigmas.
 
@@ -29,6 +34,8 @@ def read_pose_csv(
         The table.
     heights
         Datum of its heights.
+    site
+        Where the photos were taken by their own tags; None: they state no place.
     may_lack_places
         Whether another source has places, so that a row may have none: all three numbers, or none.
 
@@ -45,7 +52,7 @@ def read_pose_csv(
             optional_numbers=(*(_PLACE if may_lack_places else ()), *_ANGLES, *_SIGMAS),
         ),
     )
-    _check(table)
+    _check(table, site)
     numbers = table.numbers
     return PhotoPoses(
         frame_id=table.text["image"],
@@ -61,7 +68,7 @@ def read_pose_csv(
     )
 
 
-def _check(table: Table) -> None:
+def _check(table: Table, site: Origin | None) -> None:
     for name in _SIGMAS:
         table.require_sigma(name)
     table.require_unique("image", "photo")
@@ -72,6 +79,10 @@ def _check(table: Table) -> None:
         for row in np.flatnonzero(given.any(axis=1) & ~given.all(axis=1)):
             names = f"{', '.join(together[:-1])} and {together[-1]}"
             table.blame(int(row), f"{names}: give all three, or none")
+    if site is not None:
+        place = table.numbers["latitude_deg"], table.numbers["longitude_deg"]
+        for exchanged in np.flatnonzero(are_exchanged(place, place[::-1], site)).tolist():
+            table.blame(exchanged, EXCHANGED)
     if not len(table.line):
         table.faults.append((None, "holds no photo: give a row for each, or leave `poses` out"))
     table.raise_faults()

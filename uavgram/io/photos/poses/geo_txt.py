@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.geometry.earth.geodesy import Origin
 from uavgram.geometry.motion.nadir_angles import gimbal_from_nadir
 from uavgram.io.tables.csv_tables import parse_number
 from uavgram.io.tables.odm_coordinates import content_lines, crs_of_header, geodetic, height_datum
@@ -31,7 +32,9 @@ class _Row:
     sigmas: tuple[float, float]
 
 
-def read_geo_txt(path: str | Path, heights: HeightDatum) -> tuple[PhotoPoses, tuple[Message, ...]]:
+def read_geo_txt(
+    path: str | Path, heights: HeightDatum, site: Origin | None = None
+) -> tuple[PhotoPoses, tuple[Message, ...]]:
     """Read a geo.txt.
 
     Parameters
@@ -40,12 +43,15 @@ def read_geo_txt(path: str | Path, heights: HeightDatum) -> tuple[PhotoPoses, tu
         The file.
     heights
         Datum of its heights where its coordinate system names none.
+    site
+        Where the photos were taken by their own tags; None: they state no place.
 
     Raises
     ------
     InputError
         Names file and line of every mistake: an unknown coordinate system, text for a number, a
-        line without height, a photo that stands twice, a place outside the earth.
+        line without height, a photo that stands twice, a place outside the earth, and one that is
+        at the site only with x and y exchanged.
     """
     path = Path(path)
     lines = content_lines(path, "a line for each photo")
@@ -53,7 +59,7 @@ def read_geo_txt(path: str | Path, heights: HeightDatum) -> tuple[PhotoPoses, tu
     rows = _rows(path, lines[1:])
     datum, guess = height_datum(crs, heights)
     xyz = np.array([row.xyz for row in rows])
-    latitude, longitude = geodetic(path, crs, xyz, [row.line for row in rows])
+    latitude, longitude = geodetic(path, crs, xyz, [row.line for row in rows], site)
     nadir = np.radians([row.angles for row in rows])
     messages: tuple[Message, ...] = ()
     if not nadir.any():  # what the format says for "not available"

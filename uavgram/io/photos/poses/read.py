@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
+from uavgram.io.photos.exif_gps import site_of
 from uavgram.io.photos.poses.csv_table import read_pose_csv
 from uavgram.io.photos.poses.geo_txt import read_geo_txt
 from uavgram.io.photos.poses.mrk import read_mrk
@@ -94,9 +95,10 @@ def _of_file(
 ) -> tuple[PhotoPoses, tuple[Message, ...]]:
     if source.lower().endswith(".mrk"):
         return read_mrk(source, photos)
+    site = site_of(photos.path)
     if source.lower().endswith(".csv"):
-        return read_pose_csv(source, heights, may_lack_places=may_lack_places), ()
-    return read_geo_txt(source, heights)
+        return read_pose_csv(source, heights, site, may_lack_places=may_lack_places), ()
+    return read_geo_txt(source, heights, site)
 
 
 def _of_photos(

@@ -31,7 +31,9 @@ def calibration_blueprint(account: CalibrationAccount, room: Room) -> rrb.Bluepr
             _map(result, COVERAGE, "Coverage: corners; red: none"),
             _map(result, UNCERTAINTY, "Sigma of a direction [px]"),
             _map(
-                result, RESIDUALS, f"Residuals ×{mean_residual_factor(result)}, mean blue, odd red"
+                result,
+                RESIDUALS,
+                f"Misses of corners (×{mean_residual_factor(result)}): mean blue, odd red",
             ),
         ),
         row_shares=[2.1, 1.0],
@@ -101,7 +103,7 @@ def _map(result: CalibrationResult, origin: str, name: str) -> rrb.Spatial2DView
 def _photo(result: CalibrationResult) -> rrb.Spatial2DView:
     return rrb.Spatial2DView(
         origin=f"/{PHOTO}",
-        name=f"Photo: corners green, residuals ×{residual_factor(result)} orange, odd ones red",
+        name=f"Photo: corners green, their misses ×{residual_factor(result)} orange, odd ones red",
         background=BACKGROUND,
         visual_bounds=_whole(result),
     )

@@ -127,7 +127,7 @@ def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
         (MISS_SEED, seeded, f"flight log alone [{one.symbol}]", SEED),
         (f"{RESIDUAL_REFINED}/refined", curves.refined_rms_px, "refined [px]", REFINED),
         (f"{RESIDUAL_REFINED}/sigma_of_picks", curves.sigma_px, "σ of the picks [px]", OBSERVED),
-        (f"{WORST_W}/worst", curves.worst_w, "largest |w|", REFINED),
+        (f"{WORST_W}/worst", curves.worst_w, "largest misfit", REFINED),
         (f"{WORST_W}/limit", limit, f"suspect beyond {curves.limit_w:.2f}", BAD),
         (RESIDUAL_SEED, curves.seed_rms_px, "flight log [px]", SEED),
     ):
