@@ -123,7 +123,7 @@ def test_causes_by_their_codes() -> None:
         ("single", "all_in_feet", 12001, "lengths-wrong-unit"),
         ("strip", "swapped_all", 12000, "labels-swapped-everywhere"),
         ("strip_no_log", "all_hook_10cm", 12000, "lengths-offset-possible"),
-        ("strip", "level_tapes", 12000, "lengths-level-possible"),
+        ("strip", "level_tapes", 12009, "lengths-level-possible"),
     ],
 )
 def test_a_fault_is_the_first_cause_and_no_value_beside_it_is_wrong_and_in_order(

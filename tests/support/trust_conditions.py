@@ -59,6 +59,8 @@ class World:
         A drone of the shop, whose camera the project does not state.
     clicks
         How often each label is clicked in each photo.
+    measured_in
+        Fewest photos that show a point that is measured.
     raised
         Number of points off the ground, whose height is declared free.
     control
@@ -88,6 +90,7 @@ class World:
     several: bool = False
     camera_auto: bool = False
     clicks: int = 1
+    measured_in: int = 1
     raised: int = 0
     control: int = 0
 
@@ -131,7 +134,7 @@ CONDITIONS: dict[str, World] = {
     "lengths_decimetre": replace(STRIP, photos=9, rounded_m=0.1, lengths=(8, 9)),
     "clicked_twice": World(log=None, clicks=2, lengths=(5, 5), taped=(7, 7)),
     "clicked_twice_log": World(clicks=2, lengths=(5, 5), taped=(7, 7)),
-    "two_photos_hand": replace(STRIP, photos=2, share=1.0, lengths=(6, 8)),
+    "two_photos_hand": replace(STRIP, photos=2, share=1.0, lengths=(6, 8), measured_in=2),
     "strip_log": STRIP,
     "strip_no_log": replace(STRIP, log=None),
     "strip_control": replace(STRIP, control=4),
@@ -191,7 +194,9 @@ def draw(world: World, rng: np.random.Generator) -> Survey:
         )
         for label in chosen:
             survey.control[str(label)] = survey.meant[label] + rng.normal(0, 0.02, 3)
-    _measure(survey, [label for label in labels if label in seen], sorted(raised & seen), rng)
+    photos = {label: {one.photo for one in survey.picks if one.label == label} for label in seen}
+    often = {label for label in seen if len(photos[label]) >= world.measured_in}
+    _measure(survey, [one for one in labels if one in often], sorted(raised & often), rng)
     return survey
 
 

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.measuring.next_length import next_line
 from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -49,8 +48,8 @@ NOT_CHANCE = 4.0
 itself: who is told that all his lengths are wrong can use none of them."""
 
 
-OPEN, EXCLUDED = 0.01, 3.0
-"""Level of the test whether an offset is possible; sigmas from which on level tapes are not."""
+OPEN = 0.01
+"""Level of the test whether an offset is possible."""
 
 STILL, MOST_DOUBTED = 3.0, 6
 """The same without any single length; and lengths that are left aside for it, worst first."""
@@ -110,7 +109,7 @@ def taped_level(standing: Standing) -> Iterator[Hypothesis]:
     line = adjustment.problem.line_index
     if taped_lines(adjustment.survey, line).level.all():
         return
-    moved, _ = _level(adjustment)
+    moved = _level(adjustment)
     rows = np.arange(len(line))
     lines = frozenset(_lines(standing, rows).tolist())
     yield Hypothesis(
@@ -139,7 +138,7 @@ def open_questions(adjustment: Adjustment) -> Iterator[Message]:
     """Report what all lengths may have in common, where the observations do not exclude it.
 
     An offset that makes everything fit better, beyond chance at the level `OPEN`; or lengths taped
-    level on a slope, where nobody wrote how, and the difference would show in the results.
+    level on a slope, where nobody wrote how and that is likelier than not.
     """
     if "lengths" not in adjustment.minimum.blocks or not adjustment.minimum.converged:
         return
@@ -161,35 +160,33 @@ def open_questions(adjustment: Adjustment) -> Iterator[Message]:
     if _may_be_level(adjustment):
         slope = _slope_deg(adjustment)
         text = (
-            f"The ground slopes by {slope:.0f} degrees, and the file of the lengths does not state "
-            "how the tape was held. Held level, it reads less than along the slope, and the "
-            "results would be too small. Write 'slope' or 'horizontal' into the column along of "
-            "the lengths."
+            f"The ground slopes by {slope:.0f} degrees, the file of the lengths does not state how "
+            "the tape was held, and everything fits better if it was held level. Then it reads "
+            "less than along the slope, and the results are too small. Write 'slope' or "
+            "'horizontal' into the column along of the lengths."
         )
         yield Message("warning", "lengths-level-possible", text, labels=labels, lengths=names)
 
 
 def _may_be_level(adjustment: Adjustment) -> bool:
-    """Whether lengths may have been taped level, and that would move the scale by a sigma."""
-    if adjustment.survey.line_along or adjustment.survey.gauge == "plane":
+    """Whether lengths were taped level likelier than not, where nobody wrote how."""
+    if adjustment.survey.line_along:
         return False
-    moved, share = _level(adjustment)
-    advice = next_line(adjustment)
-    if advice is None or share < advice.relative_sigma:
-        return False
-    (found,) = explained(adjustment, [[moved]], CHECKED)
-    return bool(found.value[0] > 1.0 - EXCLUDED * np.sqrt(found.covariance[0, 0]))
+    (found,) = explained(adjustment, [[_level(adjustment)]], CHECKED)
+    # The fall of the sum of squares with an amount of 1 instead of 0, at the least.
+    gain = (2.0 * found.value[0] - 1.0) / found.covariance[0, 0]
+    return bool(gain / 2.0 > LEVEL)
 
 
-def _level(adjustment: Adjustment) -> tuple[Moved, float]:
-    """By how much level tapes read less, as a hypothesis; and the mean as a share of readings."""
+def _level(adjustment: Adjustment) -> Moved:
+    """By how much level tapes read less, as a hypothesis."""
     survey, line = adjustment.survey, adjustment.problem.line_index
     taped = taped_lines(survey, line)
     level = taped._replace(level=np.ones_like(taped.level))
     reading, *_ = adjustment.problem.readings(adjustment.state, taped)
     shorter = adjustment.problem.readings(adjustment.state, level)[0] - reading
     along = (shorter / survey.length_sigma_m[line])[:, None, None]
-    return Moved("lengths", np.arange(len(line)), along), float(-shorter.sum() / reading.sum())
+    return Moved("lengths", np.arange(len(line)), along)
 
 
 def _slope_deg(adjustment: Adjustment) -> float:
