@@ -17,8 +17,8 @@ from scipy.stats import chi2
 
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.terms import known_functions
-from uavgram.estimation.survey.terms.known_terms import known_rows
+from uavgram.estimation.survey.observations import known_functions
+from uavgram.estimation.survey.observations.known import known_rows
 from uavgram.estimation.survey.unknowns import advance
 from uavgram.geometry.ground.line_of_position import joint_covariance
 from uavgram.model.arrays import Floats

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.terms.known_terms import known_rows
+from uavgram.estimation.survey.observations.known import known_rows
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays, Ints

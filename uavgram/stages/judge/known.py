@@ -9,8 +9,7 @@ from scipy.special import ndtri
 
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.names import named_thing
-from uavgram.estimation.survey.terms.known_terms import known_rows
+from uavgram.estimation.survey.observations.known import known_rows, named_thing
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.naming import figures

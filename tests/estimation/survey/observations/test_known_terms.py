@@ -10,7 +10,7 @@ import pytest
 from scenes import Scene, make_scene
 
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.terms.known_terms import KnownRows, known_rows
+from uavgram.estimation.survey.observations.known import KnownRows, known_rows
 from uavgram.estimation.survey.unknowns import State, move
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.known import CONDITIONS, KnownThing

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.terms.known_functions import (
+from uavgram.estimation.survey.observations.known_functions import (
     condition_departures,
     is_condition,
     line_departures,
@@ -16,30 +16,17 @@ from uavgram.estimation.survey.terms.known_functions import (
     refers_to_ground,
     row_count,
 )
-from uavgram.estimation.survey.unknowns import Layout, State
+from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
+from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State, unstacked
 from uavgram.geometry.ground.line_of_position import inverse_root
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.survey import Survey
 
-
-class Places(Protocol):
-    """Where points are, by the unknowns of a survey."""
-
-    survey: Survey
-    layout: Layout
-
-    def world_points(self, state: State, label: Ints) -> tuple[Floats, Floats, Floats]:
-        """World coordinates of labels, and their derivatives."""
-        ...
-
-    def ground_points(self, state: State, label: Ints) -> tuple[Floats, Floats, Floats]:
-        """Places on the ground straight below labels, and their derivatives."""
-        ...
-
-    def plane_columns(self, label: Ints) -> Ints:
-        """Unknowns of the ground under labels."""
-        ...
+if TYPE_CHECKING:
+    from uavgram.estimation.solver.levenberg_marquardt import Minimum
+    from uavgram.estimation.survey.likelihood import SurveyProblem
 
 
 class KnownRows(NamedTuple):
@@ -97,12 +84,12 @@ class KnownRows(NamedTuple):
         return np.diag(self.sigma[rows] ** 2)
 
 
-def known_rows(places: Places, state: State, things: Sequence[KnownThing]) -> KnownRows:
+def known_rows(problem: SurveyProblem, state: State, things: Sequence[KnownThing]) -> KnownRows:
     """The rows of known things.
 
     Parameters
     ----------
-    places
+    problem
         The likelihood.
     state
         Values of the unknowns.
@@ -116,13 +103,13 @@ def known_rows(places: Places, state: State, things: Sequence[KnownThing]) -> Kn
     """
     most = max(len(thing.label) for thing in things)
     label = np.array([(*t.label, *t.label[:1] * (most - len(t.label))) for t in things])
-    world, by_world = _located(places.world_points(state, label.ravel()), label)
+    world, by_world = _located(problem.world_points(state, label.ravel()), label)
     feet, by_feet = world, by_world
     if any(refers_to_ground(thing) for thing in things):
-        feet, by_feet = _located(places.ground_points(state, label.ravel()), label)
-    found = _functions(places.survey, things, world, feet)
+        feet, by_feet = _located(problem.ground_points(state, label.ravel()), label)
+    found = _functions(problem.survey, things, world, feet)
     row = found.thing
-    point, plane = places.layout.point_columns(label.ravel()), places.plane_columns(label.ravel())
+    point, plane = problem.layout.point_columns(label.ravel()), problem.plane_columns(label.ravel())
     columns = np.concatenate([point, plane], axis=1).reshape(len(things), -1)
     gradient = np.einsum("rpi,rpij->rpj", found.by_point, by_world[row])
     gradient += np.einsum("rpi,rpij->rpj", found.by_foot, by_feet[row])
@@ -241,3 +228,146 @@ def says_something(survey: Survey, thing: KnownThing) -> bool:
 def on_ground(survey: Survey, thing: KnownThing) -> bool:
     """Whether all points of a thing lie on the ground."""
     return not survey.off_ground[list(thing.label)].any()
+
+
+class Known(Observation):
+    """What else is known of points: distances, angles, conditions, lines of known position."""
+
+    kinds = (
+        Kind(
+            "known",
+            "known things",
+            "known things",
+            role="reading",
+            rank=2,
+            axes=("departure",),
+            plural="known things",
+            check="their values and sigmas",
+            misfit_code="known-suspect",
+            look="Look at their values, at their points and at their picks.",
+            is_core=True,
+            has_table=True,
+        ),
+    )
+
+    def is_part(self) -> bool:
+        """Whether a known thing takes part."""
+        return bool(self.problem.known)
+
+    def rows(self, state: State) -> Block | None:
+        """Compute by how much each is not met."""
+        if state.plane.ndim == 1:
+            return self._found(state).block()
+        each = [self._found(one).block() for one in unstacked(state)]
+        residual, jacobian = np.stack([b.residual for b in each]), [b.jacobian for b in each]
+        return Block(residual, each[0].columns, np.stack(jacobian))
+
+    def _found(self, state: State) -> KnownRows:
+        return known_rows(self.problem, state, self.problem.known)
+
+    def sigma(self, found: Minimum[State]) -> Floats:
+        """(R, 1) each in its unit."""
+        return self._found(found.state).sigma[:, None]
+
+    def residuals(self, found: Minimum[State]) -> Floats:
+        """(R, 1) each in its unit; whitened, correlated ones are mixed."""
+        return self._found(found.state).value[:, None]
+
+    def things(self) -> Ints | None:
+        """(R,) several rows may be of one thing."""
+        return self.problem.known_thing
+
+    def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
+        """Yield the derivatives by the heights of the points of each row, one after the other."""
+        rows = self._found(found.state)
+        by_up = rows.whitened(rows.by_up)
+        for k in range(rows.label.shape[1]):
+            yield rows.label[:, k], by_up[:, [k]]
+
+    def thing(self, row: int) -> KnownThing:
+        """The known thing of a row."""
+        return self.problem.known[int(self.problem.known_thing[row])]
+
+    def _labels(self, row: int) -> tuple[str, ...]:
+        return tuple(self.problem.survey.label[k] for k in self.thing(row).label)
+
+    def named(self, row: int) -> str:
+        """``right angle 'corner' ('A', 'B', 'C')``."""
+        thing = self.thing(row)
+        return named_thing(thing.kind, thing.name, self._labels(row))
+
+    def title(self, member: Member) -> str:
+        """``known right angle 'corner' ('A', 'B', 'C')``."""
+        return f"known {self.named(member.row)}"
+
+    def unit(self, member: Member) -> tuple[str, float]:
+        """Of its value and sigma, in which its errors are."""
+        return self.thing(member.row).unit, 1.0
+
+    def subjects(self, row: int) -> Subjects:
+        """Its labels."""
+        return {"labels": self._labels(row)}
+
+    def witness(self) -> Iterator[str]:
+        """Yield what bears on the scale."""
+        known = self.problem.known
+        if any(thing.position is not None for thing in known):
+            yield "the lines of known position"
+        if any(thing.gives_scale and thing.position is None for thing in known):
+            yield "the other known distances"
+
+    def misfit(self, found: Misfit) -> tuple[str, str]:
+        """Describe a known thing that does not fit."""
+        thing, what = self.thing(found.member.row), self.named(found.member.row)
+        how = f"{departure(thing, found.off)} (w = {found.w:.1f})"
+        given = "value" if thing.position is None else "coordinates"
+        return (
+            f"The known {what} does not fit: {how}. Look at its {given}, at its points and at "
+            f"their picks.",
+            f"{what} {how}",
+        )
+
+
+def departure(thing: KnownThing, off: Floats) -> str:
+    """``given 3.500 m, adjusted 3.612 m``, or of a condition ``off by 0.112 m``.
+
+    Parameters
+    ----------
+    thing
+        What is known.
+    off
+        (r,) its residuals, in its unit.
+    """
+    size, unit = float(np.linalg.norm(off)), thing.unit
+    if thing.is_condition:
+        return f"off by {size:.3f} {unit}"
+    adjusted = thing.value + (float(off[0]) if len(off) == 1 else size)
+    return f"given {thing.value:.3f} {unit}, adjusted {adjusted:.3f} {unit}"
+
+
+KNOWN_WORDS = {
+    "line_distance": "distance from a line",
+    "collinear": "straight line",
+    "parallel": "pair of parallel lines",
+    "coplanar": "plane",
+    "level": "level line",
+    "equal_lengths": "set of equal lengths",
+    "polyline": "length along points",
+    "on_line": "place of the line",
+}
+"""Of kinds of known things whose own name says less."""
+
+
+def named_thing(kind: str, name: str, points: Sequence[str]) -> str:
+    """``right angle 'corner' ('A', 'B', 'C')``: a known thing.
+
+    Parameters
+    ----------
+    kind, name
+        What it is, and what it is called.
+    points
+        Labels of its points.
+    """
+    return (
+        f"{KNOWN_WORDS.get(kind, kind.replace('_', ' '))} {name!r} ({', '.join(map(repr, points))})"
+    )
