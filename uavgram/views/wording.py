@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
@@ -45,16 +46,7 @@ KIND_WORDS = {
     "profile": "profile: its length",
 }
 
-KNOWN_WORDS = KIND_WORDS | {
-    "right_angle": "right angle",
-    "collinear": "on a straight line",
-    "parallel": "parallel lines",
-    "coplanar": "in one plane",
-    "level": "at one height",
-    "vertical": "one above the other",
-    "equal_lengths": "equally long",
-    "on_line": "on a line of known position",
-}
+KNOWN_WORDS = KIND_WORDS | {name: kind.shown for name, kind in ALL_KINDS.items() if kind.shown}
 
 SIGNED_KINDS = frozenset({"coordinate", "height", "vertical_distance", "plane_distance"})
 """Metres of which a value near zero says nothing of how well it is known."""

@@ -29,8 +29,7 @@ def test_sigmas_far_too_wide_are_told() -> None:
 
 
 def test_groups_that_fit_worse_than_stated_are_one_message() -> None:
-    (picks,), (lengths,) = Pixels.kinds, Lengths.kinds
-    (message,) = in_order(_misfit(picks, 3.0, 1e-7), _misfit(lengths, 2.0, 1e-4))
+    (message,) = in_order(_misfit(Pixels.kind, 3.0, 1e-7), _misfit(Lengths.kind, 2.0, 1e-4))
 
     assert message.text == (
         "2 kinds of observations do not fit as well as their stated errors promise: picks: look at "

@@ -13,9 +13,10 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.ground_planes import GroundPlanes
+from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.ground import ThirdCoordinate
 from uavgram.estimation.survey.observations.kinds import observations_of
-from uavgram.estimation.survey.observations.known import says_something, things_of_rows
+from uavgram.estimation.survey.observations.known import things_of_rows
 from uavgram.estimation.survey.observations.tapes import Taped, tape_rows, tapes_of
 from uavgram.estimation.survey.observations.telemetry import telemetry_prior
 from uavgram.estimation.survey.unknowns import Layout, State, layout_of
@@ -43,7 +44,7 @@ class SurveyProblem:
         self.ground = GroundPlanes(survey, pivot_m)
         self.third = ThirdCoordinate.of(survey)
         self.line_index = np.flatnonzero(line_used)
-        self.known = tuple(thing for thing in survey.known if says_something(survey, thing))
+        self.known = tuple(t for t in survey.known if ALL_KINDS[t.kind].is_observation(survey, t))
         self.intrinsic_basis = covariance_root(survey.calibration.covariance)
         self.tapes = tapes_of(survey, self.line_index)
         point_size = 3 if self.third.is_unknown or survey.ties.points else 2

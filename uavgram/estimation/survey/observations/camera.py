@@ -2,33 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Observation, in_unit
 from uavgram.estimation.survey.observations.priors import Prior, independent_prior
 from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import parameter_names
-
-if TYPE_CHECKING:
-    from uavgram.estimation.survey.unknowns import State
 
 
 class Calibration(Observation):
     """The interior orientation, in independent combinations of its parameters."""
 
-    kinds = (
-        Kind(
-            "calibration",
-            "lens",
-            "lens calibration",
-            plural="values of the camera file",
-            check="its focus, zoom and resolution, and its sigmas",
-            is_core=True,
-        ),
+    kind = Kind(
+        "calibration",
+        "lens",
+        "lens calibration",
+        plural="values of the camera file",
+        check="its focus, zoom and resolution, and its sigmas",
+        is_core=True,
     )
 
     def rows(self, state: State) -> Block | None:
@@ -60,14 +54,12 @@ class Calibration(Observation):
 class Readout(Prior):
     """The time in which the camera reads a photo, row after row."""
 
-    kinds = (
-        Kind(
-            "readout",
-            "rolling shutter",
-            "readout time of the camera",
-            axes=("readout time",),
-            units=("s",),
-        ),
+    kind = Kind(
+        "readout",
+        "rolling shutter",
+        "readout time of the camera",
+        axes=("readout time",),
+        units=("s",),
     )
 
     def is_part(self) -> bool:
@@ -83,15 +75,13 @@ class Readout(Prior):
 
 
 class Turning(Observation):
-    """How the camera turned while its rows were read, beyond what the log says."""
+    """How the camera turned while its rows were read, beyond the turns of the log."""
 
-    kinds = (
-        Kind(
-            "turning",
-            "rolling shutter",
-            "turn of the camera while a photo was read",
-            role="construction",
-        ),
+    kind = Kind(
+        "turning",
+        "rolling shutter",
+        "turn of the camera while a photo was read",
+        role="construction",
     )
 
     def is_part(self) -> bool:

@@ -4,40 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
 from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
-
-if TYPE_CHECKING:
-    from uavgram.estimation.solver.levenberg_marquardt import Minimum
-    from uavgram.estimation.survey.unknowns import State
 
 
 class Control(Observation):
     """Points with known coordinates."""
 
-    kinds = (
-        Kind(
-            "control",
-            "control points",
-            "control points",
-            role="reading",
-            rank=4,
-            axes=("east", "north", "up"),
-            units=("m",) * 3,
-            plural="control points",
-            check="their labels and sigmas",
-            misfit_code="control-suspect",
-            look="Look at their coordinates, their labels and their picks.",
-            is_core=True,
-            is_whole=True,
-            is_joint=True,
-        ),
+    kind = Kind(
+        "control",
+        "control points",
+        "control points",
+        role="reading",
+        rank=4,
+        axes=("east", "north", "up"),
+        units=("m",) * 3,
+        plural="control points",
+        check="their labels and sigmas",
+        misfit_code="control-suspect",
+        look="Look at their coordinates, their labels and their picks.",
+        is_core=True,
+        is_whole=True,
+        is_joint=True,
     )
 
     def is_part(self) -> bool:

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Observation
-
-if TYPE_CHECKING:
-    from uavgram.estimation.survey.unknowns import State
+from uavgram.estimation.survey.unknowns import State
 
 GAUGE_SIGMA = np.array([1e-4, 1e-4, 1e-6])
 """Of the three conditions that fix a free gauge [m, m, rad]: they are met exactly at the minimum,
@@ -20,7 +16,7 @@ so their size moves no estimate; small enough to add nothing to a covariance."""
 class Gauge(Observation):
     """First frame above x = y = 0, its image up towards north."""
 
-    kinds = (Kind("gauge", "choice of axes", "choice of axes", role="construction"),)
+    kind = Kind("gauge", "choice of axes", "choice of axes", role="construction")
 
     def is_part(self) -> bool:
         """Whether nothing else fixes position and heading."""

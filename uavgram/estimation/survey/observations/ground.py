@@ -13,13 +13,13 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Observation, Subjects
 from uavgram.estimation.survey.observations.priors import Prior, independent_prior
 from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.ground_planes import PlanePrior
     from uavgram.estimation.survey.likelihood import SurveyProblem
-    from uavgram.estimation.survey.unknowns import State
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,16 +118,14 @@ class Departures(Observation):
 class Relief(Observation):
     """Smooth departures of the ground from its planes."""
 
-    kinds = (
-        Kind(
-            "relief",
-            "ground",
-            "shape of the ground",
-            role="construction",
-            is_core=True,
-            is_judged=True,
-            by_size=True,
-        ),
+    kind = Kind(
+        "relief",
+        "ground",
+        "shape of the ground",
+        role="construction",
+        is_core=True,
+        is_judged=True,
+        by_size=True,
     )
 
     def is_part(self) -> bool:
@@ -143,15 +141,13 @@ class Relief(Observation):
 class Plane(Prior):
     """The plane of an area beforehand; the first area's group has the kind's name."""
 
-    kinds = (
-        Kind(
-            "plane",
-            "ground",
-            "plane of the ground",
-            axes=("ground height", "ground slope east", "ground slope north"),
-            units=("m", "deg", "deg"),
-            is_core=True,
-        ),
+    kind = Kind(
+        "plane",
+        "ground",
+        "plane of the ground",
+        axes=("ground height", "ground slope east", "ground slope north"),
+        units=("m", "deg", "deg"),
+        is_core=True,
     )
 
     def __init__(self, problem: SurveyProblem, kind: Kind, prior: PlanePrior) -> None:
@@ -162,7 +158,7 @@ class Plane(Prior):
     @classmethod
     def of(cls, problem: SurveyProblem) -> Iterator[Observation]:
         """Yield a group for each area whose plane is an unknown."""
-        return (cls(problem, kind, each) for kind in cls.kinds for each in problem.ground.priors())
+        return (cls(problem, cls.kind, each) for each in problem.ground.priors())
 
     @property
     def name(self) -> str:

@@ -13,11 +13,11 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Observation
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem
-    from uavgram.estimation.survey.unknowns import State
 
 LINKED_M = 0.001
 """Sigma of the difference in height above the ground between the picked and the meant point [m]."""
@@ -26,15 +26,13 @@ LINKED_M = 0.001
 class Identification(Observation):
     """Offsets, east and north, between the points that people picked and those that were meant."""
 
-    kinds = (
-        Kind(
-            "identification",
-            "identification",
-            "what was picked, beside what was meant",
-            role="untested",
-            is_core=True,
-            by_size=True,
-        ),
+    kind = Kind(
+        "identification",
+        "identification",
+        "what was picked, beside what was meant",
+        role="untested",
+        is_core=True,
+        by_size=True,
     )
 
     def __init__(self, problem: SurveyProblem, kind: Kind) -> None:
@@ -58,13 +56,11 @@ class Identification(Observation):
 class Linked(Observation):
     """Heights of picked points and of chains of matches, as of the points that were meant."""
 
-    kinds = (
-        Kind(
-            "linked",
-            "identification",
-            "heights of what was picked, as of what was meant",
-            role="construction",
-        ),
+    kind = Kind(
+        "linked",
+        "identification",
+        "heights of what was picked, as of what was meant",
+        role="construction",
     )
 
     def __init__(self, problem: SurveyProblem, kind: Kind) -> None:

@@ -46,7 +46,9 @@ OBSERVATIONS: tuple[type[Observation], ...] = (
     ClockDriftPrior,
 )
 
-KINDS: dict[str, Kind] = {kind.name: kind for one in OBSERVATIONS for kind in one.kinds}
+KINDS: dict[str, Kind] = {
+    kind.name: kind for one in OBSERVATIONS for kind in one.kinds or (one.kind,)
+}
 """By name."""
 
 READINGS = tuple(

@@ -7,15 +7,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.observations.known_functions import (
-    condition_departures,
-    is_condition,
-    line_departures,
-    measured_departure,
-    refers_to_ground,
-    row_count,
-)
+from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
+from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures
 from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State, unstacked
@@ -25,7 +20,6 @@ from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.survey import Survey
 
 if TYPE_CHECKING:
-    from uavgram.estimation.solver.levenberg_marquardt import Minimum
     from uavgram.estimation.survey.likelihood import SurveyProblem
 
 
@@ -105,83 +99,55 @@ def known_rows(problem: SurveyProblem, state: State, things: Sequence[KnownThing
     label = np.array([(*t.label, *t.label[:1] * (most - len(t.label))) for t in things])
     world, by_world = _located(problem.world_points(state, label.ravel()), label)
     feet, by_feet = world, by_world
-    if any(refers_to_ground(thing) for thing in things):
+    if any(ALL_KINDS[thing.kind].is_from_ground(thing) for thing in things):
         feet, by_feet = _located(problem.ground_points(state, label.ravel()), label)
-    found = _functions(problem.survey, things, world, feet)
-    row = found.thing
+    row = things_of_rows(problem.survey, things)
+    value, rough = np.zeros((2, len(row)))
+    by_point, by_foot = np.zeros((2, len(row), most, 3))
+    joint: list[tuple[Ints, Floats]] = []
+    for rows, found in _departures(problem.survey, things, row, world, feet):
+        k = found.by_point.shape[2]
+        value[rows], by_point[rows, :k] = found.value, found.by_point
+        if found.by_foot is not None and found.rough is not None:
+            by_foot[rows, :k], rough[rows] = found.by_foot, found.rough
+        if found.covariance is not None:
+            joint += zip(rows, found.covariance, strict=True)
+    sigma = np.hypot(np.array([thing.sigma for thing in things])[row], rough)
+    for rows, covariance in joint:
+        sigma[rows] = np.sqrt(np.diag(covariance))
     point, plane = problem.layout.point_columns(label.ravel()), problem.plane_columns(label.ravel())
     columns = np.concatenate([point, plane], axis=1).reshape(len(things), -1)
-    gradient = np.einsum("rpi,rpij->rpj", found.by_point, by_world[row])
-    gradient += np.einsum("rpi,rpij->rpj", found.by_foot, by_feet[row])
+    gradient = np.einsum("rpi,rpij->rpj", by_point, by_world[row])
+    gradient += np.einsum("rpi,rpij->rpj", by_foot, by_feet[row])
     return KnownRows(
         thing=row,
-        sigma=_sigma(things, found),
-        value=found.value,
+        sigma=sigma,
+        value=value,
         gradient=gradient.reshape(len(row), -1),
         columns=columns[row],
         label=label[row],
-        by_up=found.by_point[..., 2] + found.by_foot[..., 2],
-        joint=found.joint,
+        by_up=by_point[..., 2] + by_foot[..., 2],
+        joint=tuple(joint),
     )
 
 
-def _sigma(things: Sequence[KnownThing], found: _Functions) -> Floats:
-    """(R,) standard deviation of each row."""
-    sigma = np.hypot(np.array([thing.sigma for thing in things])[found.thing], found.rough)
-    for rows, covariance in found.joint:
-        sigma[rows] = np.sqrt(np.diag(covariance))
-    return np.asarray(sigma)
-
-
-class _Functions(NamedTuple):
-    """Of R rows: thing (R,), value (R,), gradients (R, k, 3) by points and feet, roughness (R,).
-
-    `joint` as in `KnownRows`.
-    """
-
-    thing: Ints
-    value: Floats
-    by_point: Floats
-    by_foot: Floats
-    rough: Floats
-    joint: tuple[tuple[Ints, Floats], ...]
-
-
-def _functions(
-    survey: Survey, things: Sequence[KnownThing], world: Floats, feet: Floats
-) -> _Functions:
-    """The rows as functions of points (N, k, 3) and their feet; those that are alike at once."""
-    row = things_of_rows(survey, things)
+def _departures(
+    survey: Survey, things: Sequence[KnownThing], row: Ints, world: Floats, feet: Floats
+) -> Iterator[tuple[Ints, Departures]]:
+    """Rows (N, m) of things that are alike, and by how much these are not as they are known."""
     first = np.searchsorted(row, np.arange(len(things)))
-    value, rough = np.zeros(len(row)), np.zeros(len(row))
-    by_point, by_foot = np.zeros((2, len(row), world.shape[1], 3))
-    alike: dict[tuple[str, int, bool, bool], list[int]] = {}
-    joint = []
+    alike: dict[tuple[object, ...], list[int]] = {}
     for i, thing in enumerate(things):
-        if thing.position is not None:
-            k = len(thing.label)
-            beside, covariance = line_departures(thing, world[i, :k])
-            own = np.flatnonzero(row == i)
-            value[own], by_point[own, :k] = beside.value, beside.gradient
-            joint.append((own, covariance))
-            continue
-        flat = on_ground(survey, thing)
-        key = thing.kind, len(thing.label), is_condition(thing), flat
+        flat, line = on_ground(survey, thing), thing.position
+        key = thing.kind, len(thing.label), flat, thing.value == 0.0, line and line.has_height
         alike.setdefault(key, []).append(i)
-    for (_, count, conditional, flat), group in alike.items():
-        if conditional:
-            residual, gradient = condition_departures(
-                things[group[0]], world[group, :count], on_ground=flat
-            )
-            rows = first[group][:, None] + np.arange(residual.shape[1])
-            value[rows], by_point[rows, :count] = residual, gradient
-            continue
-        for i in group:
-            at = first[i]
-            one = measured_departure(things[i], world[i, :count], survey, feet[i, :count])
-            value[at], rough[at] = one.value, one.rough
-            by_point[at, :count], by_foot[at, :count] = one.gradient, one.by_feet
-    return _Functions(row, value, by_point, by_foot, rough, tuple(joint))
+    for own in alike.values():
+        some, k = tuple(things[i] for i in own), len(things[own[0]].label)
+        flat = on_ground(survey, some[0])
+        found = ALL_KINDS[some[0].kind].departures(
+            Alike(some, world[own, :k], feet[own, :k], flat, survey)
+        )
+        yield first[own][:, None] + np.arange(found.value.shape[1]), found
 
 
 def _located(points: tuple[Floats, Floats, Floats], label: Ints) -> tuple[Floats, Floats]:
@@ -193,36 +159,11 @@ def _located(points: tuple[Floats, Floats, Floats], label: Ints) -> tuple[Floats
 
 def things_of_rows(survey: Survey, things: Sequence[KnownThing]) -> Ints:
     """(R,) which of some known things each of their rows is of."""
-    counts = [row_count(thing, on_ground=on_ground(survey, thing)) for thing in things]
+    counts = [
+        ALL_KINDS[thing.kind].row_count(thing, on_ground=on_ground(survey, thing))
+        for thing in things
+    ]
     return np.repeat(np.arange(len(things)), counts)
-
-
-_ONE_PLANE = ("coplanar", "plane_distance")
-_LEVEL = ("level", "vertical_distance", "slope", "height")
-
-
-def says_something(survey: Survey, thing: KnownThing) -> bool:
-    """Whether a thing can be an observation: not of what the ground alone says, or forbids.
-
-    Of points on the ground none is above another, or above the ground; on smooth ground all lie in
-    its plane, and on that of a free gauge all are level.
-    """
-    label = list(thing.label)
-    if thing.position is not None:
-        return survey.gauge == "world"
-    if refers_to_ground(thing):
-        return bool((survey.is_free[label] | (survey.height_sigma_m[label] > 0)).any())
-    if survey.off_ground[label].any():
-        return True
-    areas = set(survey.area[label].tolist())
-    smooth = all(
-        survey.grounds[a].roughness_sigma_m == 0 and survey.grounds[a].relief is None for a in areas
-    )
-    silent: tuple[str, ...] = ("vertical",)
-    if smooth and len(areas) == 1:
-        is_gauge = survey.gauge == "plane" and areas == {0}
-        silent += _ONE_PLANE + _LEVEL * is_gauge
-    return thing.kind not in silent
 
 
 def on_ground(survey: Survey, thing: KnownThing) -> bool:
@@ -233,21 +174,18 @@ def on_ground(survey: Survey, thing: KnownThing) -> bool:
 class Known(Observation):
     """What else is known of points: distances, angles, conditions, lines of known position."""
 
-    kinds = (
-        Kind(
-            "known",
-            "known things",
-            "known things",
-            role="reading",
-            rank=2,
-            axes=("departure",),
-            plural="known things",
-            check="their values and sigmas",
-            misfit_code="known-suspect",
-            look="Look at their values, at their points and at their picks.",
-            is_core=True,
-            has_table=True,
-        ),
+    kind = Kind(
+        "known",
+        "known things",
+        "known things",
+        role="reading",
+        rank=2,
+        plural="known things",
+        check="their values and sigmas",
+        misfit_code="known-suspect",
+        look="Look at their values, at their points and at their picks.",
+        is_core=True,
+        has_table=True,
     )
 
     def is_part(self) -> bool:
@@ -302,7 +240,7 @@ class Known(Observation):
 
     def unit(self, member: Member) -> tuple[str, float]:
         """Of its value and sigma, in which its errors are."""
-        return self.thing(member.row).unit, 1.0
+        return ALL_KINDS[self.thing(member.row).kind].unit, 1.0
 
     def subjects(self, row: int) -> Subjects:
         """Its labels."""
@@ -313,7 +251,8 @@ class Known(Observation):
         known = self.problem.known
         if any(thing.position is not None for thing in known):
             yield "the lines of known position"
-        if any(thing.gives_scale and thing.position is None for thing in known):
+        others = [thing for thing in known if thing.position is None]
+        if any(ALL_KINDS[thing.kind].gives_scale(thing.value) for thing in others):
             yield "the other known distances"
 
     def misfit(self, found: Misfit) -> tuple[str, str]:
@@ -338,24 +277,12 @@ def departure(thing: KnownThing, off: Floats) -> str:
     off
         (r,) its residuals, in its unit.
     """
-    size, unit = float(np.linalg.norm(off)), thing.unit
-    if thing.is_condition:
-        return f"off by {size:.3f} {unit}"
-    adjusted = thing.value + (float(off[0]) if len(off) == 1 else size)
-    return f"given {thing.value:.3f} {unit}, adjusted {adjusted:.3f} {unit}"
-
-
-KNOWN_WORDS = {
-    "line_distance": "distance from a line",
-    "collinear": "straight line",
-    "parallel": "pair of parallel lines",
-    "coplanar": "plane",
-    "level": "level line",
-    "equal_lengths": "set of equal lengths",
-    "polyline": "length along points",
-    "on_line": "place of the line",
-}
-"""Of kinds of known things whose own name says less."""
+    kind = ALL_KINDS[thing.kind]
+    size = float(off[0]) if len(off) == 1 else float(np.linalg.norm(off))
+    if not kind.has_value:
+        return f"off by {abs(size):.3f} {kind.unit}"
+    adjusted = kind.adjusted(thing, size)
+    return f"given {thing.value:.3f} {kind.unit}, adjusted {adjusted:.3f} {kind.unit}"
 
 
 def named_thing(kind: str, name: str, points: Sequence[str]) -> str:
@@ -368,6 +295,5 @@ def named_thing(kind: str, name: str, points: Sequence[str]) -> str:
     points
         Labels of its points.
     """
-    return (
-        f"{KNOWN_WORDS.get(kind, kind.replace('_', ' '))} {name!r} ({', '.join(map(repr, points))})"
-    )
+    words = ALL_KINDS[kind].words or kind.replace("_", " ")
+    return f"{words} {name!r} ({', '.join(map(repr, points))})"

@@ -4,42 +4,36 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
 from uavgram.estimation.survey.observations.priors import independent_prior
 from uavgram.estimation.survey.observations.tapes import Taped, taped_lines
 from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.naming import figures
 from uavgram.model.remedy import Remedy, without_lengths
-
-if TYPE_CHECKING:
-    from uavgram.estimation.solver.levenberg_marquardt import Minimum
-    from uavgram.estimation.survey.unknowns import State
 
 
 class Lengths(Observation):
     """Known lengths, as their tapes read them."""
 
-    kinds = (
-        Kind(
-            "lengths",
-            "known lengths",
-            "known lengths",
-            role="reading",
-            rank=1,
-            axes=("length",),
-            plural="known lengths",
-            check="their readings and sigma_m",
-            misfit_code="line-suspect",
-            look="Look at the readings, at their ends and at their picks.",
-            is_core=True,
-            has_table=True,
-        ),
+    kind = Kind(
+        "lengths",
+        "known lengths",
+        "known lengths",
+        role="reading",
+        rank=1,
+        plural="known lengths",
+        check="their readings and sigma_m",
+        misfit_code="line-suspect",
+        look="Look at the readings, at their ends and at their picks.",
+        is_core=True,
+        has_table=True,
     )
 
     def is_part(self) -> bool:
@@ -116,7 +110,7 @@ class Lengths(Observation):
 class TapeScales(Observation):
     """What is known of the scales of tapes."""
 
-    kinds = (Kind("tape", "tape", "scale of the tape", units=("%",)),)
+    kind = Kind("tape", "tape", "scale of the tape", units=("%",))
 
     def is_part(self) -> bool:
         """Whether a scale is an unknown."""

@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, ClassVar, Literal, NamedTuple, TypedDict
 
 import numpy as np
 
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.remedy import Remedy
 
 if TYPE_CHECKING:
-    from uavgram.estimation.solver.levenberg_marquardt import Minimum
     from uavgram.estimation.survey.likelihood import SurveyProblem
-    from uavgram.estimation.survey.unknowns import State
 
 Role = Literal["reading", "prior", "untested", "construction"]
 """``reading``: people read it, and misread it. ``prior``: known beforehand. ``untested``: observed,
@@ -126,10 +126,11 @@ class Observation:
     problem
         The likelihood that it is part of: survey, layout of the unknowns and ground exist already.
     kind
-        One of `kinds`, which a class may have several of that differ in their words only.
+        One of `kinds`, where a class has several that differ in their words only.
     """
 
-    kinds: ClassVar[tuple[Kind, ...]]
+    kind: Kind
+    kinds: ClassVar[tuple[Kind, ...]] = ()
 
     def __init__(self, problem: SurveyProblem, kind: Kind) -> None:
         self.problem, self.kind = problem, kind
@@ -137,7 +138,7 @@ class Observation:
     @classmethod
     def of(cls, problem: SurveyProblem) -> Iterator[Observation]:
         """Yield the groups of these kinds in a survey."""
-        every = (cls(problem, kind) for kind in cls.kinds)
+        every = (cls(problem, kind) for kind in cls.kinds or (cls.kind,))
         return (one for one in every if one.is_part())
 
     def is_part(self) -> bool:

@@ -4,43 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
 from uavgram.estimation.survey.observations.sightings import Seen, rows_of_sightings, seen
 from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.remedy import Remedy, unpicked
-
-if TYPE_CHECKING:
-    from uavgram.estimation.solver.levenberg_marquardt import Minimum
-    from uavgram.estimation.survey.unknowns import State
 
 
 class Pixels(Observation):
     """Pixels that people picked, or where a target was found."""
 
-    kinds = (
-        Kind(
-            "pixels",
-            "picks",
-            "picked pixels",
-            role="reading",
-            rank=3,
-            axes=("column", "row"),
-            units=("px", "px"),
-            plural="picks",
-            check="their labels and picks_sigma_px",
-            misfit_code="pick-suspect",
-            look="Look at their places and at their labels.",
-            is_core=True,
-            is_whole=True,
-            is_joint=True,
-            has_table=True,
-        ),
+    kind = Kind(
+        "pixels",
+        "picks",
+        "picked pixels",
+        role="reading",
+        rank=3,
+        units=("px", "px"),
+        plural="picks",
+        check="their labels and picks_sigma_px",
+        misfit_code="pick-suspect",
+        look="Look at their places and at their labels.",
+        is_core=True,
+        is_whole=True,
+        is_joint=True,
+        has_table=True,
     )
 
     def rows(self, state: State) -> Block | None:
@@ -82,7 +76,7 @@ class Pixels(Observation):
         return self.problem.survey.pick_sigma_px[:, None]
 
     def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
-        """A pixel moves with its point as it moves against its camera's centre."""
+        """Yield the derivatives: a pixel moves with its point as against its camera's centre."""
         up = self.problem.layout.point_size + 2
         jacobian = found.blocks[self.name].jacobian
         yield self.problem.survey.pick_label, -jacobian[:, :, up]

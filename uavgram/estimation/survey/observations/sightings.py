@@ -8,6 +8,7 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.sights import SightedBlock, Sights
+from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.geometry.motion.row_poses import row_share
@@ -16,7 +17,6 @@ from uavgram.model.survey.survey import Survey
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem
-    from uavgram.estimation.survey.unknowns import State
 
 
 class Seen(NamedTuple):

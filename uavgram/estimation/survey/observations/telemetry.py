@@ -1,10 +1,10 @@
-"""What the log says of each frame, and what is known of all that its frames share."""
+"""Poses of frames by the log, and what is known of all that these share."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
 from uavgram.estimation.survey.observations.priors import Prior, independent_prior
 from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.motion.rotation import log_so3, right_jacobian_inverse
 from uavgram.geometry.motion.telemetry_pose import (
     BORESIGHT,
@@ -30,26 +31,21 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.flight.pose import TelemetryPrior
 
-if TYPE_CHECKING:
-    from uavgram.estimation.survey.unknowns import State
-
 
 class Telemetry(Observation):
     """Poses of frames by the log; what they share is an unknown with a prior of its own."""
 
-    kinds = (
-        Kind(
-            "telemetry",
-            "flight log",
-            "flight log: position and attitude of each photo",
-            axes=("east", "north", "up", "image x axis", "image y axis", "optical axis"),
-            units=("m",) * 3 + ("deg",) * 3,
-            plural="positions and directions of the log",
-            check="the gimbal, the times and their sigmas",
-            misfit_code="telemetry-strained",
-            look="Look at their picks, their times and the gimbal.",
-            is_whole=True,
-        ),
+    kind = Kind(
+        "telemetry",
+        "flight log",
+        "flight log: position and attitude of each photo",
+        axes=("east", "north", "up", "image x axis", "image y axis", "optical axis"),
+        units=("m",) * 3 + ("deg",) * 3,
+        plural="positions and directions of the log",
+        check="the gimbal, the times and their sigmas",
+        misfit_code="telemetry-strained",
+        look="Look at their picks, their times and the gimbal.",
+        is_whole=True,
     )
 
     def is_part(self) -> bool:

@@ -9,18 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Observation
 from uavgram.estimation.survey.observations.sightings import Seen, rows_of_sightings, seen
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
-
-if TYPE_CHECKING:
-    from uavgram.estimation.solver.levenberg_marquardt import Minimum
-    from uavgram.estimation.survey.unknowns import State
 
 ANYWHERE_M = 100.0
 """Prior sigma of a tie point's height about the ground's: what photos from nearly one place show
@@ -30,14 +27,12 @@ still has a depth then."""
 class Matches(Observation):
     """Where the program found again what people had picked."""
 
-    kinds = (
-        Kind(
-            "matches",
-            "matches",
-            "what was picked, found in other photos",
-            role="untested",
-            is_core=True,
-        ),
+    kind = Kind(
+        "matches",
+        "matches",
+        "what was picked, found in other photos",
+        role="untested",
+        is_core=True,
     )
 
     def is_part(self) -> bool:
@@ -46,7 +41,7 @@ class Matches(Observation):
 
     @cached_property
     def _label(self) -> Ints:
-        """(N,) the label under whose pick each sighting's chain lies."""
+        """(N,) label of the pick that each sighting's chain begins with."""
         survey = self.problem.survey
         return survey.pick_label[survey.matches.pick][survey.matches.point]
 
@@ -64,7 +59,7 @@ class Matches(Observation):
         return rows_of_sightings(self.problem, state, self._seen, placed)
 
     def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
-        """What lies under a picked pixel is on the same ground."""
+        """Yield the derivatives: what a picked pixel shows is on the same ground."""
         jacobian = found.blocks[self.name].jacobian
         yield self._label, -jacobian[:, :, self.problem.layout.point_size + 2]
 
@@ -72,7 +67,7 @@ class Matches(Observation):
 class Ties(Observation):
     """Tie points: what several photos show, and nobody picked."""
 
-    kinds = (Kind("ties", "tie points", "tie points", role="untested"),)
+    kind = Kind("ties", "tie points", "tie points", role="untested")
 
     def is_part(self) -> bool:
         """Whether there are tie points."""
@@ -101,7 +96,7 @@ class Ties(Observation):
 class TieHeights(Ties):
     """What is known of the heights of tie points: hardly anything."""
 
-    kinds = (Kind("tie heights", "tie points", "heights of tie points", role="construction"),)
+    kind = Kind("tie heights", "tie points", "heights of tie points", role="construction")
 
     def rows(self, state: State) -> Block | None:
         """Compare the heights with that of the ground."""
@@ -120,14 +115,12 @@ class Beside(Observation):
     roughness about it.
     """
 
-    kinds = (
-        Kind(
-            "beside",
-            "tie points",
-            "heights of labels, by the tie points around them",
-            role="construction",
-            by_size=True,
-        ),
+    kind = Kind(
+        "beside",
+        "tie points",
+        "heights of labels, by the tie points around them",
+        role="construction",
+        by_size=True,
     )
 
     def is_part(self) -> bool:
@@ -137,8 +130,8 @@ class Beside(Observation):
     @cached_property
     def _which(self) -> Ints:
         beside = self.problem.survey.ties.beside
-        told = np.isin(beside.label, self.problem.third.rough) & np.isfinite(beside.sigma_m)
-        return np.flatnonzero(told)
+        is_rough = np.isin(beside.label, self.problem.third.rough)
+        return np.flatnonzero(is_rough & np.isfinite(beside.sigma_m))
 
     def rows(self, state: State) -> Block | None:
         """Compare the heights that ties make of labels with those of the labels."""
