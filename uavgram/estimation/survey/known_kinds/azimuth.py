@@ -47,6 +47,7 @@ AZIMUTH = Azimuth(
     points=(2, 2),
     unit="deg",
     has_value=True,
+    is_directed=True,
     parameters=(CONVERGENCE,),
     needs="world",
     unplaced=(

@@ -84,6 +84,8 @@ class KnownKind:
         Of its value and sigma.
     has_value
         Whether a number is known, or a condition holds.
+    is_directed
+        Whether it has another value from its last point to its first.
     parameters
         Numbers that it may have beside its points.
     needs
@@ -98,6 +100,7 @@ class KnownKind:
     points: tuple[int, int | None] = (1, None)
     unit: str = "m"
     has_value: bool = False
+    is_directed: bool = False
     parameters: tuple[str, ...] = ()
     needs: Needs = "nothing"
     unplaced: tuple[str, str] = ("", "")
