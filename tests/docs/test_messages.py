@@ -17,17 +17,16 @@ from typing import get_args, get_type_hints
 import pytest
 
 from uavgram.estimation.survey.adjustment import Removal
+from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.model.flight.second_opinions import FaultKind
-from uavgram.stages.judge.suspects import CODES
 from uavgram.stages.messages import CAUSES, CONSEQUENCES
 
 KINDS_REMOVED = set(get_args(get_type_hints(Removal)["kind"])) - {"mend"}
 """A mend has the code of the cause that it mends."""
 
 MADE = {
-    "stages/judge/suspects.py: CODES.get(kind, 'prior-strained')": {
-        *CODES.values(),
-        "prior-strained",
+    "stages/judge/suspects.py: observation.kind.misfit_code": {
+        kind.misfit_code for kind in KINDS.values()
     },
     "stages/refine/remarks.py: f'{removal.kind}-removed'": {f"{k}-removed" for k in KINDS_REMOVED},
     "stages/seed/fault_messages.py: f'log-{code}'": {f"log-{kind}" for kind in get_args(FaultKind)},

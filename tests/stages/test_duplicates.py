@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.flight.frames import Photos
+from uavgram.model.survey.known import KnownThings
 from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.stages.duplicates import find_duplicates
 
@@ -142,3 +143,22 @@ def test_a_label_that_is_picked_once_and_looks_like_another_is_named(rare: str, 
 def test_labels_that_only_begin_alike_are_no_message() -> None:
     rows = [("a.jpg", label, 1.0, 2.0) for label in ("P1", "P2", "P10", "P11", "P12", "B", "8")]
     assert not find_duplicates(photos(1.0), {}, picks(*rows), lines()).messages
+
+
+@pytest.mark.parametrize(
+    ("kind", "is_copy"), [("azimuth", False), ("slope", False), ("angle", True)]
+)
+def test_a_direction_and_the_way_back_are_two_things(kind: str, *, is_copy: bool) -> None:
+    points = ("A", "B", "C")[: 3 if kind == "angle" else 2]
+    known = KnownThings(
+        name=("there", "back"),
+        kind=(kind, kind),
+        points=(points, points[::-1]),
+        value=np.array([30.0, 30.0]),
+        sigma=np.array([0.1, 0.1]),
+        adjust=np.array([True, True]),
+        parameters=((), ()),
+    )
+    found = find_duplicates(photos(), {}, picks(*TWO), lines(), known, is_same=lambda *_: False)
+
+    assert bool(found.known) == is_copy

@@ -39,6 +39,8 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey import likelihood as survey_problem
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.observations.lengths import Lengths
+from uavgram.estimation.survey.observations.pixels import Pixels
 from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.geometry.ground import shapes
 from uavgram.model.arrays import Bools, Floats
@@ -288,19 +290,19 @@ def without_calibration_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def rotation_on_the_wrong_side(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = SurveyProblem._pixels
+    right = Pixels.rows
 
-    def wrong(self: SurveyProblem, state: State) -> Block | None:
+    def wrong(self: Pixels, state: State) -> Block | None:
         block = right(self, state)
         if block is None:
             return None
-        first = self.layout.point_size + 3
+        first = self.problem.layout.point_size + 3
         jacobian = np.array(block.jacobian)
-        back = np.swapaxes(state.rotation, 1, 2)[self.survey.pick_frame]
+        back = np.swapaxes(state.rotation, 1, 2)[self.problem.survey.pick_frame]
         jacobian[:, :, first : first + 3] = jacobian[:, :, first : first + 3] @ back
         return replace(block, jacobian=jacobian)
 
-    monkeypatch.setattr(SurveyProblem, "_pixels", wrong)
+    monkeypatch.setattr(Pixels, "rows", wrong)
 
 
 def telemetry_sigma_for_variance(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -317,18 +319,19 @@ def telemetry_sigma_for_variance(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def length_variance_for_sigma(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = SurveyProblem._lengths
+    right = Lengths.rows
 
-    def wrong(self: SurveyProblem, state: State) -> Block | None:
+    def wrong(self: Lengths, state: State) -> Block | None:
         block = right(self, state)
-        weight = 1 / self.survey.length_sigma_m[self.line_index]
+        assert block is not None
+        weight = 1 / self.problem.survey.length_sigma_m[self.problem.line_index]
         return replace(
             block,
             residual=block.residual * weight[:, None],
             jacobian=block.jacobian * weight[:, None, None],
         )
 
-    monkeypatch.setattr(SurveyProblem, "_lengths", wrong)
+    monkeypatch.setattr(Lengths, "rows", wrong)
 
 
 def twice(name: str) -> Plant:
@@ -337,7 +340,7 @@ def twice(name: str) -> Plant:
 
         def wrong(self: SurveyProblem, state: State) -> dict[str, Block] | None:
             blocks = right(self, state)
-            return None if blocks is None else blocks | {"again": blocks[name]}
+            return None if blocks is None else blocks | {f"{name} of the same": blocks[name]}
 
         monkeypatch.setattr(SurveyProblem, "evaluate", wrong)
 

@@ -17,8 +17,7 @@ from scipy.stats import chi2
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.terms import known_terms
-from uavgram.estimation.survey.terms.known_terms import KnownRows, known_rows
+from uavgram.estimation.survey.observations.known import KnownRows, known_rows
 from uavgram.estimation.survey.unknowns import advance
 from uavgram.model.arrays import Floats
 
@@ -78,7 +77,7 @@ def test_a_sigma_taken_for_its_half_breaks_the_bounds(
 ) -> None:
     right = KnownRows.block
     monkeypatch.setattr(
-        known_terms.KnownRows, "block", lambda self: right(self._replace(sigma=0.5 * self.sigma))
+        KnownRows, "block", lambda self: right(self._replace(sigma=0.5 * self.sigma))
     )
 
     assert not is_honest(errors(name)[0])

@@ -7,7 +7,7 @@ import pytest
 from scenes import make_scene
 from scipy.stats import chi2
 
-from uavgram.estimation.survey.terms.telemetry_terms import TELEMETRY_PARTS
+from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
 from uavgram.geometry.motion import telemetry_pose
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
@@ -59,7 +59,7 @@ def test_a_drift_that_the_model_leaves_out_breaks_the_bounds(
         return corrected
 
     monkeypatch.setattr(
-        "uavgram.estimation.survey.terms.telemetry_terms.corrected_time", without_drift
+        "uavgram.estimation.survey.observations.telemetry.corrected_time", without_drift
     )
     squares, _ = found_and_true("clock_drift", trials=3)
     assert off_bounds(squares, 1)

@@ -92,6 +92,7 @@ _VALUES: dict[str, Callable[[Floats, Floats], Any]] = {
     "distance": lambda p, _: np.linalg.norm(p[1] - p[0]),
     "polyline": lambda p, _: sum(np.linalg.norm(b - a) for a, b in pairwise(p)),
     "area": lambda p, _: _area(p),
+    "azimuth": lambda p, _: np.degrees(np.arctan2(*(p[1] - p[0])[:2])),
     "angle": lambda p, _: _angle(p),
     "line_distance": lambda p, _: np.linalg.norm(_offset(*p, on_ground=False)),
     "height": lambda p, feet: p[0, 2] - feet[0, 2] if len(p) == 1 else p[1, 2] - p[0, 2],

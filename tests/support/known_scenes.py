@@ -9,10 +9,11 @@ import numpy as np
 from scenes import PIXEL_SIGMA, Scene, cv_pixels, make_scene
 from scipy.spatial.transform import Rotation
 
+from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.control_lines import LinePosition
-from uavgram.model.survey.known import DEGREES, KnownThing
+from uavgram.model.survey.known import KnownThing
 
 SIGMA_M, SIGMA_DEG = 0.003, 0.03
 """Far below what the picks of a scene tell: then the known thing decides, and its sigma shows."""
@@ -87,6 +88,11 @@ def height(rng: np.random.Generator, sigma: float) -> Placed:
 def slope(rng: np.random.Generator, sigma: float) -> Placed:
     rise = float(np.rad2deg(np.arctan2(1.0, 5.0)))
     return stated(np.array([[-1, 0, 0.5], [3, 3, 1.5]]), rise, rng, sigma)
+
+
+def azimuth(rng: np.random.Generator, sigma: float) -> Placed:
+    bearing = float(np.rad2deg(np.arctan2(5.0, -3.0)))
+    return stated(ground((-2, 3), (3, 0)), bearing, rng, sigma)
 
 
 def plane_distance(rng: np.random.Generator, sigma: float) -> Placed:
@@ -167,6 +173,7 @@ PLACES: dict[str, tuple[str, Place]] = {
     "height": ("height", height),
     "slope": ("slope", slope),
     "plane_distance": ("plane_distance", plane_distance),
+    "azimuth": ("azimuth", azimuth),
     "right_angle": ("right_angle", right_angle),
     "collinear": ("collinear", collinear),
     "collinear in the air": ("collinear", collinear_in_the_air),
@@ -192,7 +199,7 @@ def known_scene(seed: int, name: str, blunder: float = 0.0) -> tuple[Scene, Floa
     """
     kind, place = PLACES[name]
     rng = np.random.default_rng([seed, 7])
-    sigma = SIGMA_DEG if kind in DEGREES else SIGMA_M
+    sigma = SIGMA_DEG if KNOWN_KINDS[kind].unit == "deg" else SIGMA_M
     placed = place(rng, sigma)
     count = len(placed.world)
     scene = make_scene(seed, frames=3, labels=count + 6, lines=4, sources=("pixels",))

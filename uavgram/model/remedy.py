@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from uavgram.model.naming import listed_photos
+
 Action = Literal[
     "swap", "unpick", "move", "length", "ends", "read", "remove-length", "free", "on-ground", "tape"
 ]
@@ -88,3 +90,28 @@ def together(remedies: Sequence[Remedy | None]) -> Remedy | None:
     every = dict.fromkeys(change for one in known for change in one.corrections)
     words = PLURAL[action].format(count=len(every))
     return Remedy(action=action, words=words, corrections=tuple(every))
+
+
+def unpicked(pairs: Sequence[tuple[str, str]]) -> Remedy | None:
+    """Picks, by photo and label, removed; None without any."""
+    if not pairs:
+        return None
+    frames = list(dict.fromkeys(frame for frame, _ in pairs))
+    what = f"the pick of {pairs[0][1]}" if len(pairs) == 1 else f"these {len(pairs)} picks"
+    return Remedy(
+        action="unpick",
+        words=f"Remove {what} in {listed_photos(frames)}",
+        corrections=tuple(Correction(action="unpick", frame=f, label=one) for f, one in pairs),
+    )
+
+
+def without_lengths(names: Sequence[str]) -> Remedy | None:
+    """Known lengths removed; None without any, or where they have no names."""
+    if not all(names) or not names:
+        return None
+    what = f"the length {names[0]}" if len(names) == 1 else f"these {len(names)} lengths"
+    return Remedy(
+        action="remove-length",
+        words=f"Remove {what}",
+        corrections=tuple(Correction(action="remove-length", length=name) for name in names),
+    )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavgram.errors import near_miss
+from uavgram.estimation.survey.known_kinds.kinds import gives_scale
 from uavgram.model.message import Message, Several
 from uavgram.pipeline.measure.ground_below import has_place
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
@@ -60,7 +61,7 @@ def missing(inputs: Inputs) -> Iterator[Message]:
         text = "Nothing is asked for yet: say what to measure on the picking page, or in `measure`."
         yield Message("info", "nothing-to-measure", text)
     lines = with_sides(inputs.lines, inputs.picks, project.targets)
-    known = len(lines.name) or len(inputs.control.label) or inputs.known.gives_scale
+    known = len(lines.name) or len(inputs.control.label) or gives_scale(inputs.known)
     known = known or len(inputs.control_lines.name)
     if not known and project.log is None and project.poses is None:
         poses = (

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.terms.sightings import motion_of
+from uavgram.estimation.survey.observations.sightings import motion_of
 from uavgram.geometry.ground.top_view import FrameKnowledge, View, place_sigma
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.tone import Tone, automatic_tone, toned

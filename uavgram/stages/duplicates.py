@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from uavgram.errors import alike
+from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.naming import listed, photo_name
@@ -162,7 +163,8 @@ def _same_known(lines: KnownLines, known: KnownThings) -> dict[int, str]:
     same: dict[int, str] = {}
     for i in np.flatnonzero(known.adjust).tolist():
         kind, points, value = known.kind[i], known.points[i], float(known.value[i])
-        places = frozenset(points) if kind == "distance" else min(points, points[::-1])
+        backwards = points if ALL_KINDS[kind].is_directed else points[::-1]
+        places = frozenset(points) if kind == "distance" else min(points, backwards)
         shown = value if math.isfinite(value) else None
         key = (kind, places, shown, known.parameters[i])
         if key in first:

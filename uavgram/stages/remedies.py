@@ -9,7 +9,7 @@ from math import isclose
 from uavgram.estimation.reliability.wrong_units import UNITS
 from uavgram.model.message import Message
 from uavgram.model.naming import listed, listed_photos
-from uavgram.model.remedy import Correction, Remedy
+from uavgram.model.remedy import Correction, Remedy, unpicked, without_lengths
 from uavgram.model.survey.mend import Mend
 from uavgram.model.survey.survey import Survey
 
@@ -75,31 +75,6 @@ def remedy_of(survey: Survey, mend: Mend) -> Remedy | None:
     every = (change for one in order for change in one.corrections)
     words = [known[0].words, *(one.words[0].lower() + one.words[1:] for one in known[1:])]
     return replace(known[0], words=" and ".join(words), corrections=tuple(every))
-
-
-def unpicked(pairs: Sequence[tuple[str, str]]) -> Remedy | None:
-    """Picks, by photo and label, removed; None without any."""
-    if not pairs:
-        return None
-    frames = list(dict.fromkeys(frame for frame, _ in pairs))
-    what = f"the pick of {pairs[0][1]}" if len(pairs) == 1 else f"these {len(pairs)} picks"
-    return Remedy(
-        action="unpick",
-        words=f"Remove {what} in {listed_photos(frames)}",
-        corrections=tuple(Correction(action="unpick", frame=f, label=one) for f, one in pairs),
-    )
-
-
-def without_lengths(names: Sequence[str]) -> Remedy | None:
-    """Known lengths removed; None without any, or where they have no names."""
-    if not all(names) or not names:
-        return None
-    what = f"the length {names[0]}" if len(names) == 1 else f"these {len(names)} lengths"
-    return Remedy(
-        action="remove-length",
-        words=f"Remove {what}",
-        corrections=tuple(Correction(action="remove-length", length=name) for name in names),
-    )
 
 
 def freed(labels: Sequence[str]) -> Remedy | None:

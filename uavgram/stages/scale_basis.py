@@ -6,7 +6,6 @@ import numpy as np
 
 from uavgram.estimation.measuring.scale import NOTHING, scale_sigmas
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.message import Message
 from uavgram.model.naming import figures
 
@@ -36,18 +35,8 @@ def scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:
 
 def _witnesses(adjustment: Adjustment) -> list[str]:
     """What else may bear on the scale."""
-    survey = adjustment.survey
-    names = []
-    if survey.telemetry is not None:
-        is_photo = isinstance(survey.track, PhotoExposures)
-        names.append("the photos' own positions" if is_photo else "the log")
-    if len(survey.control_label):
-        names.append("the control points")
-    known = adjustment.problem.known
-    if any(thing.position is not None for thing in known):
-        names.append("the lines of known position")
-    if any(thing.gives_scale and thing.position is None for thing in known):
-        names.append("the other known distances")
+    observations = reversed(adjustment.problem.observations.values())
+    names = [name for observation in observations for name in observation.witness()]
     return names or ["the stated heights"]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE
-from uavgram.estimation.survey.terms.telemetry_terms import TELEMETRY_PARTS
+from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
 from uavgram.geometry.motion.telemetry_pose import corrected_time
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
+from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource, MeasurementResults
@@ -44,16 +46,7 @@ KIND_WORDS = {
     "profile": "profile: its length",
 }
 
-KNOWN_WORDS = KIND_WORDS | {
-    "right_angle": "right angle",
-    "collinear": "on a straight line",
-    "parallel": "parallel lines",
-    "coplanar": "in one plane",
-    "level": "at one height",
-    "vertical": "one above the other",
-    "equal_lengths": "equally long",
-    "on_line": "on a line of known position",
-}
+KNOWN_WORDS = KIND_WORDS | {name: kind.shown for name, kind in ALL_KINDS.items() if kind.shown}
 
 SIGNED_KINDS = frozenset({"coordinate", "height", "vertical_distance", "plane_distance"})
 """Metres of which a value near zero says nothing of how well it is known."""
@@ -74,36 +67,8 @@ FRAME_STATUS_WORDS = {
     "rejected": "rejected",
 }
 
-# Groups of observations; those of further areas of the ground are called ``plane of NAME``.
-GROUP_WORDS = {
-    "pixels": "picked pixels",
-    "matches": "what was picked, found in other photos",
-    "ties": "tie points",
-    "identification": "what was picked, beside what was meant",
-    "linked": "heights of what was picked, as of what was meant",
-    "tie heights": "heights of tie points",
-    "beside": "heights of labels, by the tie points around them",
-    "lengths": "known lengths",
-    "known": "known things",
-    "calibration": "lens calibration",
-    "telemetry": "flight log: position and attitude of each photo",
-    "boresight": "camera against its mount",
-    "lever_arm": "autopilot to camera",
-    "position_bias": "offset of the log's positions",
-    "tape": "scale of the tape",
-    "heading_bias": "offset of the log's heading",
-    "clock": "camera clock",
-    "clock_drift": "drift of the camera clock",
-    "readout": "readout time of the camera",
-    "turning": "turn of the camera while a photo was read",
-    "plane": "plane of the ground",
-    "roughness": "unevenness of the ground",
-    "relief": "shape of the ground",
-    "heights": "stated heights above the ground",
-    "idle": "heights that nothing uses",
-    "control": "control points",
-    "gauge": "choice of axes",
-}
+GROUP_WORDS = {name: kind.words for name, kind in KINDS.items()}
+"""Groups of observations; those of further areas of the ground are called ``plane of NAME``."""
 
 FRAME_STATE_WORDS = {**FRAME_STATUS_WORDS, "check": "to check"}
 

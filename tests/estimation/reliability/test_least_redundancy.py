@@ -9,7 +9,8 @@ import pytest
 from scenes import make_scene
 
 from uavgram.estimation.reliability.data_snooping import suspicions
-from uavgram.estimation.reliability.test_statistics import READINGS, observed
+from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.stages.refine.minima import Participants, best_minima
 
 

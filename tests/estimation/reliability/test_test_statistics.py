@@ -13,9 +13,10 @@ from scipy.stats import norm
 from uavgram.estimation.measuring.propagation import propagate, values_at
 from uavgram.estimation.reliability.external import external_reliability
 from uavgram.estimation.reliability.redundancy import minimal_detectable_bias, power
-from uavgram.estimation.reliability.test_statistics import READINGS, observed
+from uavgram.estimation.reliability.test_statistics import observed
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.estimation.survey.refit import refit
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions

@@ -14,10 +14,11 @@ from scenes import make_scene
 
 from uavgram.estimation.solver.normal_equations import NormalEquations
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
 from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.known import CONDITIONS, DEGREES, KnownThing
+from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
@@ -150,6 +151,7 @@ KNOWN: dict[str, tuple[int, ...]] = {
     "vertical_distance": (9, 8),
     "slope": (1, 6),
     "plane_distance": (9, 5, 6, 7),
+    "azimuth": (0, 6),
     "right_angle": (0, 1, 2),
     "collinear": (0, 4, 1),
     "parallel": (5, 6, 8, 7),
@@ -165,7 +167,8 @@ def test_known_things_equal_those_of_ceres() -> None:
     """All kinds at once, each near enough to the truth, and of a sigma that lets it tell."""
     things = []
     for k, (kind, label) in enumerate(KNOWN.items()):
-        sigma, none = 0.3 if kind in DEGREES else 0.05, np.nan if kind in CONDITIONS else 1e-12
+        sigma = 0.3 if KNOWN_KINDS[kind].unit == "deg" else 0.05
+        none = 1e-12 if KNOWN_KINDS[kind].has_value else np.nan
         thing = KnownThing(index=k, name=kind, kind=kind, label=label, value=none, sigma=1.0)
         flat = YARD[list(label)] * [1.0, 1.0, 0.0]
         there = residuals(thing, YARD[list(label)], flat, on_ground=False)[0]

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
+from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
 from uavgram.io.tables.known import read_known
-from uavgram.model.survey.known import CONDITIONS, KnownThings
+from uavgram.model.survey.known import KnownThings
 
 HEADER = "name,kind,points,value,sigma,use\n"
 
@@ -32,15 +33,16 @@ def test_values_conditions_and_uses_are_read(tmp_path: Path) -> None:
     assert known.points == (("A", "B"), ("A", "B", "C"), ("D", "A", "B"))
     np.testing.assert_array_equal(known.value, [3.5, np.nan, 0.0])
     assert known.adjust.tolist() == [True, True, False]
-    assert [known.thing(i, ()).unit for i in range(3)] == ["m", "deg", "m"]
+    assert [KNOWN_KINDS[kind].unit for kind in known.kind] == ["m", "deg", "m"]
 
 
 def test_conditions_need_no_column_of_values(tmp_path: Path) -> None:
     points = {"right_angle": "A;B;C", "collinear": "A;B;C", "level": "A;B", "vertical": "A;B"}
-    rows = [f"{kind},{kind},{points.get(kind, 'A;B;C;D')},0.1" for kind in CONDITIONS]
+    conditions = tuple(name for name, kind in KNOWN_KINDS.items() if not kind.has_value)
+    rows = [f"{kind},{kind},{points.get(kind, 'A;B;C;D')},0.1" for kind in conditions]
     known = read(tmp_path, *rows, header="name,kind,points,sigma\n")
 
-    assert known.kind == CONDITIONS
+    assert known.kind == conditions
     assert np.isnan(known.value).all()
 
 
@@ -55,6 +57,11 @@ def test_two_equal_lengths_may_share_an_end(tmp_path: Path) -> None:
     [
         ("k,distence,A;B,3,0.1,", r"unknown kind 'distence': did you mean 'distance'"),
         ("k,speed,A;B,3,0.1,", r"kind 'speed' cannot be known: a speed says nothing of where"),
+        (
+            "k,azimuth,A;B,360,0.1,",
+            r"kind azimuth must lie from 0 to less than 360 degrees",
+        ),
+        ("k,azimuth,A;B;C,90,0.1,", r"kind azimuth needs 2 labels"),
         ("k,coordinate,A,3,0.1,", r"kind 'coordinate' cannot be known: .*control.csv"),
         ("k,profile,A;B;C,3,0.1,", r"kind 'profile' cannot be known: it has no single value"),
         ("k,distance,A;B;C,3,0.1,", r"kind distance needs 2 labels joined by ';' \(got 3"),

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import chi2
 
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.camera.projection import project
@@ -23,6 +24,7 @@ from uavgram.pipeline.simulate.project_world import ProjectWorld, project_world
 from uavgram.stages.simulate.survey import simulate
 
 TIE_PX, MATCH_PX, HEIGHT_M, KNOWN_M = 0.3, 0.05, 0.05, 0.02
+AZIMUTH_DEG = 0.3
 RAISED = "P1"
 
 
@@ -84,14 +86,15 @@ def survey() -> tuple[Inputs, int]:
     )
     ends = ("P6", "P15")
     a, b = (truth.point_world_m[truth.label.index(end)] for end in ends)
+    azimuth = np.degrees(np.arctan2(*(b - a)[:2])) % 360.0
     known = KnownThings(
-        name=("known",),
-        kind=("distance",),
-        points=(ends,),
-        value=np.array([np.linalg.norm(b - a) + KNOWN_M]),
-        sigma=np.array([KNOWN_M]),
-        adjust=np.array([True]),
-        parameters=((),),
+        name=("known", "wall"),
+        kind=("distance", "azimuth"),
+        points=(ends, ends),
+        value=np.array([np.linalg.norm(b - a) + KNOWN_M, azimuth]),
+        sigma=np.array([KNOWN_M, AZIMUTH_DEG]),
+        adjust=np.array([True, True]),
+        parameters=((), ()),
     )
     return replace(inputs, picks=picks, ties=ties, known=known), count
 
@@ -112,7 +115,7 @@ def test_without_errors_the_truth_comes_out_again(world: ProjectWorld) -> None:
     table, survey = found.result.measurements, found.refined.adjustment.survey
     assert len(survey.matches.row) == len(world.truth.match_row)
     assert len(survey.ties.row) == len(world.truth.tie_row)
-    assert len(survey.known) == 1
+    assert len(survey.known) == 2
     row = [table.name.index(name) for name in exact.name]
     off = (table.value[row] - exact.true) / table.sigma[row]
     assert np.abs(off).max() < 1e-2
@@ -122,8 +125,9 @@ def test_each_observation_has_the_error_that_is_stated_of_it(world: ProjectWorld
     exact, draws = world.exact().inputs, [world.drawn(k).inputs for k in range(60)]
     ties = np.array([one.ties.pixel_px - exact.ties.pixel_px for one in draws])
     assert ties.std() == pytest.approx(TIE_PX, rel=0.02)
-    known = np.array([one.known.value[0] - exact.known.value[0] for one in draws])
-    assert known.std() == pytest.approx(KNOWN_M, rel=0.4)
+    known = np.array([one.known.value - exact.known.value for one in draws])
+    squares = np.sum((known / [KNOWN_M, AZIMUTH_DEG]) ** 2, axis=0)
+    assert np.all((chi2.ppf(0.001, 60) < squares) & (squares < chi2.ppf(0.999, 60)))
     raised = exact.picks.label.index(RAISED)
     heights = np.array([one.picks.height_m[raised] - world.truth.height_m.max() for one in draws])
     assert heights.std() == pytest.approx(HEIGHT_M, rel=0.4)

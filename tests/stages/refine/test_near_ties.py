@@ -12,8 +12,8 @@ from tied_flights import Conditions, tied_flight
 from tied_surveys import TiedSurvey, tied_survey
 
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.observations.ground import ThirdCoordinate
 from uavgram.estimation.survey.selection import select_picks
-from uavgram.estimation.survey.terms.third_coordinate import ThirdCoordinate
 from uavgram.estimation.survey.unknowns import move
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Survey

@@ -12,13 +12,13 @@ from full_report import full
 from html_page import Page
 
 from uavgram.errors import OutputError
+from uavgram.estimation.measuring.error_budget import OTHER
+from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.model.message import Message
-from uavgram.model.result.error_budget import SOURCES
 from uavgram.model.result.reliability import RemovalRecord
 from uavgram.views.report import render_report, write_report
 from uavgram.views.report.budget import COLOURS, WORDS
 from uavgram.views.report.gauge import gauge
-from uavgram.views.wording import GROUP_WORDS
 
 VARIANTS = [
     {},
@@ -213,12 +213,9 @@ def test_the_largest_source_of_each_measurement_is_said() -> None:
 
 
 def test_every_source_of_the_program_has_a_colour_and_words() -> None:
-    assert set(COLOURS) == set(WORDS) == set(SOURCES.values())
+    sources = {kind.source for kind in KINDS.values()}
+    assert set(COLOURS) == set(WORDS) == sources | {OTHER}
     assert len(set(COLOURS.values())) == len(COLOURS)
-
-
-def test_every_group_of_observations_has_words() -> None:
-    assert set(SOURCES) - {"other"} == set(GROUP_WORDS)
 
 
 def test_withheld_lengths_stand_among_the_checks_only() -> None:

@@ -13,6 +13,7 @@ from uavgram.estimation.first_poses.network import SeenLines, placing, seen_line
 from uavgram.estimation.first_poses.plane_things import SCALED, PlaneThing, row_count
 from uavgram.estimation.first_poses.prior_gate import OUTSIDE
 from uavgram.estimation.first_poses.thing_search import KnownPlanes, search_known
+from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.known import KnownThing
@@ -146,7 +147,7 @@ def _seen_things(survey: Survey) -> dict[int, list[tuple[int, PlaneThing]]]:
         ]
         for frame in set(picks[0]).intersection(*picks[1:]):
             at = tuple(by_frame[frame] for by_frame in picks)
-            value = 0.0 if one.is_condition else one.value
+            value = one.value if ALL_KINDS[one.kind].has_value else 0.0
             thing = PlaneThing(one.kind, at, value, one.sigma)
             found.setdefault(frame, []).append((one.index, thing))
     return found
@@ -159,7 +160,7 @@ def _says_something(survey: Survey, thing: KnownThing) -> bool:
         return False
     level = all(len(set(of[label])) == 1 for of in (survey.area, survey.height_above_m))
     # In line: a distance of zero from a line, an angle of 0 or 180 degrees.
-    in_line = not thing.is_condition and not 0.0 < thing.value < (
+    in_line = ALL_KINDS[thing.kind].has_value and not 0.0 < thing.value < (
         180.0 if thing.kind == "angle" else np.inf
     )
     rows = row_count(thing.kind, len(label))

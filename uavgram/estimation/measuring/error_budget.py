@@ -15,8 +15,12 @@ import numpy as np
 from uavgram.estimation.measuring.kinds import BELOW
 from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.observations.kinds import kind_of
 from uavgram.model.arrays import Floats
-from uavgram.model.result.error_budget import SOURCES, ErrorBudget
+from uavgram.model.result.error_budget import ErrorBudget
+
+OTHER = "friction and times"
+"""Source of what no observation of the survey contributes."""
 
 LEAST = 1e-12
 """Share of a variance that is rounding: the conditions that fix a free gauge contribute none."""
@@ -75,7 +79,7 @@ def shares(variances: Mapping[str, Floats]) -> ErrorBudget:
     total = np.sum(list(variances.values()), axis=0)
     by_source: dict[str, Floats] = {}
     for group, variance in variances.items():
-        source = SOURCES["plane" if group.startswith("plane of ") else group]
+        source = OTHER if group == "other" else kind_of(group).source
         by_source[source] = by_source.get(source, np.zeros_like(variance)) + variance
     felt = {name: v for name, v in by_source.items() if (np.nan_to_num(v) > LEAST * total).any()}
     share = np.stack(list(felt.values()), axis=1) if felt else np.zeros((len(total), 0))

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.terms.sightings import Seen, rows_of_sightings, seen
+from uavgram.estimation.survey.observations.sightings import Seen, rows_of_sightings, seen
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.geometry.motion.camera_motion import camera_motion

@@ -9,8 +9,8 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.observations.tapes import taped_lines
 from uavgram.estimation.survey.size import by_size
-from uavgram.estimation.survey.terms.tapes import taped_lines
 from uavgram.estimation.survey.unknowns import Layout
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey

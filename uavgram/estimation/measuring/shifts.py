@@ -15,8 +15,6 @@ from scipy.sparse import csr_array
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.terms.known_terms import known_rows
-from uavgram.estimation.survey.terms.tapes import taped_lines
 from uavgram.model.arrays import Floats, Ints
 
 RELIEF_M = 0.10
@@ -81,42 +79,11 @@ def by_heights(adjustment: Adjustment, measured: MeasuredValues, label: Ints) ->
             for name, by_up in zip(row.request.points, up.tolist(), strict=True):
                 if name in place:
                     total[place[name], m] += by_up
-    for kind, point, by_height in _residuals_by_height(adjustment):
-        block, own = adjustment.minimum.blocks[kind], np.flatnonzero(row_of[point] >= 0)
-        force = np.einsum("nr,nrk->nk", by_height[own], block.jacobian[own])
-        at = (np.repeat(row_of[point[own]], force.shape[1]), block.columns[own].ravel())
-        total -= csr_array((force.ravel(), at), shape=(len(label), size)) @ measured.solved
+    for name, observation in adjustment.problem.observations.items():
+        block = adjustment.minimum.blocks[name]
+        for point, by_height in observation.heights(adjustment.minimum):
+            own = np.flatnonzero(row_of[point] >= 0)
+            force = np.einsum("nr,nrk->nk", by_height[own], block.jacobian[own])
+            at = (np.repeat(row_of[point[own]], force.shape[1]), block.columns[own].ravel())
+            total -= csr_array((force.ravel(), at), shape=(len(label), size)) @ measured.solved
     return total
-
-
-def _residuals_by_height(adjustment: Adjustment) -> list[tuple[str, Ints, Floats]]:
-    """Group, (n,) point and (n, r) derivative of the whitened residuals by the point's height."""
-    survey, problem = adjustment.survey, adjustment.problem
-    blocks, layout = adjustment.minimum.blocks, problem.layout
-    # A pixel moves with its point as it moves against its camera's centre.
-    found = [("pixels", survey.pick_label, -blocks["pixels"].jacobian[:, :, layout.point_size + 2])]
-    if "matches" in blocks:  # what lies under a picked pixel is on the same ground
-        matches = survey.matches
-        label = survey.pick_label[matches.pick][matches.point]
-        found.append(("matches", label, -blocks["matches"].jacobian[:, :, layout.point_size + 2]))
-    if "lengths" in blocks:
-        taped = taped_lines(survey, problem.line_index)
-        world, _, _ = problem.world_points(adjustment.state, np.arange(layout.points))
-        along = world[taped.end] - world[taped.start]
-        reading, _, _ = problem.readings(adjustment.state, taped)
-        # d reading / d up = up / length, over 1 + scale = length / reading
-        slope = along[:, 2] * reading / np.sum(along**2, axis=1)
-        slope = np.where(taped.level, 0.0, slope) / survey.length_sigma_m[problem.line_index]
-        found += [
-            ("lengths", taped.end, slope[:, None]),
-            ("lengths", taped.start, -slope[:, None]),
-        ]
-    if problem.known:
-        rows = known_rows(problem, adjustment.state, problem.known)
-        by_up = rows.whitened(rows.by_up)
-        found += [("known", rows.label[:, k], by_up[:, [k]]) for k in range(rows.label.shape[1])]
-    if "control" in blocks:
-        up = np.zeros((len(survey.control_label), 3))
-        up[:, 2] = 1.0 / survey.control_sigma_m[:, 2]
-        found.append(("control", survey.control_label, up))
-    return found

@@ -8,21 +8,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
-
-CORE = (
-    "pixels",
-    "matches",
-    "lengths",
-    "known",
-    "control",
-    "calibration",
-    "identification",
-    "roughness",
-    "heights",
-    "relief",
-)
-"""Groups that say whether the model of picks and ground holds: priors of the telemetry are meant to
-be generous, and ties say nothing of the ground."""
+from uavgram.estimation.survey.observations.kinds import kind_of
 
 
 def redundancy_of(adjustment: Adjustment, name: str) -> float:
@@ -50,9 +36,13 @@ class CoreFit(NamedTuple):
 
 
 def core_fit(adjustment: Adjustment) -> CoreFit:
-    """Sum of squares of the groups that say whether the model holds (see `CORE`)."""
+    """Sum of squares of the groups that show whether the model holds.
+
+    Those of picks and ground: priors of the telemetry are meant to be generous, and ties say
+    nothing of the ground.
+    """
     blocks = adjustment.minimum.blocks
-    core = [name for name in blocks if name in CORE or name.startswith("plane")]
+    core = [name for name in blocks if kind_of(name).is_core]
     squares = sum(float(np.sum(blocks[name].residual ** 2)) for name in core)
     degrees = sum(redundancy_of(adjustment, name) for name in core)
     return CoreFit(squares, degrees, upper_tail(squares, degrees))

@@ -15,9 +15,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
-from uavgram.estimation.reliability.test_statistics import READINGS, Observed, cofactors
+from uavgram.estimation.reliability.test_statistics import Observed, cofactors
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.observations.kinds import READINGS, kind_of
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 
@@ -40,13 +41,6 @@ blamed on that: large blunders leave the linear model."""
 
 MOST_SUSPECTS = 30
 """Suspicions that are spelled out; with more of them, the model is wrong and not observations."""
-
-SET_ASIDE_WHOLE = ("pixels", "control", "telemetry")
-"""Groups of which a wrong observation is wrong in all of its axes; of others each axis is alone."""
-
-TAKEN_TOGETHER = ("pixels", "control")
-"""Groups whose observations err in any direction: their axes together may explain another's error.
-(All six axes of a pose, or the whole calibration, would explain almost any.)"""
 
 LOOKED_AT = 0.3
 """Correlation of a single axis from which on all axes of an observation are taken together."""
@@ -97,7 +91,7 @@ class _Axes:
             if group.thing is not None:
                 observation.append(first + np.repeat(group.thing, a))
             else:
-                whole = group.kind in SET_ASIDE_WHOLE
+                whole = kind_of(group.kind).is_whole
                 observation.append(first + (row[-1] if whole else np.arange(n * a)))
             first = int(observation[-1].max(initial=first - 1)) + 1
         parts = (np.concatenate(p).astype(np.int64) for p in (kind, row, axis, observation))
@@ -201,7 +195,7 @@ class _Snooping:
         whole = np.zeros(count)
         np.maximum.at(whole, self.axes.observation, single)
         for k, group in enumerate(self.groups.values()):
-            if group.kind in TAKEN_TOGETHER:
+            if kind_of(group.kind).is_joint:
                 self._take_together(k, group, column, pivot, whole)
         whole[self.axes.observation[at]] = 1.0
         alike = (whole > INSEPARABLE**2)[self.axes.observation]

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from uavgram.estimation.reliability.majority import most_gross
-from uavgram.estimation.reliability.test_statistics import READINGS
 from uavgram.estimation.solver.levenberg_marquardt import AT_REST, minimise
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.model.arrays import Bools
@@ -66,11 +66,10 @@ def _kept(adjustment: Adjustment, members: Iterable[Member]) -> dict[str, Bools]
         if kind in READINGS
     }
     for member in members:
-        if member.kind == "known":  # several rows may be of one thing
-            thing = adjustment.problem.known_thing
-            keep["known"] &= thing != thing[member.row]
-        elif member.kind in keep:
-            keep[member.kind][member.row] = False
+        if member.kind in keep:
+            thing = adjustment.problem.observations[member.kind].things()
+            own = member.row if thing is None else thing == thing[member.row]
+            keep[member.kind][own] = False
     return {
         kind: rows
         for kind, rows in keep.items()

@@ -19,22 +19,8 @@ from uavgram.estimation.reliability.redundancy import (
 )
 from uavgram.estimation.solver.normal_equations import Block, Covariance
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.terms.known_terms import known_rows
+from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.model.arrays import Bools, Floats, Ints
-
-READINGS = ("lengths", "known", "pixels", "control")
-"""What people read, and misread: suspected before priors are, unless a prior's odds are better than
-20 to 1 (the nine axes of a calibration, say, mimic many an error of a single length). Of
-inseparable observations, the first of these stands for the group."""
-
-NOT_OBSERVED = ("gauge", "relief", "idle", "linked", "tie heights", "beside", "turning")
-"""Groups that nobody observed: a choice, the functions that make up a smooth ground, what holds
-chains to their labels, and unknowns that nothing uses."""
-
-UNTESTED = (*NOT_OBSERVED, "matches", "ties", "identification")
-"""Groups of which no single observation is tested: those that nobody observed; matches and ties,
-whose outliers were left out before; and identification, which no test parts from a length that ends
-alone at a point."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,41 +79,20 @@ class Observed:
 
 
 def observed(adjustment: Adjustment) -> dict[str, Observed]:
-    """All groups of an adjusted survey by name, but for those that nobody observed."""
-    blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
-    problem, given = adjustment.problem, sigmas_of_readings(adjustment)
-    groups = {}
-    for kind, block in blocks.items():
-        if kind in UNTESTED:
+    """All groups of an adjusted survey by name, but for those of which none is tested."""
+    covariance, groups = adjustment.covariance, {}
+    for kind, observation in adjustment.problem.observations.items():
+        if observation.kind.role not in ("reading", "prior"):
             continue
-        if kind == "telemetry":
-            whitening = np.asarray(problem.telemetry_whitening, dtype=np.float64)
-            groups[kind] = _correlated(kind, block, covariance, whitening)
-        elif kind == "calibration":
-            groups[kind] = _calibration(block, covariance, problem.intrinsic_basis)
-        else:  # a prior's whitened residual changes by the inverse of its sigma
-            sigma = given[kind] if kind in given else 1.0 / block.jacobian[:, :, 0]
-            groups[kind] = _independent(kind, block, covariance, sigma)
-            if kind == "known":
-                groups[kind] = replace(groups[kind], thing=problem.known_thing)
+        rows = observation.tested(adjustment.minimum.blocks[kind])
+        whitening = observation.whitening()
+        if whitening is not None:
+            group = _correlated(kind, rows, covariance, whitening)
+        else:
+            sigma = observation.sigma(adjustment.minimum)
+            group = _independent(kind, rows, covariance, sigma)
+        groups[kind] = replace(group, thing=observation.things())
     return _with_families(groups)
-
-
-def sigmas_of_readings(adjustment: Adjustment) -> dict[str, Floats]:
-    """(n, 1 or 3) standard deviations of picks [px], lengths and control points [m].
-
-    Of known things each in its unit.
-    """
-    survey = adjustment.survey
-    problem, known = adjustment.problem, np.zeros((0, 1))
-    if problem.known:
-        known = known_rows(problem, adjustment.state, problem.known).sigma[:, None]
-    return {
-        "pixels": survey.pick_sigma_px[:, None],
-        "lengths": survey.length_sigma_m[adjustment.problem.line_index, None],
-        "known": known,
-        "control": survey.control_sigma_m,
-    }
 
 
 def _with_families(groups: dict[str, Observed]) -> dict[str, Observed]:
@@ -145,15 +110,6 @@ def _independent(kind: str, block: Block, covariance: Covariance, sigma: Floats)
     direction = np.broadcast_to(np.eye(r), (n, r, r))
     scale = np.broadcast_to(sigma, (n, r))
     return Observed(kind, block, direction, scale, numbers.redundancy, numbers.w, 0)
-
-
-def _calibration(block: Block, covariance: Covariance, basis: Floats) -> Observed:
-    """The independent combinations of the interior orientation as one correlated observation."""
-    n = len(block.residual)
-    whole = Block(block.residual.reshape(1, n), block.columns.reshape(1, n), np.eye(n)[None])
-    # An exactly known parameter has a row of zeros, and keeps one: it cannot err.
-    inverse = np.asarray(np.linalg.pinv(basis), dtype=np.float64)
-    return _correlated("calibration", whole, covariance, inverse[None])
 
 
 def _correlated(kind: str, block: Block, covariance: Covariance, whitening: Floats) -> Observed:

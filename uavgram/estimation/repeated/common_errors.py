@@ -77,7 +77,7 @@ def parameters_at(design: PhotoDesign, common: Floats) -> Floats:
 
 
 def tape_scale(design: PhotoDesign, common: Floats) -> Floats:
-    """What the tape reads of a metre, as `estimation/survey/terms/tapes.py` has it: (B,).
+    """What the tape reads of a metre, as `estimation/survey/observations/tapes.py` has it: (B,).
 
     Parameters
     ----------

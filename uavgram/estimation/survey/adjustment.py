@@ -13,9 +13,9 @@ from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Covariance
 from uavgram.estimation.survey.ground_planes import relief_basis
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.observations.sightings import sweep_of
+from uavgram.estimation.survey.observations.tapes import Taped, unlearnt
 from uavgram.estimation.survey.suspicion import Suspicion
-from uavgram.estimation.survey.terms.sightings import sweep_of
-from uavgram.estimation.survey.terms.tapes import Taped, unlearnt
 from uavgram.estimation.survey.unknowns import State
 from uavgram.estimation.survey.within_survey import Placed, within_survey
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows

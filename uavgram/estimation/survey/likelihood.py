@@ -13,26 +13,16 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.ground_planes import GroundPlanes
-from uavgram.estimation.survey.terms.identification import PickedPoints
-from uavgram.estimation.survey.terms.known_terms import known_rows, says_something, things_of_rows
-from uavgram.estimation.survey.terms.priors import independent_prior
-from uavgram.estimation.survey.terms.sightings import (
-    Seen,
-    TiedPoints,
-    rows_of_sightings,
-    seen,
-)
-from uavgram.estimation.survey.terms.tapes import Taped, tape_rows, taped_lines, tapes_of
-from uavgram.estimation.survey.terms.telemetry_terms import TelemetryTerms, telemetry_prior
-from uavgram.estimation.survey.terms.third_coordinate import ThirdCoordinate
-from uavgram.estimation.survey.unknowns import Layout, State, layout_of, unstacked
+from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
+from uavgram.estimation.survey.observations.ground import ThirdCoordinate
+from uavgram.estimation.survey.observations.kinds import observations_of
+from uavgram.estimation.survey.observations.known import things_of_rows
+from uavgram.estimation.survey.observations.tapes import Taped, tape_rows, tapes_of
+from uavgram.estimation.survey.observations.telemetry import telemetry_prior
+from uavgram.estimation.survey.unknowns import Layout, State, layout_of
 from uavgram.geometry.lengths import lengths_of
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
-
-GAUGE_SIGMA = np.array([1e-4, 1e-4, 1e-6])
-"""Of the three conditions that fix a free gauge [m, m, rad]: they are met exactly at the minimum,
-so their size moves no estimate; small enough to add nothing to a covariance."""
 
 
 class SurveyProblem:
@@ -54,7 +44,7 @@ class SurveyProblem:
         self.ground = GroundPlanes(survey, pivot_m)
         self.third = ThirdCoordinate.of(survey)
         self.line_index = np.flatnonzero(line_used)
-        self.known = tuple(thing for thing in survey.known if says_something(survey, thing))
+        self.known = tuple(t for t in survey.known if ALL_KINDS[t.kind].is_observation(survey, t))
         self.intrinsic_basis = covariance_root(survey.calibration.covariance)
         self.tapes = tapes_of(survey, self.line_index)
         point_size = 3 if self.third.is_unknown or survey.ties.points else 2
@@ -64,7 +54,7 @@ class SurveyProblem:
         if telemetry is not None:
             self.telemetry_whitening = np.linalg.inv(np.linalg.cholesky(telemetry.covariance))
             self.telemetry_mean, self.telemetry_sigma = telemetry_prior(telemetry)
-            self._telemetry = TelemetryTerms(survey, self.layout)
+        self.observations = observations_of(self)
 
     @property
     def pivot_m(self) -> Floats:
@@ -133,7 +123,7 @@ class SurveyProblem:
         return self.layout.first_plane + self.ground.columns(label)
 
     def evaluate(self, state: State) -> dict[str, Block] | None:
-        """All whitened residuals by group.
+        """Whitened residuals and derivatives of every kind of observation, by group.
 
         None where a picked point lies behind its camera, or the lens would have no focal length.
         Of many states at once, whose arrays have a leading axis, residuals have it too, and
@@ -141,116 +131,27 @@ class SurveyProblem:
         """
         if self.intrinsics(state)[..., :2].min() <= 0:
             return None
-        sighted = self._sighted(state)
-        if sighted is None:
-            return None
-        blocks = sighted | {"calibration": self._calibration(state)} | self._stated(state)
-        blocks |= self._grounds(state) | self._picked.blocks(state)
-        if self.survey.rolling is not None:
-            known, first = self.survey.rolling.readout, self.layout.first_readout
-            off = state.readout - known.value_s
-            blocks["readout"] = independent_prior(off, np.array([known.sigma_s]), first)
-        if self.layout.turning:
-            blocks["turning"] = self._turning(state)
-        if self.layout.free_gauge:
-            blocks["gauge"] = self._gauge(state)
-        if self.survey.telemetry is not None:
-            try:
-                blocks |= self._telemetry.blocks(state, self.telemetry_whitening)
-            except ValueError:  # the clock correction leads out of the log
-                return None
-        return blocks
-
-    def _stated(self, state: State) -> dict[str, Block]:
-        """What people measured on the scene itself."""
         blocks = {}
-        if len(self.line_index):
-            blocks["lengths"] = self._lengths(state)
-        if self.tapes:
-            blocks["tape"] = self._tape(state)
-        if self.known:
-            blocks["known"] = self._known(state)
-        if len(self.survey.control_label):
-            blocks["control"] = self._control(state)
+        for name, observation in self.observations.items():
+            block = observation.rows(state)
+            if block is None:
+                return None
+            blocks[name] = block
         return blocks
-
-    def _known(self, state: State) -> Block:
-        if state.plane.ndim == 1:
-            return known_rows(self, state, self.known).block()
-        each = [known_rows(self, one, self.known).block() for one in unstacked(state)]
-        residual, jacobian = np.stack([b.residual for b in each]), [b.jacobian for b in each]
-        return Block(residual, each[0].columns, np.stack(jacobian))
 
     @cached_property
     def known_thing(self) -> Ints:
         """(R,) which of the known things that take part each row of their group is of."""
         return things_of_rows(self.survey, self.known)
 
-    def _sighted(self, state: State) -> dict[str, Block] | None:
-        """Rows of picks, matches and ties; None where a point is not in front of its camera."""
-        pixels = self._pixels(state)
-        tied = {} if self._tied is None else self._tied.blocks(state)
-        return None if pixels is None or tied is None else {"pixels": pixels} | tied
-
-    def _pixels(self, state: State) -> Block | None:
-        every = np.concatenate([state.point, state.picked], axis=-2)
-        own = every[..., self._pick_point, :]
-        world, d_point, d_plane = self.placed(state, own, self.survey.pick_label)
-        to_camera = (state.center[..., self.survey.pick_frame, :] - world)[..., self._from_above, :]
-        slope = d_point[..., self._from_above, 2, :2]
-        above = to_camera[..., 2] - np.sum(slope * to_camera[..., :2], axis=-1)
-        if above.size and above.min() <= 0:  # the ground is not seen from below
-            return None
-        return rows_of_sightings(self, state, self._picks, (world, d_point, d_plane))
-
-    @cached_property
-    def _from_above(self) -> Ints:
-        """Picks of points on the ground: what rises above it may be seen from below."""
-        return np.flatnonzero(~self.survey.off_ground[self.survey.pick_label])
-
-    @cached_property
-    def _pick_point(self) -> Ints:
-        """(P,) which point each pick shows: the label's own, or K + which of those picked."""
-        survey, found = self.survey, self.survey.pick_label.copy()
-        by_hand = np.isin(found, survey.identified) & ~survey.pick_is_target
-        found[by_hand] = len(survey.label) + np.searchsorted(survey.identified, found[by_hand])
-        return found
-
-    @cached_property
-    def _picks(self) -> Seen:
-        survey, label = self.survey, self.survey.pick_label
-        own = self.layout.point_columns(self._pick_point), self.plane_columns(label)
-        return seen(self, own, survey.pick_frame, survey.pixel_px, survey.pick_sigma_px)
-
-    @cached_property
-    def _picked(self) -> PickedPoints:
-        return PickedPoints(self)
-
-    @cached_property
-    def _tied(self) -> TiedPoints | None:
-        return TiedPoints(self) if self.layout.ties else None
-
-    def _lengths(self, state: State) -> Block:
-        survey, (taped, columns) = self.survey, self._taped
-        reading, jacobian = self._read(state, taped)
-        sigma = survey.length_sigma_m[self.line_index]
-        residual = (reading - survey.length_m[self.line_index]) / sigma
-        return Block(residual[..., None], columns, jacobian[..., None, :] / sigma[:, None, None])
-
-    @cached_property
-    def _taped(self) -> tuple[Taped, Ints]:
-        """The lengths that take part, and the unknowns of each."""
-        taped = taped_lines(self.survey, self.line_index)
-        return taped, self._columns_of(taped)
-
     def readings(self, state: State, taped: Taped) -> tuple[Floats, Floats, Ints]:
         """What tapes read (n,), the gradients (n, k), and the unknowns' columns (n, k).
 
         A tape that takes no part in the adjustment is read as a right one.
         """
-        return *self._read(state, taped), self._columns_of(taped)
+        return *self.read(state, taped), self.columns_of_readings(taped)
 
-    def _read(self, state: State, taped: Taped) -> tuple[Floats, Floats]:
+    def read(self, state: State, taped: Taped) -> tuple[Floats, Floats]:
         """What tapes read (n,), and the gradients (n, k)."""
         length, jacobian = self._between(state, taped.start, taped.end, taped.level)
         if not self.tapes:
@@ -262,7 +163,7 @@ class SurveyProblem:
         gradient = np.concatenate([jacobian * ratio[..., None], by_scale[..., None]], axis=-1)
         return length * ratio, gradient
 
-    def _columns_of(self, taped: Taped) -> Ints:
+    def columns_of_readings(self, taped: Taped) -> Ints:
         """(n, k) unknowns of what tapes read."""
         columns = self._end_columns(taped.start, taped.end)
         if not self.tapes:
@@ -307,74 +208,6 @@ class SurveyProblem:
     def _end_columns(self, start: Ints, end: Ints) -> Ints:
         points = self.layout.point_columns(start), self.layout.point_columns(end)
         return np.concatenate([*points, self.plane_columns(start), self.plane_columns(end)], axis=1)
-
-    def _control(self, state: State) -> Block:
-        survey = self.survey
-        label = survey.control_label
-        world, d_point, d_plane = self.world_points(state, label)
-        weight = 1.0 / survey.control_sigma_m
-        columns = np.concatenate(
-            [self.layout.point_columns(label), self.plane_columns(label)], axis=1
-        )
-        jacobian = np.concatenate([d_point, d_plane], axis=-1)
-        residual = (world - survey.control_world_m) * weight
-        return Block(residual, columns, jacobian * weight[:, :, None])
-
-    def _calibration(self, state: State) -> Block:
-        sigma = np.ones(self.layout.intrinsics)
-        return independent_prior(state.intrinsic, sigma, self.layout.first_intrinsic)
-
-    def _grounds(self, state: State) -> dict[str, Block]:
-        """Priors of all that makes up the ground."""
-        blocks: dict[str, Block] = {}
-        if self.layout.point_size == 3:
-            blocks |= self.third.priors(state.point[..., 2])
-        if self.layout.relief:
-            blocks["relief"] = self._relief(state)
-        return blocks | self._planes(state)
-
-    def _planes(self, state: State) -> dict[str, Block]:
-        """Priors by area; the first area's has the name of old, ``plane``."""
-        unknown = state.plane[..., state.plane.shape[-1] - self.layout.plane :]
-        blocks = {}
-        for prior in self.ground.priors():
-            own = unknown[..., prior.first : prior.first + len(prior.mean)]
-            name = "plane" if prior.area == self.survey.ground.name else f"plane of {prior.area}"
-            first = self.layout.first_plane + prior.first
-            blocks[name] = independent_prior(own - prior.mean, prior.sigma, first)
-        return blocks
-
-    def _turning(self, state: State) -> Block:
-        columns = self.layout.turning_columns(np.arange(self.layout.frames))
-        assert self.survey.rolling is not None  # noqa: S101  (else it is no unknown)
-        rolling = self.survey.rolling
-        readout = rolling.readout
-        sigma = rolling.rate_sigma_rad_s * float(np.hypot(readout.value_s, readout.sigma_s))
-        weight = np.broadcast_to(np.eye(3) / sigma, (len(columns), 3, 3))
-        return Block(state.turning / sigma, columns, weight)
-
-    def _tape(self, state: State) -> Block:
-        sigma = np.array([self.survey.scale_sigma_of(tape) for tape in self.tapes])
-        return independent_prior(state.tape, sigma, self.layout.first_tape)
-
-    def _relief(self, state: State) -> Block:
-        sigma = self.ground.relief_sigma_m
-        return independent_prior(state.relief, sigma, self.layout.first_relief)
-
-    def _gauge(self, state: State) -> Block:
-        """First frame above x = y = 0, its image up towards north.
-
-        u = R (0, -1, 0) is image up in the world; u_east = 0. With R exp(δθ):
-        δu = R (δθ x (0, -1, 0)), its east part row R_east . (δθ_z, 0, -δθ_x).
-        """
-        east = state.rotation[..., 0, 0, :]
-        residual = np.concatenate([state.center[..., 0, :2], -east[..., 1:2]], axis=-1)
-        jacobian = np.zeros((*east.shape, 6))
-        jacobian[..., 0, 0] = jacobian[..., 1, 1] = 1.0
-        jacobian[..., 2, 3], jacobian[..., 2, 5] = -east[..., 2], east[..., 0]
-        columns = self.layout.frame_columns(np.zeros(1, dtype=np.int64))
-        whitened = (residual / GAUGE_SIGMA)[..., None, :]
-        return Block(whitened, columns, (jacobian / GAUGE_SIGMA[:, None])[..., None, :, :])
 
 
 def covariance_root(covariance: Floats) -> Floats:

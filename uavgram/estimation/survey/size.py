@@ -12,10 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.observations.kinds import kind_of
 from uavgram.model.arrays import Floats
-
-LEARNT = ("roughness", "beside", "relief", "identification")
-"""Groups of rows by how uneven the ground is, and how far people picked beside what was meant."""
 
 
 def by_size(adjustment: Adjustment) -> dict[str, Floats]:
@@ -29,7 +27,7 @@ def by_size(adjustment: Adjustment) -> dict[str, Floats]:
         smaller by the factor makes a residual larger by it.
     """
     blocks, rolling = adjustment.minimum.blocks, adjustment.survey.rolling
-    change = {kind: blocks[kind].residual for kind in LEARNT if kind in blocks}
+    change = {kind: block.residual for kind, block in blocks.items() if kind_of(kind).by_size}
     if rolling is not None and rolling.by_photos:
         # At half the speed, rows read in twice the time show the same.
         share = rolling.readout.value_s / rolling.readout.sigma_s

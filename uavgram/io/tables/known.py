@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import near_miss
+from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
 from uavgram.io.tables.measure import POINT_COUNTS, parameters_of, points_of, request_fault
-from uavgram.model.limits import length_fault, number_fault
-from uavgram.model.survey.known import CONDITIONS, KNOWN_KINDS, NOT_KNOWN, KnownThings
+from uavgram.model.survey.known import NOT_KNOWN, KnownThings
 from uavgram.model.survey.observations import MeasurementRequest
 
 KNOWN_COLUMNS = Columns(
@@ -22,19 +22,10 @@ KNOWN_COLUMNS = Columns(
 )
 _USES = ("adjust", "check")
 
-# Least and greatest number of points; None: any number.
-_CONDITION_COUNTS: dict[str, tuple[int, int | None]] = {
-    "right_angle": (3, 3),
-    "collinear": (3, None),
-    "parallel": (4, 4),
-    "coplanar": (4, None),
-    "level": (2, None),
-    "vertical": (2, 2),
-    "equal_lengths": (4, None),
-}
-_COUNTS = {str(kind): count for kind, count in POINT_COUNTS.items()} | _CONDITION_COUNTS
 
-_POSITIVE = ("distance", "polyline", "area", "horizontal_distance")
+_COUNTS = {name: kind.points for name, kind in KNOWN_KINDS.items()} | {
+    str(kind): count for kind, count in POINT_COUNTS.items()
+}
 
 
 def read_known(path: str | Path) -> KnownThings:
@@ -56,7 +47,9 @@ def read_known(path: str | Path) -> KnownThings:
         if kind and kind not in KNOWN_KINDS:
             table.blame(row, _unknown(kind))
         is_known = kind in KNOWN_KINDS
-        parameters.append(parameters_of(table, row, kind) if is_known else ())
+        parameters.append(
+            parameters_of(table, row, kind, (), KNOWN_KINDS[kind].parameters) if is_known else ()
+        )
         points.append(_points(table, row, kind, parameters[-1]) if is_known else ())
         if is_known:
             _check_value(table, row, kind)
@@ -87,24 +80,22 @@ def _unknown(kind: str) -> str:
 def _points(
     table: Table, row: int, kind: str, parameters: tuple[tuple[str, float], ...]
 ) -> tuple[str, ...]:
-    points = points_of(table, row, kind, _COUNTS[kind])
+    least, most = _COUNTS[kind]
+    points = points_of(table, row, kind, (least, most))
     if kind in POINT_COUNTS and points:
         request = MeasurementRequest(name="", kind=kind, points=points, parameters=parameters)
         if fault := request_fault(request):
             table.blame(row, fault)
-    if kind == "equal_lengths" and len(points) % 2:
-        table.blame(row, f"kind {kind} needs both ends of each line (got {len(points)} points)")
-    if kind in ("equal_lengths", "parallel"):
-        lines = [frozenset(points[i : i + 2]) for i in range(0, len(points), 2)]
-        if len(set(lines)) < len(lines):
-            table.blame(row, f"kind {kind} names one line twice: that says nothing")
+    is_right = least <= len(points) <= (most or len(points))
+    if is_right and (fault := KNOWN_KINDS[kind].points_fault(points)):
+        table.blame(row, f"kind {kind} {fault}")
     return points
 
 
 def _check_value(table: Table, row: int, kind: str) -> None:
     """Note a value that is missing, that does not belong there, or that cannot be."""
     value = float(table.numbers["value"][row])
-    if kind in CONDITIONS:
+    if not KNOWN_KINDS[kind].has_value:
         if np.isfinite(value):
             table.blame(row, f"kind {kind} has no value: leave it empty (got {value:g})")
         return
@@ -112,13 +103,7 @@ def _check_value(table: Table, row: int, kind: str) -> None:
         if not _blamed(table, row):
             table.blame(row, f"kind {kind} needs a value")
         return
-    fault = length_fault(value) if kind in _POSITIVE else number_fault(value)
-    if kind == "line_distance" and value < 0:
-        fault = "must not be negative"
-    if kind == "slope" and not -90 < value < 90:
-        fault = "must lie between -90 and 90 degrees"
-    if kind == "angle" and not 0 < value < 180:
-        fault = "must lie between 0 and 180 degrees; for points in line use kind collinear"
+    fault = KNOWN_KINDS[kind].fault(value)
     if fault:
         table.blame(row, f"value of kind {kind} {fault} (got {value:g})")
 

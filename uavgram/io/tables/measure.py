@@ -65,7 +65,9 @@ def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
             name=table.text["name"][row],
             kind=kind,
             points=points_of(table, row, kind, POINT_COUNTS[kind]),
-            parameters=parameters_of(table, row, kind),
+            parameters=parameters_of(
+                table, row, kind, PARAMETERS.get(kind, ()), OPTIONAL_PARAMETERS.get(kind, ())
+            ),
         )
         if fault := request_fault(request):
             table.blame(row, fault)
@@ -165,7 +167,9 @@ def points_of(table: Table, row: int, kind: str, count: tuple[int, int | None]) 
     return points
 
 
-def parameters_of(table: Table, row: int, kind: str) -> tuple[tuple[str, float], ...]:
+def parameters_of(
+    table: Table, row: int, kind: str, wanted: tuple[str, ...], optional: tuple[str, ...]
+) -> tuple[tuple[str, float], ...]:
     """Numbers in the cell `parameters` of a row; what is wrong with them is noted.
 
     Parameters
@@ -173,10 +177,11 @@ def parameters_of(table: Table, row: int, kind: str) -> tuple[tuple[str, float],
     table, row
         Where they stand.
     kind
-        What needs them.
+        What has them.
+    wanted, optional
+        Names of those that it needs, and of those that it may have.
     """
-    wanted = next((names for one, names in PARAMETERS.items() if one == kind), ())
-    known = wanted + next((n for one, n in OPTIONAL_PARAMETERS.items() if one == kind), ())
+    known = wanted + optional
     found: dict[str, float] = {}
     for part in filter(None, (p.strip() for p in table.text["parameters"][row].split(";"))):
         name, equals, text = (piece.strip() for piece in part.partition("="))

@@ -4,20 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal, get_args
+from typing import Annotated
 
 import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints
 from uavgram.model.survey.control_lines import ON_LINE, LinePosition
-from uavgram.model.survey.observations import MeasurementKind
-
-ConditionKind = Literal[
-    "right_angle", "collinear", "parallel", "coplanar", "level", "vertical", "equal_lengths"
-]
-"""What is true of points without a number; its sigma says how well."""
-
-CONDITIONS: tuple[ConditionKind, ...] = get_args(ConditionKind)
 
 NOT_KNOWN = {
     "coordinate": "give points with known coordinates in control.csv (`control` in the project)",
@@ -28,18 +20,6 @@ NOT_KNOWN = {
 }
 """Kinds of measurement that cannot be given as known, and why or what to do instead."""
 
-KNOWN_KINDS: tuple[str, ...] = (
-    *(kind for kind in get_args(MeasurementKind) if kind not in NOT_KNOWN),
-    *CONDITIONS,
-)
-"""All kinds of known things: what can be measured, and the conditions."""
-
-DEGREES = ("angle", "slope", "right_angle", "parallel")
-"""Kinds whose sigma (and value, if there is one) is in degrees."""
-
-UNITS = {"area": "m2", "volume": "m3"}
-"""Units of kinds in other units than metres and degrees."""
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownThings(FrozenArrays):
@@ -48,14 +28,14 @@ class KnownThings(FrozenArrays):
     Attributes
     ----------
     name, kind
-        (N,) what each is called, and what it is: one of `KNOWN_KINDS`.
+        (N,) what each is called, and what it is.
     points
         (N,) labels of each, in order.
     value
         (N,) in the unit of the measurement of that kind (metres, square metres, degrees); NaN for
         conditions, which have none.
     sigma
-        (N,) standard deviation in the same unit; of conditions degrees (see `DEGREES`) or metres.
+        (N,) standard deviation in the same unit; of conditions degrees or metres.
     adjust
         (N,) True: an observation; False: withheld, only judged.
     parameters
@@ -73,11 +53,6 @@ class KnownThings(FrozenArrays):
     adjust: Annotated[Bools, "n"]
     parameters: Annotated[tuple[tuple[tuple[str, float], ...], ...], "n"]
     position: tuple[LinePosition | None, ...] = ()
-
-    @property
-    def gives_scale(self) -> bool:
-        """Whether anything that is an observation says how large things are."""
-        return any(self.thing(i, ()).gives_scale for i in np.flatnonzero(self.adjust).tolist())
 
     def seen_thing(self, index: int, place: Mapping[str, int]) -> KnownThing | None:
         """One of them, where it is seen whole: of a line of known position any point will do.
@@ -139,23 +114,6 @@ class KnownThing:
         new = tuple(k for k in new_label[list(self.label)].tolist() if k >= 0)
         whole = len(new) == len(self.label) or (self.position is not None and bool(new))
         return replace(self, label=new) if whole else None
-
-    @property
-    def is_condition(self) -> bool:
-        """Whether it has no value."""
-        return self.kind in CONDITIONS or self.position is not None
-
-    @property
-    def gives_scale(self) -> bool:
-        """Whether it says how large anything is."""
-        if self.position is not None:
-            return True
-        return self.unit != "deg" and bool(np.isfinite(self.value)) and self.value != 0.0
-
-    @property
-    def unit(self) -> str:
-        """Unit of its value and of its sigma."""
-        return "deg" if self.kind in DEGREES else UNITS.get(self.kind, "m")
 
 
 NO_KNOWN = KnownThings(

@@ -121,7 +121,7 @@ class Survey:
         (L,) name of the tape of each known length, and what was measured; empty: one tape (as is
         the tape without a name), and the straight 3-D distance, for all.
     tape_scale_sigma
-        Prior of the scale of each tape (see estimation/survey/terms/tapes.py); 0: exact.
+        Prior of the scale of each tape (see estimation/survey/observations/tapes.py); 0: exact.
     own_scale_sigma
         Pairs of a tape's name and the prior of its scale, of tapes with another one.
     known

@@ -24,7 +24,7 @@ from uavgram.estimation.measuring.predicted_pixels import (
 from uavgram.estimation.measuring.propagation import values_at
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.departures import heights_at
-from uavgram.estimation.survey.terms.tapes import taped_known
+from uavgram.estimation.survey.observations.tapes import taped_known
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result

@@ -12,7 +12,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.terms.known_terms import known_rows
+from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
+from uavgram.estimation.survey.observations.known import known_rows
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays, Ints
@@ -139,7 +140,7 @@ def _known_values(adjustment: Adjustment, known: KnownThings) -> Floats:
     value = known.value.copy()
     place = adjustment.survey.row_of_label
     seen = (known.seen_thing(i, place) for i in range(len(known.name)))
-    things = [one for one in seen if one is not None and not one.is_condition]
+    things = [one for one in seen if one is not None and ALL_KINDS[one.kind].has_value]
     if things:
         rows = known_rows(adjustment.problem, adjustment.state, things)
         np.add.at(value, np.array([thing.index for thing in things])[rows.thing], rows.value)

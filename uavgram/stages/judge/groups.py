@@ -5,25 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from uavgram.estimation.reliability.redundancy import group_fit, upper_tail
-from uavgram.estimation.reliability.test_statistics import NOT_OBSERVED
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.observations.kinds import kind_of
+from uavgram.estimation.survey.observations.observation import Kind
 from uavgram.model.message import Message, Several
 from uavgram.model.naming import figures
 from uavgram.model.result.result import GroupFactor
-
-GROUP_WORDS = {
-    "pixels": ("picks", "their labels and picks_sigma_px"),
-    "lengths": ("known lengths", "their readings and sigma_m"),
-    "known": ("known things", "their values and sigmas"),
-    "control": ("control points", "their labels and sigmas"),
-    "telemetry": ("positions and directions of the log", "the gimbal, the times and their sigmas"),
-    "calibration": ("values of the camera file", "its focus, zoom and resolution, and its sigmas"),
-}
-"""What each group is called, and where to look."""
-
-
-NOT_JUDGED = tuple(name for name in NOT_OBSERVED if name != "relief")
-"""Groups that say nothing of how anything fits; the ground's shape does."""
 
 WIDE = 0.4
 """Variance factor below which stated sigmas are far too wide; those of priors are meant to be
@@ -49,19 +36,20 @@ def judge_groups(
     silent = not adjustment.minimum.converged
     groups, messages = [], []
     for name, block in adjustment.minimum.blocks.items():
-        if name in NOT_JUDGED:
+        kind = kind_of(name)
+        if kind.role == "construction" and not kind.is_judged:
             continue
         fit = group_fit(block, adjustment.minimum.factor, adjustment.covariance)
         groups.append(GroupFactor(name=name, observations=block.residual.size, **fit._asdict()))
-        if fit.probability < significance and name in GROUP_WORDS and not silent:
-            messages.append(_misfit(name, fit.variance_factor, fit.probability))
+        if fit.probability < significance and kind.check and not silent:
+            messages.append(_misfit(kind, fit.variance_factor, fit.probability))
     if adjustment.minimum.converged:
         messages += _too_wide(adjustment, groups, significance)
     return tuple(groups), tuple(messages)
 
 
-def _misfit(group: str, factor: float, probability: float) -> Message:
-    what, cause = GROUP_WORDS[group]
+def _misfit(kind: Kind, factor: float, probability: float) -> Message:
+    what, cause = kind.plural, kind.check
     how = f"variance factor {factor:.1f}, probability {probability:.1g}"
     until = "Until this is cleared up, the uncertainties of the results are too small"
     return Message(
@@ -91,7 +79,7 @@ def _too_wide(
     wide = [g for g in groups if g.variance_factor < WIDE and g.probability > 1.0 - significance]
     named = sorted(wide, key=lambda g: -g.redundancy)
     which = ", ".join(
-        f"{GROUP_WORDS.get(g.name, (g.name.replace('_', ' '),))[0]} ({figures(g.variance_factor)})"
+        f"{kind_of(g.name).plural or g.name.replace('_', ' ')} ({figures(g.variance_factor)})"
         for g in named
     )
     text = (

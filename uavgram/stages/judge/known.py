@@ -9,13 +9,12 @@ from scipy.special import ndtri
 
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.names import named_thing
-from uavgram.estimation.survey.terms.known_terms import known_rows
+from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
+from uavgram.estimation.survey.observations.known import known_rows, named_thing
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.naming import figures
 from uavgram.model.result.known import NOTHING_KNOWN, KnownResults, KnownStatus
-from uavgram.model.survey.control_lines import ON_LINE
 from uavgram.model.survey.known import KnownThing, KnownThings
 from uavgram.stages.judge.lines import PICK_OR_CORRECT, no_pick_of
 from uavgram.stages.judge.tested_survey import TestedSurvey
@@ -67,7 +66,7 @@ def judge_known(
         points=known.points,
         value=known.value,
         sigma=known.sigma,
-        unit=tuple(known.thing(i, ()).unit for i in range(len(known.name))),
+        unit=tuple(ALL_KINDS[kind].unit for kind in known.kind),
         status=tuple(status),
         **columns,
     )
@@ -102,7 +101,7 @@ def _values(
         off = rows.value[own]
         residual = off[0] if len(own) == 1 else float(np.linalg.norm(off))
         columns["residual"][at] = residual
-        columns["adjusted"][at] = residual + (0.0 if np.isnan(thing.value) else thing.value)
+        columns["adjusted"][at] = ALL_KINDS[thing.kind].adjusted(thing, residual)
         if len(own) == 1:
             columns["adjusted_sigma"][at] = np.sqrt(max(joint[own[0], own[0]], 0.0))
         if at in withheld:
@@ -191,7 +190,7 @@ def _unseen(adjustment: Adjustment, known: KnownThings, i: int) -> Message:
 def _idle(known: KnownThings, i: int) -> Message:
     """It says nothing, as all of its points lie on the ground."""
     what = named_thing(known.kind[i], known.name[i], known.points[i])
-    if known.kind[i] == ON_LINE:
+    if ALL_KINDS[known.kind[i]].needs == "world":
         return _unplaced(known, i, what)
     return Message(
         "warning",
@@ -209,12 +208,8 @@ def _idle(known: KnownThings, i: int) -> Message:
 
 
 def _unplaced(known: KnownThings, i: int, what: str) -> Message:
-    """A line of known position in a world that has none."""
-    why = "nothing else says where on the map this survey lies, and such lines are too few for it"
-    way_out = (
-        "It takes three picked points on lines that are not all parallel (or the flight log, or "
-        "two control points)."
-    )
+    """Report a thing that refers to the world where nothing else does."""
+    why, way_out = ALL_KINDS[known.kind[i]].unplaced
     return Message(
         "warning",
         "known-idle",

@@ -12,18 +12,19 @@ from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
 from uavgram.estimation.reliability.test_statistics import cofactors
 from uavgram.estimation.reliability.wrong_units import likely_mistake
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
-from uavgram.estimation.survey.names import named_ends
-from uavgram.estimation.survey.terms.tapes import taped_known
+from uavgram.estimation.survey.observations.lengths import named_ends
+from uavgram.estimation.survey.observations.tapes import taped_known
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.photo_poses import PhotoExposures
 from uavgram.model.message import Message, Several
 from uavgram.model.naming import figures, listed
+from uavgram.model.remedy import without_lengths
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
 from uavgram.model.survey.observations import KnownLines
 from uavgram.stages.judge.picks import rows_of
 from uavgram.stages.judge.tested_survey import TestedSurvey
-from uavgram.stages.remedies import read_first, without_lengths
+from uavgram.stages.remedies import read_first
 
 PICK_OR_CORRECT = "Pick that, or correct the label."
 

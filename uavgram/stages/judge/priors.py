@@ -8,13 +8,11 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.reliability.test_statistics import Observed
+from uavgram.estimation.survey.observations.kinds import kind_of
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.model.arrays import Floats
 from uavgram.model.result.reliability import PriorResults, WeakestLinks
 from uavgram.stages.judge.tested_survey import TestedSurvey, effects_on
-
-OBSERVED = ("pixels", "lengths", "known")
-"""Groups with tables of their own."""
 
 
 def judge_priors(examined: TestedSurvey) -> PriorResults:
@@ -25,7 +23,7 @@ def judge_priors(examined: TestedSurvey) -> PriorResults:
     parts = [
         _group(examined, kind, group)
         for kind, group in examined.groups.items()
-        if kind not in OBSERVED
+        if not kind_of(kind).has_table
     ]
     members = [m for part in parts for m in part[0]]
     residual, w, redundancy, bias, change, on = (
@@ -35,8 +33,8 @@ def judge_priors(examined: TestedSurvey) -> PriorResults:
     names = examined.names
     return PriorResults(
         kind=tuple(m.kind for m in members),
-        name=tuple(names.prior(m) for m in members),
-        frame_id=tuple(names.frame(m.row) if m.kind == "telemetry" else "" for m in members),
+        name=tuple(names.axis(m) for m in members),
+        frame_id=tuple("".join(names.subjects(m).get("frames", ())) for m in members),
         unit=tuple(unit for unit, _ in units),
         residual=residual,
         w=w,

@@ -6,7 +6,9 @@ import numpy as np
 
 from uavgram.estimation.measuring.propagation import values_at
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.estimation.survey.names import Names, named_ends, named_thing
+from uavgram.estimation.survey.names import Names
+from uavgram.estimation.survey.observations.known import named_thing
+from uavgram.estimation.survey.observations.lengths import named_ends
 from uavgram.model.arrays import Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.result.reliability import RemovalRecord

@@ -8,6 +8,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
 from uavgram.estimation.reliability.test_statistics import Observed
+from uavgram.estimation.survey.observations.kinds import kind_of
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.tables import MeasurementResults
@@ -17,9 +18,6 @@ from uavgram.stages.judge.unchecked import is_unchecked
 
 MOVED = 1.0
 """Sigmas of a measurement by which an error that was found may move it, before it is in doubt."""
-
-TOGETHER = ("pixels", "control")
-"""Groups of which a wrong observation is wrong in all of its axes."""
 
 
 def is_moved(examined: TestedSurvey) -> Bools:
@@ -47,7 +45,7 @@ def _change_without(group: Observed, member: Member, solved: Floats) -> Floats:
     The likeliest error of an axis is w / sqrt(r) of its sigmas (Baarda 1968).
     """
     row = member.row
-    axes = slice(None) if member.kind in TOGETHER else slice(member.axis, member.axis + 1)
+    axes = slice(None) if kind_of(member.kind).is_joint else slice(member.axis, member.axis + 1)
     redundancy = group.redundancy[row, axes]
     root = np.sqrt(np.where(redundancy > NO_REDUNDANCY, redundancy, np.inf))
     response = np.einsum("rk,km->rm", group.block.jacobian[row], solved[group.block.columns[row]])

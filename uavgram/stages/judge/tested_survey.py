@@ -14,16 +14,14 @@ from uavgram.estimation.reliability.external import Weakest, Worst, external_rel
 from uavgram.estimation.reliability.redundancy import critical_value
 from uavgram.estimation.reliability.set_aside import set_aside
 from uavgram.estimation.reliability.test_statistics import (
-    READINGS,
     Observed,
     cofactors,
     observed,
-    sigmas_of_readings,
 )
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.names import Names
+from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.estimation.survey.suspicion import Member, Suspicion
-from uavgram.estimation.survey.terms.known_terms import known_rows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.reliability import Effects
 from uavgram.stages.judge.checks import Withheld
@@ -95,15 +93,11 @@ class TestedSurvey:
         return suspect
 
     def residuals(self, kind: str) -> Floats:
-        """(n, r) adjusted minus read, of picks [px], lengths or control points [m].
+        """(n, r) adjusted minus stated, of independent numbers, in their unit.
 
         Those of the result: what stands out, tests take at its full weight.
         """
-        if kind == "known":  # some of these are correlated: whitened, they are mixed
-            problem = self.adjustment.problem
-            return known_rows(problem, self.adjustment.state, problem.known).value[:, None]
-        residual = self.adjustment.minimum.blocks[kind].residual
-        return np.asarray(residual * sigmas_of_readings(self.adjustment)[kind])
+        return self.adjustment.problem.observations[kind].residuals(self.adjustment.minimum)
 
     def significant(self, w: float) -> bool:
         """Whether a test statistic means that something does not fit."""

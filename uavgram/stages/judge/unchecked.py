@@ -104,8 +104,7 @@ def _message(
     labels: tuple[str, ...] = ()
     mend = None
     if clicks:
-        every = (one.member.row for i in rows for one in found[i])
-        labels = tuple(dict.fromkeys(examined.names.pick(row)[1] for row in every))
+        labels = examined.names.subjects(*(one.member for i in rows for one in found[i]))["labels"]
         what = f"a wrong click on {listed(labels, MOST_NAMED, link='or')}"
         it = "them" if len(labels) > 1 else "it"
         action = f"Mark {listed(labels, MOST_NAMED)} in one more photo, or click {it} again"

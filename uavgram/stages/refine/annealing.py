@@ -22,7 +22,7 @@ from uavgram.estimation.reliability.test_statistics import cofactors
 from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.terms.tapes import tape_rows, taped_lines
+from uavgram.estimation.survey.observations.tapes import tape_rows, taped_lines
 from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.stages.refine.begin.softened import SLACK

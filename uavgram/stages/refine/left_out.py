@@ -10,9 +10,9 @@ import numpy as np
 from uavgram.estimation.reliability.coordinate_faults import displaced, likely_fault
 from uavgram.estimation.survey.adjustment import Refined, Removal
 from uavgram.estimation.survey.departures import heights_above_ground
+from uavgram.estimation.survey.observations.known import known_rows
+from uavgram.estimation.survey.observations.tapes import taped_lines
 from uavgram.estimation.survey.suspicion import Member, Suspicion
-from uavgram.estimation.survey.terms.known_terms import known_rows
-from uavgram.estimation.survey.terms.tapes import taped_lines
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.survey import Survey

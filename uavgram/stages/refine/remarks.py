@@ -12,19 +12,19 @@ import numpy as np
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.known_frames import known_rows
 from uavgram.estimation.measuring.next_length import distance_changes, line_faults, next_line
-from uavgram.estimation.reliability.test_statistics import READINGS
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined, Removal
 from uavgram.estimation.survey.names import Names
+from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.naming import figures, listed
-from uavgram.model.remedy import Remedy
+from uavgram.model.remedy import unpicked
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.model.units import FOOT_M
 from uavgram.stages.refine.lengths_in_view import odd_in_view, ratios_in_view
-from uavgram.stages.remedies import read_first, unpicked, without_lengths
+from uavgram.stages.remedies import read_first
 
 LOWEST_M, HIGHEST_M = 0.3, 1000.0
 """Heights of a drone's camera above the ground, beyond which lengths or log are in question."""
@@ -240,7 +240,7 @@ def not_located(refined: Refined, suspicion: Suspicion) -> Message:
         f"tape another line. Nothing was taken out (w = {abs(suspicion.w):.1f})."
     )
     members = (suspicion.accused, *suspicion.group)
-    either = read_first(_without(refined, member) for member in members)
+    either = read_first(names.of(member).remedy(member.row) for member in members)
     return Message(
         "warning",
         "blunder-not-located",
@@ -248,15 +248,6 @@ def not_located(refined: Refined, suspicion: Suspicion) -> Message:
         **names.subjects(*members),
         instead=tuple(one for one in either if one is not None),
     )
-
-
-def _without(refined: Refined, member: Member) -> Remedy | None:
-    """A pick or length of an adjustment removed; None of what is neither."""
-    adjustment, names = refined.adjustment, Names(refined.adjustment)
-    if member.kind == "pixels":
-        return unpicked([names.pick(member.row)])
-    lines = adjustment.survey.line_name if member.kind == "lengths" else ()
-    return without_lengths([lines[adjustment.problem.line_index[member.row]]]) if lines else None
 
 
 def indispensable(refined: Refined, removal: Removal, why: GeometryError) -> Message:

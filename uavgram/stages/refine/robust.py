@@ -18,10 +18,11 @@ from scipy.special import chdtri
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.reliability.majority import MOST_OF_A_KIND
-from uavgram.estimation.reliability.test_statistics import NOT_OBSERVED, cofactors
+from uavgram.estimation.reliability.test_statistics import cofactors
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.observations.kinds import kind_of
 from uavgram.estimation.survey.selection import select_control, select_picks, without_known
 from uavgram.geometry.ground.plane_of_most import plane_of_most
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -307,7 +308,7 @@ class Candidate:
         common = (
             block
             for name, block in self.annealed.minimum.blocks.items()
-            if name not in (*ROBUST, *NOT_OBSERVED)
+            if name not in ROBUST and kind_of(name).role != "construction"
         )
         return any(np.abs(block.residual).max(initial=0.0) > GROSS_SIGMAS for block in common)
 

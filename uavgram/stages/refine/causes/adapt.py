@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Refined, Removal
-from uavgram.estimation.survey.names import named_ends
+from uavgram.estimation.survey.observations.lengths import named_ends
 from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.arrays import Bools
 from uavgram.model.survey.mend import Cause, Mend

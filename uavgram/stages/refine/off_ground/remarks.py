@@ -10,8 +10,9 @@ import numpy as np
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.departures import heights_above_ground
 from uavgram.model.message import Message, Several
+from uavgram.model.remedy import unpicked
 from uavgram.stages.refine.off_ground.shown import photos_of
-from uavgram.stages.remedies import freed, unpicked
+from uavgram.stages.remedies import freed
 
 TWO = 2
 """Photos that show a point from which on its height can be found, but no pick of it is checked."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained, Moved
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.terms.telemetry_terms import TELEMETRY_PARTS
+from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
 from uavgram.geometry.motion.interpolation import SmoothPositions
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.geometry.motion.telemetry_pose import CLOCK, HEADING_BIAS, POSITION_BIAS

@@ -17,8 +17,8 @@ from scipy.special import chdtri
 from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.observations.tapes import taped_lines
 from uavgram.estimation.survey.size import by_size
-from uavgram.estimation.survey.terms.tapes import taped_lines
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Mend

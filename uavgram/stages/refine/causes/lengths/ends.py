@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained
-from uavgram.estimation.survey.names import named_ends
+from uavgram.estimation.survey.observations.lengths import named_ends
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Ends, Mend

@@ -12,7 +12,7 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import Explained
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.reliability.wrong_units import CONVERSIONS, DECIMALS, UNITS
-from uavgram.estimation.survey.names import named_ends
+from uavgram.estimation.survey.observations.lengths import named_ends
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.naming import listed

@@ -15,7 +15,7 @@ from uavgram.estimation.reliability.hypotheses import Explained
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.terms.telemetry_terms import TELEMETRY_PARTS
+from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message

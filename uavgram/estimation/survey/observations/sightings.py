@@ -1,4 +1,4 @@
-"""Points seen in photos: picks, matches and tie points, as whitened residuals with Jacobians."""
+"""Points seen in photos, whether picked, matched or tied: whitened residuals with Jacobians."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.terms.sights import SightedBlock, Sights
+from uavgram.estimation.survey.observations.sights import SightedBlock, Sights
+from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.geometry.motion.row_poses import row_share
@@ -16,11 +17,6 @@ from uavgram.model.survey.survey import Survey
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem
-    from uavgram.estimation.survey.unknowns import State
-
-ANYWHERE_M = 100.0
-"""Prior sigma of a tie point's height about the ground's: what photos from nearly one place show
-still has a depth then."""
 
 
 class Seen(NamedTuple):
@@ -171,100 +167,3 @@ def motion_of(survey: Survey, state: State) -> Floats:
         return motion
     ahead = np.einsum("...ij,...j->...i", state.rotation, motion[:, :3])
     return np.concatenate([ahead, np.broadcast_to(motion[:, 3:], ahead.shape)], axis=-1)
-
-
-class TiedPoints:
-    """Chains of matches, and tie points, in the likelihood of a survey.
-
-    Parameters
-    ----------
-    problem
-        The likelihood: its ground, third coordinates and layout are there already.
-
-    Notes
-    -----
-    A match repeats the error of the pick that it was found from. So a chain (the picked pixel, and
-    where it was found again) has a point of its own, what lies under the picked pixel; the label's
-    point is observed by the pick alone. Both depart from the ground by the same.
-    """
-
-    def __init__(self, problem: SurveyProblem) -> None:
-        survey, layout = problem.survey, problem.layout
-        self._problem = problem
-        matches, ties = survey.matches, survey.ties
-        self.label = survey.pick_label[matches.pick]
-        chain, tie = matches.point, matches.points + ties.point
-        self._matches = seen(
-            problem,
-            (layout.tie_columns(chain), problem.plane_columns(self.label[chain])),
-            matches.frame,
-            matches.pixel_px,
-            matches.sigma_px,
-        )
-        alone = np.zeros((len(tie), 0), dtype=np.int64)
-        own = layout.tie_columns(tie), alone
-        self._ties = seen(problem, own, ties.frame, ties.pixel_px, ties.sigma_px)
-
-    def blocks(self, state: State) -> dict[str, Block] | None:
-        """Rows of all sightings by group; None where a point is not in front of its camera."""
-        survey, blocks = self._problem.survey, dict[str, Block]()
-        if survey.matches.points:
-            point = survey.matches.point
-            placed = self._problem.placed(state, state.tie[..., point, :], self.label[point])
-            matches = rows_of_sightings(self._problem, state, self._matches, placed)
-            if matches is None:
-                return None
-            blocks["matches"] = matches
-        if survey.ties.points:
-            world = state.tie[..., survey.matches.points + survey.ties.point, :]
-            n = world.shape[-2]
-            placed = world, np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3, 0))
-            ties = rows_of_sightings(self._problem, state, self._ties, placed)
-            if ties is None:
-                return None
-            blocks["ties"] = ties
-        return blocks | self._heights(state)
-
-    def _heights(self, state: State) -> dict[str, Block]:
-        """What is known of the third coordinates of tie points."""
-        layout, survey, blocks = self._problem.layout, self._problem.survey, dict[str, Block]()
-        tie = np.arange(survey.matches.points, state.tie.shape[-2])
-        if len(tie):
-            ground_m = 0.0 if layout.free_gauge else survey.ground.height_m
-            off = (state.tie[..., tie, 2] - ground_m)[..., None]
-            weight = np.full((len(tie), 1, 1), 1.0 / ANYWHERE_M)
-            blocks["tie heights"] = Block(off / ANYWHERE_M, layout.tie_columns(tie)[:, 2:], weight)
-        beside = survey.ties.beside
-        told = np.isin(beside.label, self._problem.third.rough) & np.isfinite(beside.sigma_m)
-        if told.any():
-            blocks["beside"] = self._beside(state, np.flatnonzero(told))
-        return blocks
-
-    def _beside(self, state: State, which: Ints) -> Block:
-        """Heights over the plane that ties make of labels, less those of the labels.
-
-        Nothing but differences: what holds the plane is, as without ties, the prior of the labels'
-        roughness about it.
-        """
-        problem, beside = self._problem, self._problem.survey.ties.beside
-        label, weight, sigma = beside.label[which], beside.weight[which], beside.sigma_m[which]
-        tie = problem.survey.matches.points + beside.tie[which]
-        place = state.tie[..., tie, :]
-        flat = place.reshape(*place.shape[:-3], -1, 3)
-        own = np.repeat(label, tie.shape[1])
-        ground = problem.ground.at(state.plane, state.relief, own, flat[..., :2])
-        above = place[..., 2] - ground.height_m.reshape(place.shape[:-1])
-        off = np.sum(weight * above, axis=-1) - state.point[..., label, 2]
-        by_tie = np.ones(flat.shape)
-        by_tie[..., :2] = -ground.slope
-        by_tie = (weight[..., None] * by_tie.reshape(place.shape)).reshape(*off.shape, -1)
-        by_ground = ground.by_unknowns.reshape(*place.shape[:-1], -1)
-        by_ground = -np.sum(weight[..., None] * by_ground, axis=-2)
-        jacobian = np.concatenate([by_tie, -np.ones((*off.shape, 1)), by_ground], axis=-1)
-        columns = [
-            problem.layout.tie_columns(tie.ravel()).reshape(len(label), -1),
-            problem.layout.point_columns(label)[:, 2:],
-            problem.plane_columns(label),
-        ]
-        weighted = jacobian[..., None, :] / sigma[:, None, None]
-        return Block((off / sigma)[..., None], np.concatenate(columns, axis=1), weighted)

@@ -9,8 +9,8 @@ import pytest
 from scenes import Scene, make_scene
 
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.observations.known import known_rows
 from uavgram.estimation.survey.selection import select_picks
-from uavgram.estimation.survey.terms.known_terms import known_rows
 from uavgram.estimation.survey.unknowns import move
 from uavgram.model.survey.control_lines import ON_LINE, LinePosition
 from uavgram.model.survey.known import KnownThing, lines_place

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 from scenes import Scene, make_scene
 
+from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.terms.known_terms import KnownRows, known_rows
+from uavgram.estimation.survey.observations.known import KnownRows, known_rows
 from uavgram.estimation.survey.unknowns import State, move
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.known import CONDITIONS, KnownThing
+from uavgram.model.survey.known import KnownThing
 
 # Corners of a square of 4 m and a fifth point in line with two of them; then the same 1.5 m up.
 SQUARE = np.array([[-2.0, 0], [2, 0], [2, 4], [-2, 4], [6, 0]])
@@ -38,6 +39,8 @@ EXACT: dict[str, tuple[str, tuple[int, ...], float]] = {
     "from a plane": ("plane_distance", (6, 0, 1, 2), 1.5),
     "in a plane": ("plane_distance", (9, 5, 6, 7), 0.0),
     "box over the ground": ("volume", (5, 6, 7, 8), 24.0),
+    "azimuth": ("azimuth", (0, 6), 90.0),
+    "azimuth of north": ("azimuth", (0, 3), 0.0),
     "right angle": ("right_angle", (0, 1, 2), np.nan),
     "right angle in the air": ("right_angle", (1, 0, 5), np.nan),
     "collinear": ("collinear", (0, 1, 4), np.nan),
@@ -151,7 +154,7 @@ def test_a_known_thing_is_an_observation_in_its_own_sigmas() -> None:
     simple = names != "box over the ground"
     found = blocks["known"].residual[:, 0] * sigma
     np.testing.assert_allclose(found[simple], rows.value[simple], rtol=1e-12)
-    assert {thing.kind for thing in scene.survey.known} >= set(CONDITIONS)
+    assert {thing.kind for thing in scene.survey.known} == set(KNOWN_KINDS)
 
 
 @pytest.mark.parametrize(
@@ -170,6 +173,8 @@ def test_a_known_thing_is_an_observation_in_its_own_sigmas() -> None:
         ("height", (0,), "rough ground", False),
         ("height", (6,), "smooth ground", True),
         ("volume", (0, 1, 2, 3), "smooth ground", False),
+        ("azimuth", (0, 1), "smooth ground", True),
+        ("azimuth", (0, 6), "gauge", False),
     ],
 )
 def test_what_the_ground_says_anyway_is_no_observation(

@@ -1,4 +1,4 @@
-"""Priors of neighbouring unknowns that know nothing of each other, as rows of the likelihood."""
+"""Priors of neighbouring unknowns that are independent of each other."""
 
 from __future__ import annotations
 
@@ -7,7 +7,21 @@ from functools import lru_cache
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.observations.observation import Observation, in_unit
+from uavgram.estimation.survey.suspicion import Member
 from uavgram.model.arrays import Floats, Ints
+
+
+class Prior(Observation):
+    """What is known beforehand of some shared unknowns: each is a row of one number."""
+
+    def axis(self, member: Member) -> str:
+        """Name of the unknown."""
+        return self.kind.axes[member.row]
+
+    def unit(self, member: Member) -> tuple[str, float]:
+        """Unit of the unknown."""
+        return in_unit(self.kind.units[member.row])
 
 
 def independent_prior(off: Floats, sigma: Floats, first: int) -> Block:

@@ -1,0 +1,1 @@
+"""Kinds of known things, by how they are computed."""

@@ -1,0 +1,133 @@
+"""Known values of what can be measured: distances, areas, angles, heights, volumes.
+
+The functions are those of the measurements less the known value. Where a value is zero, a distance
+from a line has no derivative: its offset, a signed number or a vector, takes its place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from uavgram.estimation.survey.ground_below import ground_below
+from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures, KnownKind
+from uavgram.geometry.ground import conditions, measurable
+from uavgram.model.arrays import Floats
+from uavgram.model.limits import length_fault, number_fault
+from uavgram.model.survey.known import KnownThing
+from uavgram.model.survey.observations import MeasurementKind
+from uavgram.model.survey.survey import Survey
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured(KnownKind):
+    """A kind of measurement whose value is known.
+
+    Attributes
+    ----------
+    is_positive
+        Whether its value is a size.
+    limits, limits_words
+        Between which values it must be [deg], and the words for that.
+    """
+
+    has_value: bool = True
+    is_positive: bool = False
+    limits: tuple[float, float] = (-np.inf, np.inf)
+    limits_words: str = ""
+
+    def departures(self, alike: Alike) -> Departures:
+        """Compute the measured values less the known ones.
+
+        Where there is no derivative (points that coincide), the gradient is zero, and the value
+        its limit on the way there: no direction leads nearer.
+        """
+        each = [
+            self._departure(thing, world, feet, alike.survey)
+            for thing, world, feet in zip(alike.things, alike.world, alike.feet, strict=True)
+        ]
+        value, by_point, by_foot, rough = (
+            np.array(column)[:, None] for column in zip(*each, strict=True)
+        )
+        return Departures(value, by_point, by_foot, rough)
+
+    def _departure(
+        self, thing: KnownThing, world: Floats, feet: Floats, survey: Survey
+    ) -> tuple[float, Floats, Floats, float]:
+        """Of one thing, the four of `Departures`."""
+        kind, parameters = cast("MeasurementKind", thing.kind), dict(thing.parameters)
+        nothing = np.zeros((len(world), 3))
+        try:
+            if not self.is_from_ground(thing):
+                value, gradient = measurable.shape_of(kind, world, parameters)
+                return value - thing.value, gradient, nothing, 0.0
+            below = ground_below(survey, np.array(thing.label), world, feet)
+            value, gradient, by_feet = measurable.over_ground(kind, world, below.feet, parameters)
+        except measurable.UnmeasurableError:
+            return -thing.value, nothing, nothing, 0.0
+        is_below = below.told[:, None]
+        return (
+            value - thing.value,
+            gradient + np.where(is_below, by_feet, 0.0),
+            np.where(is_below, 0.0, by_feet),
+            float(np.linalg.norm(by_feet[:, 2] * below.sigma_m)),
+        )
+
+    def is_from_ground(self, thing: KnownThing) -> bool:
+        """Whether it is measured from the ground straight below its points."""
+        return measurable.refers_to_ground(thing.kind, len(thing.label), dict(thing.parameters))
+
+    def fault(self, value: float) -> str:
+        """Say why a value cannot be."""
+        least, greatest = self.limits
+        if self.limits_words and not least < value < greatest:
+            return self.limits_words
+        return length_fault(value) if self.is_positive else number_fault(value)
+
+
+class LineDistance(Measured):
+    """Distance from a line; where it is zero, the offset from it."""
+
+    def departures(self, alike: Alike) -> Departures:
+        """Compute the distances less the known ones, or the offsets."""
+        if alike.things[0].value != 0.0:
+            return super().departures(alike)
+        value, gradient = conditions.line_offset(alike.world, on_ground=alike.on_ground)
+        return Departures(np.nan_to_num(value), np.nan_to_num(gradient))
+
+    def row_count(self, thing: KnownThing, *, on_ground: bool) -> int:
+        """Count the axes of the offset."""
+        return 2 if thing.value == 0.0 and not on_ground else 1
+
+    def fault(self, value: float) -> str:
+        """Say why a distance cannot be."""
+        return "must not be negative" if value < 0 else super().fault(value)
+
+
+MEASURED = (
+    Measured("distance", is_positive=True),
+    Measured("polyline", "length along points", is_positive=True),
+    Measured("area", unit="m2", is_positive=True),
+    Measured(
+        "angle",
+        unit="deg",
+        limits=(0.0, 180.0),
+        limits_words="must lie between 0 and 180 degrees; for points in line use kind collinear",
+    ),
+    LineDistance("line_distance", "distance from a line"),
+    Measured("height", needs="tilt", is_directed=True),
+    Measured("horizontal_distance", is_positive=True),
+    Measured("vertical_distance", needs="tilt", is_directed=True),
+    Measured(
+        "slope",
+        unit="deg",
+        needs="tilt",
+        is_directed=True,
+        limits=(-90.0, 90.0),
+        limits_words="must lie between -90 and 90 degrees",
+    ),
+    Measured("plane_distance", needs="relief"),
+    Measured("volume", unit="m3", parameters=("top", "level", "plane")),
+)

@@ -1,0 +1,53 @@
+"""Points on a line of known position."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures, KnownKind
+from uavgram.geometry.ground.line_of_position import beside_line, joint_covariance
+from uavgram.model.survey.control_lines import ON_LINE
+from uavgram.model.survey.known import KnownThing
+
+
+class OnLine(KnownKind):
+    """Points that were picked somewhere on a line with known coordinates."""
+
+    def departures(self, alike: Alike) -> Departures:
+        """Compute how far each point is beside its line: all share the errors of its ends."""
+        value, gradient, covariance = [], [], []
+        for thing, world in zip(alike.things, alike.world, strict=True):
+            line = thing.position
+            assert line is not None  # noqa: S101  (of this kind)
+            beside = beside_line(world, line.ends_m, upwards=line.has_height)
+            k, axes = beside.value.shape
+            by_point = np.zeros((k, axes, k, 3))
+            by_point[np.arange(k), :, np.arange(k)] = beside.gradient
+            joint = joint_covariance(beside.by_ends, line.sigma_m, line.straightness_m)
+            value.append(beside.value.ravel())
+            gradient.append(by_point.reshape(k * axes, k, 3))
+            covariance.append(joint * (thing.sigma / line.across_m) ** 2)
+        return Departures(np.array(value), np.array(gradient), covariance=np.array(covariance))
+
+    def row_count(self, thing: KnownThing, *, on_ground: bool) -> int:
+        """Count the points' axes."""
+        del on_ground
+        return len(thing.label) * (1 + (thing.position is not None and thing.position.has_height))
+
+    def gives_scale(self, value: float) -> bool:
+        """Whether it determines the scale: its ends do."""
+        del value
+        return True
+
+
+LINE_OF_POSITION = OnLine(
+    ON_LINE,
+    "place of the line",
+    "on a line of known position",
+    needs="world",
+    unplaced=(
+        "nothing else says where on the map this survey lies, and such lines are too few for it",
+        "It takes three picked points on lines that are not all parallel (or the flight log, or "
+        "two control points).",
+    ),
+)

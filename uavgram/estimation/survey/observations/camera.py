@@ -1,0 +1,99 @@
+"""What is known of the camera beforehand: calibration, readout time, turns while it reads."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.observations.observation import Kind, Observation, in_unit
+from uavgram.estimation.survey.observations.priors import Prior, independent_prior
+from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.calibration import parameter_names
+
+
+class Calibration(Observation):
+    """The interior orientation, in independent combinations of its parameters."""
+
+    kind = Kind(
+        "calibration",
+        "lens",
+        "lens calibration",
+        plural="values of the camera file",
+        check="its focus, zoom and resolution, and its sigmas",
+        is_core=True,
+    )
+
+    def rows(self, state: State) -> Block | None:
+        """Compare the combinations with the calibration."""
+        layout = self.problem.layout
+        sigma = np.ones(layout.intrinsics)
+        return independent_prior(state.intrinsic, sigma, layout.first_intrinsic)
+
+    def tested(self, block: Block) -> Block:
+        """Take the combinations as one observation of correlated parameters."""
+        n = len(block.residual)
+        return Block(block.residual.reshape(1, n), block.columns.reshape(1, n), np.eye(n)[None])
+
+    def whitening(self) -> Floats | None:
+        """(1, I, P): an exactly known parameter has a row of zeros, and keeps it: it cannot err."""
+        inverse = np.linalg.pinv(self.problem.intrinsic_basis)
+        return np.asarray(inverse, dtype=np.float64)[None]
+
+    def axis(self, member: Member) -> str:
+        """``fx`` and the like."""
+        camera = self.problem.survey.calibration
+        return parameter_names(camera.model, len(camera.parameters))[member.axis]
+
+    def unit(self, member: Member) -> tuple[str, float]:
+        """Pixels, or none."""
+        return in_unit("px" if self.axis(member) in ("fx", "fy", "cx", "cy") else "1")
+
+
+class Readout(Prior):
+    """The time in which the camera reads a photo, row after row."""
+
+    kind = Kind(
+        "readout",
+        "rolling shutter",
+        "readout time of the camera",
+        axes=("readout time",),
+        units=("s",),
+    )
+
+    def is_part(self) -> bool:
+        """Whether rows are read one after the other."""
+        return self.problem.survey.rolling is not None
+
+    def rows(self, state: State) -> Block | None:
+        """Compare the time with what is known of it."""
+        assert self.problem.survey.rolling is not None  # noqa: S101  (see `of`)
+        known = self.problem.survey.rolling.readout
+        off = state.readout - known.value_s
+        return independent_prior(off, np.array([known.sigma_s]), self.problem.layout.first_readout)
+
+
+class Turning(Observation):
+    """How the camera turned while its rows were read, beyond the turns of the log."""
+
+    kind = Kind(
+        "turning",
+        "rolling shutter",
+        "turn of the camera while a photo was read",
+        role="construction",
+    )
+
+    def is_part(self) -> bool:
+        """Whether these turns are unknowns."""
+        return bool(self.problem.layout.turning)
+
+    def rows(self, state: State) -> Block | None:
+        """Compare the turns with those of the log."""
+        layout, rolling = self.problem.layout, self.problem.survey.rolling
+        assert rolling is not None  # noqa: S101  (else it is no unknown)
+        columns = layout.turning_columns(np.arange(layout.frames))
+        readout = rolling.readout
+        sigma = rolling.rate_sigma_rad_s * float(np.hypot(readout.value_s, readout.sigma_s))
+        weight = np.broadcast_to(np.eye(3) / sigma, (len(columns), 3, 3))
+        return Block(state.turning / sigma, columns, weight)

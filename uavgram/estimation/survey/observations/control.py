@@ -1,0 +1,98 @@
+"""Points with known coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
+from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats, Ints
+
+
+class Control(Observation):
+    """Points with known coordinates."""
+
+    kind = Kind(
+        "control",
+        "control points",
+        "control points",
+        role="reading",
+        rank=4,
+        axes=("east", "north", "up"),
+        units=("m",) * 3,
+        plural="control points",
+        check="their labels and sigmas",
+        misfit_code="control-suspect",
+        look="Look at their coordinates, their labels and their picks.",
+        is_core=True,
+        is_whole=True,
+        is_joint=True,
+    )
+
+    def is_part(self) -> bool:
+        """Whether there are control points."""
+        return bool(len(self.problem.survey.control_label))
+
+    @cached_property
+    def _columns(self) -> Ints:
+        label = self.problem.survey.control_label
+        own = self.problem.layout.point_columns(label)
+        return np.concatenate([own, self.problem.plane_columns(label)], axis=1)
+
+    def rows(self, state: State) -> Block | None:
+        """Compare the points with their known coordinates."""
+        survey = self.problem.survey
+        world, d_point, d_plane = self.problem.world_points(state, survey.control_label)
+        weight = 1.0 / survey.control_sigma_m
+        jacobian = np.concatenate([d_point, d_plane], axis=-1)
+        residual = (world - survey.control_world_m) * weight
+        return Block(residual, self._columns, jacobian * weight[:, :, None])
+
+    def sigma(self, found: Minimum[State]) -> Floats:
+        """(C, 3) of the coordinates [m]."""
+        del found
+        return self.problem.survey.control_sigma_m
+
+    def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
+        """Yield the derivatives of the heights."""
+        del found
+        survey = self.problem.survey
+        up = np.zeros((len(survey.control_label), 3))
+        up[:, 2] = 1.0 / survey.control_sigma_m[:, 2]
+        yield survey.control_label, up
+
+    def label(self, row: int) -> str:
+        """Label of a control point."""
+        return str(self.problem.survey.label[self.problem.survey.control_label[row]])
+
+    def title(self, member: Member) -> str:
+        """``control point 'P'``."""
+        return f"control point {self.label(member.row)!r}"
+
+    def axis(self, member: Member) -> str:
+        """``control 'P' east``."""
+        return f"control {self.label(member.row)!r} {self.kind.axes[member.axis]}"
+
+    def subjects(self, row: int) -> Subjects:
+        """Its label."""
+        return {"labels": (self.label(row),)}
+
+    def witness(self) -> Iterator[str]:
+        """Yield what bears on the scale."""
+        yield "the control points"
+
+    def misfit(self, found: Misfit) -> tuple[str, str]:
+        """Describe a control point that does not fit."""
+        off = ", ".join(f"{r:+.3f}" for r in found.off)
+        how, label = f"(w = {found.w:.1f}, found minus known {off} m)", self.label(found.member.row)
+        return (
+            f"The control point {label!r} does not fit: look at its coordinates, its label and its "
+            f"picks {how}.",
+            f"{label!r} {how}",
+        )

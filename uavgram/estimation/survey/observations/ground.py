@@ -1,0 +1,178 @@
+"""The ground beforehand: planes, relief, and how far each point may be from where they put it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.observations.observation import Kind, Observation, Subjects
+from uavgram.estimation.survey.observations.priors import Prior, independent_prior
+from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey.survey import Survey
+
+if TYPE_CHECKING:
+    from uavgram.estimation.survey.ground_planes import PlanePrior
+    from uavgram.estimation.survey.likelihood import SurveyProblem
+
+
+@dataclass(frozen=True, eq=False)
+class ThirdCoordinate:
+    """What is known of the departure of each of K points, in metres up.
+
+    A point lies at ground(east, north) + stated height + departure. Where the ground is smooth and
+    the height exact, there is no departure; where any point of a survey has one, all have the
+    unknown, and it is `idle` where nothing uses it.
+
+    Attributes
+    ----------
+    rough, stated, free, idle
+        Labels by index: on rough ground, at a height that was stated with a sigma, at a height of
+        which nothing is known, and the rest.
+    sigma_m
+        (K,) of the departure; 1 where it is idle, and where it is free, of no meaning.
+    """
+
+    rough: Ints
+    stated: Ints
+    free: Ints
+    idle: Ints
+    sigma_m: Floats
+
+    @classmethod
+    def of(cls, survey: Survey) -> ThirdCoordinate:
+        """Of the points of a survey."""
+        roughness = np.array([ground.roughness_sigma_m for ground in survey.grounds])[survey.area]
+        free, stated = survey.is_free, survey.height_sigma_m > 0
+        departs = free | stated | (roughness > 0)
+        beside = survey.ties.beside
+        roughness[beside.label] *= beside.uneven
+        sigma = np.hypot(roughness, survey.height_sigma_m)
+        return cls(
+            rough=np.flatnonzero((roughness > 0) & ~stated & ~free),
+            stated=np.flatnonzero(stated & ~free),
+            free=np.flatnonzero(free),
+            idle=np.flatnonzero(~departs),
+            sigma_m=np.where(departs & ~free, sigma, 1.0),
+        )
+
+    @property
+    def is_unknown(self) -> bool:
+        """Whether any point has a departure."""
+        return len(self.idle) < len(self.sigma_m)
+
+    @property
+    def departs(self) -> Bools:
+        """(K,) which points have one."""
+        departs = np.ones(len(self.sigma_m), dtype=np.bool_)
+        departs[self.idle] = False
+        return departs
+
+
+class Departures(Observation):
+    """Heights of points over the ground that puts them there; of a free point nothing is known.
+
+    Roughness of the ground, heights stated with a sigma, and unknowns that nothing uses.
+    """
+
+    kinds = (
+        Kind("roughness", "ground", "unevenness of the ground", is_core=True, by_size=True),
+        Kind("heights", "ground", "stated heights above the ground", is_core=True),
+        Kind("idle", "ground", "heights that nothing uses", role="construction"),
+    )
+
+    @cached_property
+    def label(self) -> Ints:
+        """(n,) the points."""
+        third = self.problem.third
+        return {"roughness": third.rough, "heights": third.stated, "idle": third.idle}[self.name]
+
+    def is_part(self) -> bool:
+        """Whether any point has a third unknown, and one of them is of this kind."""
+        return self.problem.layout.point_size == 3 and len(self.label) > 0
+
+    def rows(self, state: State) -> Block | None:
+        """Compare the departures with 0."""
+        weight = 1.0 / self.problem.third.sigma_m[self.label]
+        columns = 3 * self.label[:, None] + 2  # where any point departs, each has three unknowns
+        off = state.point[..., self.label, 2] * weight
+        return Block(off[..., None], columns, weight[:, None, None])
+
+    def axis(self, member: Member) -> str:
+        """``departure of 'P' from the plane``, ``height of 'P'``."""
+        (label,) = self.subjects(member.row)["labels"]
+        is_height = self.name == "heights"
+        return f"height of {label!r}" if is_height else f"departure of {label!r} from the plane"
+
+    def subjects(self, row: int) -> Subjects:
+        """Its label."""
+        return {"labels": (str(self.problem.survey.label[self.label[row]]),)}
+
+
+class Relief(Observation):
+    """Smooth departures of the ground from its planes."""
+
+    kind = Kind(
+        "relief",
+        "ground",
+        "shape of the ground",
+        role="construction",
+        is_core=True,
+        is_judged=True,
+        by_size=True,
+    )
+
+    def is_part(self) -> bool:
+        """Whether an area has a relief."""
+        return bool(self.problem.layout.relief)
+
+    def rows(self, state: State) -> Block | None:
+        """Compare the coefficients with 0."""
+        sigma = self.problem.ground.relief_sigma_m
+        return independent_prior(state.relief, sigma, self.problem.layout.first_relief)
+
+
+class Plane(Prior):
+    """The plane of an area beforehand; the first area's group has the kind's name."""
+
+    kind = Kind(
+        "plane",
+        "ground",
+        "plane of the ground",
+        axes=("ground height", "ground slope east", "ground slope north"),
+        units=("m", "deg", "deg"),
+        is_core=True,
+    )
+
+    def __init__(self, problem: SurveyProblem, kind: Kind, prior: PlanePrior) -> None:
+        super().__init__(problem, kind)
+        self._prior = prior
+        self._is_first = prior.area == problem.survey.ground.name
+
+    @classmethod
+    def of(cls, problem: SurveyProblem) -> Iterator[Observation]:
+        """Yield a group for each area whose plane is an unknown."""
+        return (cls(problem, cls.kind, each) for each in problem.ground.priors())
+
+    @property
+    def name(self) -> str:
+        """``plane``, or ``plane of verge``."""
+        return self.kind.name if self._is_first else f"plane of {self._prior.area}"
+
+    def rows(self, state: State) -> Block | None:
+        """Compare height and slopes with what is known of them."""
+        layout, prior = self.problem.layout, self._prior
+        unknown = state.plane[..., state.plane.shape[-1] - layout.plane :]
+        off = unknown[..., prior.first : prior.first + len(prior.mean)] - prior.mean
+        return independent_prior(off, prior.sigma, layout.first_plane + prior.first)
+
+    def axis(self, member: Member) -> str:
+        """``ground height``, or ``ground height of 'verge'``."""
+        what = super().axis(member)
+        return what if self._is_first else f"{what} of {self._prior.area!r}"

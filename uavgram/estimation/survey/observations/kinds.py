@@ -1,0 +1,69 @@
+"""Every kind of observation, in the order of the likelihood's groups.
+
+To add a kind, write its class in a file of this folder and name it here.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from uavgram.estimation.survey.observations.camera import Calibration, Readout, Turning
+from uavgram.estimation.survey.observations.control import Control
+from uavgram.estimation.survey.observations.gauge import Gauge
+from uavgram.estimation.survey.observations.ground import Departures, Plane, Relief
+from uavgram.estimation.survey.observations.identification import Identification, Linked
+from uavgram.estimation.survey.observations.known import Known
+from uavgram.estimation.survey.observations.lengths import Lengths, TapeScales
+from uavgram.estimation.survey.observations.observation import Kind, Observation
+from uavgram.estimation.survey.observations.pixels import Pixels
+from uavgram.estimation.survey.observations.telemetry import ClockDriftPrior, FlightPrior, Telemetry
+from uavgram.estimation.survey.observations.tied import Beside, Matches, TieHeights, Ties
+
+if TYPE_CHECKING:
+    from uavgram.estimation.survey.likelihood import SurveyProblem
+
+OBSERVATIONS: tuple[type[Observation], ...] = (
+    Pixels,
+    Matches,
+    Ties,
+    TieHeights,
+    Beside,
+    Calibration,
+    Lengths,
+    TapeScales,
+    Known,
+    Control,
+    Departures,
+    Relief,
+    Plane,
+    Identification,
+    Linked,
+    Readout,
+    Turning,
+    Gauge,
+    Telemetry,
+    FlightPrior,
+    ClockDriftPrior,
+)
+
+KINDS: dict[str, Kind] = {
+    kind.name: kind for one in OBSERVATIONS for kind in one.kinds or (one.kind,)
+}
+"""By name."""
+
+READINGS = tuple(
+    one.name for one in sorted(KINDS.values(), key=lambda one: one.rank) if one.role == "reading"
+)
+"""What people read, and misread: suspected before priors are, unless a prior's odds are better than
+20 to 1 (the nine axes of a calibration, say, mimic many an error of a single length). Of
+inseparable observations, the first of these stands for the group."""
+
+
+def kind_of(group: str) -> Kind:
+    """Kind of a group of the likelihood, by its name."""
+    return KINDS[group.partition(" of ")[0]]
+
+
+def observations_of(problem: SurveyProblem) -> dict[str, Observation]:
+    """All observations of a survey, by the names of their groups."""
+    return {one.name: one for kind in OBSERVATIONS for one in kind.of(problem)}

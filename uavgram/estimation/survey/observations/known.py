@@ -1,0 +1,299 @@
+"""Known things as observations: residuals by the row, their derivatives by the unknowns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
+from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures
+from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
+from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State, unstacked
+from uavgram.geometry.ground.line_of_position import inverse_root
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.survey.known import KnownThing
+from uavgram.model.survey.survey import Survey
+
+if TYPE_CHECKING:
+    from uavgram.estimation.survey.likelihood import SurveyProblem
+
+
+class KnownRows(NamedTuple):
+    """Known things in R rows, by what they depend on.
+
+    Attributes
+    ----------
+    thing
+        (R,) which of the things each row is of.
+    sigma
+        (R,) standard deviation of each, in the unit of the thing; with what the roughness of the
+        ground below adds.
+    value
+        (R,) departure from what is known, in the same unit.
+    gradient
+        (R, m) by the unknowns.
+    columns
+        (R, m) which unknowns.
+    label, by_up
+        (R, k) points of each row, and derivatives by how high each lies, the ground below it too.
+    joint
+        Rows that are correlated, with their covariance: those of points on one line of known
+        position. They are of one thing, so their columns are the same.
+    """
+
+    thing: Ints
+    sigma: Floats
+    value: Floats
+    gradient: Floats
+    columns: Ints
+    label: Ints
+    by_up: Floats
+    joint: tuple[tuple[Ints, Floats], ...] = ()
+
+    def block(self) -> Block:
+        """As a group of observations of one number each; correlated ones made independent."""
+        return Block(
+            self.whitened(self.value)[:, None],
+            self.columns,
+            self.whitened(self.gradient)[:, None],
+        )
+
+    def whitened(self, of_rows: Floats) -> Floats:
+        """Numbers (R, ...) of the rows over their standard deviations."""
+        scaled = of_rows / self.sigma.reshape(-1, *(1,) * (of_rows.ndim - 1))
+        for rows, covariance in self.joint:
+            scaled[rows] = inverse_root(covariance) @ of_rows[rows]
+        return np.asarray(scaled)
+
+    def covariance(self, rows: Ints) -> Floats:
+        """(r, r) covariance of what is known in the rows of one thing."""
+        for own, covariance in self.joint:
+            if np.array_equal(own, rows):
+                return covariance
+        return np.diag(self.sigma[rows] ** 2)
+
+
+def known_rows(problem: SurveyProblem, state: State, things: Sequence[KnownThing]) -> KnownRows:
+    """The rows of known things.
+
+    Parameters
+    ----------
+    problem
+        The likelihood.
+    state
+        Values of the unknowns.
+    things
+        At least one; their labels are those of the likelihood's survey.
+
+    Notes
+    -----
+    All rows have as many points as that with the most: others name their first point again,
+    without a derivative.
+    """
+    most = max(len(thing.label) for thing in things)
+    label = np.array([(*t.label, *t.label[:1] * (most - len(t.label))) for t in things])
+    world, by_world = _located(problem.world_points(state, label.ravel()), label)
+    feet, by_feet = world, by_world
+    if any(ALL_KINDS[thing.kind].is_from_ground(thing) for thing in things):
+        feet, by_feet = _located(problem.ground_points(state, label.ravel()), label)
+    row = things_of_rows(problem.survey, things)
+    value, rough = np.zeros((2, len(row)))
+    by_point, by_foot = np.zeros((2, len(row), most, 3))
+    joint: list[tuple[Ints, Floats]] = []
+    for rows, found in _departures(problem.survey, things, row, world, feet):
+        k = found.by_point.shape[2]
+        value[rows], by_point[rows, :k] = found.value, found.by_point
+        if found.by_foot is not None and found.rough is not None:
+            by_foot[rows, :k], rough[rows] = found.by_foot, found.rough
+        if found.covariance is not None:
+            joint += zip(rows, found.covariance, strict=True)
+    sigma = np.hypot(np.array([thing.sigma for thing in things])[row], rough)
+    for rows, covariance in joint:
+        sigma[rows] = np.sqrt(np.diag(covariance))
+    point, plane = problem.layout.point_columns(label.ravel()), problem.plane_columns(label.ravel())
+    columns = np.concatenate([point, plane], axis=1).reshape(len(things), -1)
+    gradient = np.einsum("rpi,rpij->rpj", by_point, by_world[row])
+    gradient += np.einsum("rpi,rpij->rpj", by_foot, by_feet[row])
+    return KnownRows(
+        thing=row,
+        sigma=sigma,
+        value=value,
+        gradient=gradient.reshape(len(row), -1),
+        columns=columns[row],
+        label=label[row],
+        by_up=by_point[..., 2] + by_foot[..., 2],
+        joint=tuple(joint),
+    )
+
+
+def _departures(
+    survey: Survey, things: Sequence[KnownThing], row: Ints, world: Floats, feet: Floats
+) -> Iterator[tuple[Ints, Departures]]:
+    """Rows (N, m) of things that are alike, and by how much these are not as they are known."""
+    first = np.searchsorted(row, np.arange(len(things)))
+    alike: dict[tuple[object, ...], list[int]] = {}
+    for i, thing in enumerate(things):
+        flat, line = on_ground(survey, thing), thing.position
+        key = thing.kind, len(thing.label), flat, thing.value == 0.0, line and line.has_height
+        alike.setdefault(key, []).append(i)
+    for own in alike.values():
+        some, k = tuple(things[i] for i in own), len(things[own[0]].label)
+        flat = on_ground(survey, some[0])
+        found = ALL_KINDS[some[0].kind].departures(
+            Alike(some, world[own, :k], feet[own, :k], flat, survey)
+        )
+        yield first[own][:, None] + np.arange(found.value.shape[1]), found
+
+
+def _located(points: tuple[Floats, Floats, Floats], label: Ints) -> tuple[Floats, Floats]:
+    """(N, k, 3) places of labels (N, k), and their derivatives (N, k, 3, j) by all unknowns."""
+    world, d_point, d_plane = points
+    by_unknowns = np.concatenate([d_point, d_plane], axis=2)
+    return world.reshape(*label.shape, 3), by_unknowns.reshape(*label.shape, 3, -1)
+
+
+def things_of_rows(survey: Survey, things: Sequence[KnownThing]) -> Ints:
+    """(R,) which of some known things each of their rows is of."""
+    counts = [
+        ALL_KINDS[thing.kind].row_count(thing, on_ground=on_ground(survey, thing))
+        for thing in things
+    ]
+    return np.repeat(np.arange(len(things)), counts)
+
+
+def on_ground(survey: Survey, thing: KnownThing) -> bool:
+    """Whether all points of a thing lie on the ground."""
+    return not survey.off_ground[list(thing.label)].any()
+
+
+class Known(Observation):
+    """What else is known of points: distances, angles, conditions, lines of known position."""
+
+    kind = Kind(
+        "known",
+        "known things",
+        "known things",
+        role="reading",
+        rank=2,
+        plural="known things",
+        check="their values and sigmas",
+        misfit_code="known-suspect",
+        look="Look at their values, at their points and at their picks.",
+        is_core=True,
+        has_table=True,
+    )
+
+    def is_part(self) -> bool:
+        """Whether a known thing takes part."""
+        return bool(self.problem.known)
+
+    def rows(self, state: State) -> Block | None:
+        """Compute by how much each is not met."""
+        if state.plane.ndim == 1:
+            return self._found(state).block()
+        each = [self._found(one).block() for one in unstacked(state)]
+        residual, jacobian = np.stack([b.residual for b in each]), [b.jacobian for b in each]
+        return Block(residual, each[0].columns, np.stack(jacobian))
+
+    def _found(self, state: State) -> KnownRows:
+        return known_rows(self.problem, state, self.problem.known)
+
+    def sigma(self, found: Minimum[State]) -> Floats:
+        """(R, 1) each in its unit."""
+        return self._found(found.state).sigma[:, None]
+
+    def residuals(self, found: Minimum[State]) -> Floats:
+        """(R, 1) each in its unit; whitened, correlated ones are mixed."""
+        return self._found(found.state).value[:, None]
+
+    def things(self) -> Ints | None:
+        """(R,) several rows may be of one thing."""
+        return self.problem.known_thing
+
+    def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
+        """Yield the derivatives by the heights of the points of each row, one after the other."""
+        rows = self._found(found.state)
+        by_up = rows.whitened(rows.by_up)
+        for k in range(rows.label.shape[1]):
+            yield rows.label[:, k], by_up[:, [k]]
+
+    def thing(self, row: int) -> KnownThing:
+        """The known thing of a row."""
+        return self.problem.known[int(self.problem.known_thing[row])]
+
+    def _labels(self, row: int) -> tuple[str, ...]:
+        return tuple(self.problem.survey.label[k] for k in self.thing(row).label)
+
+    def named(self, row: int) -> str:
+        """``right angle 'corner' ('A', 'B', 'C')``."""
+        thing = self.thing(row)
+        return named_thing(thing.kind, thing.name, self._labels(row))
+
+    def title(self, member: Member) -> str:
+        """``known right angle 'corner' ('A', 'B', 'C')``."""
+        return f"known {self.named(member.row)}"
+
+    def unit(self, member: Member) -> tuple[str, float]:
+        """Of its value and sigma, in which its errors are."""
+        return ALL_KINDS[self.thing(member.row).kind].unit, 1.0
+
+    def subjects(self, row: int) -> Subjects:
+        """Its labels."""
+        return {"labels": self._labels(row)}
+
+    def witness(self) -> Iterator[str]:
+        """Yield what bears on the scale."""
+        known = self.problem.known
+        if any(thing.position is not None for thing in known):
+            yield "the lines of known position"
+        others = [thing for thing in known if thing.position is None]
+        if any(ALL_KINDS[thing.kind].gives_scale(thing.value) for thing in others):
+            yield "the other known distances"
+
+    def misfit(self, found: Misfit) -> tuple[str, str]:
+        """Describe a known thing that does not fit."""
+        thing, what = self.thing(found.member.row), self.named(found.member.row)
+        how = f"{departure(thing, found.off)} (w = {found.w:.1f})"
+        given = "value" if thing.position is None else "coordinates"
+        return (
+            f"The known {what} does not fit: {how}. Look at its {given}, at its points and at "
+            f"their picks.",
+            f"{what} {how}",
+        )
+
+
+def departure(thing: KnownThing, off: Floats) -> str:
+    """``given 3.500 m, adjusted 3.612 m``, or of a condition ``off by 0.112 m``.
+
+    Parameters
+    ----------
+    thing
+        What is known.
+    off
+        (r,) its residuals, in its unit.
+    """
+    kind = ALL_KINDS[thing.kind]
+    size = float(off[0]) if len(off) == 1 else float(np.linalg.norm(off))
+    if not kind.has_value:
+        return f"off by {abs(size):.3f} {kind.unit}"
+    adjusted = kind.adjusted(thing, size)
+    return f"given {thing.value:.3f} {kind.unit}, adjusted {adjusted:.3f} {kind.unit}"
+
+
+def named_thing(kind: str, name: str, points: Sequence[str]) -> str:
+    """``right angle 'corner' ('A', 'B', 'C')``: a known thing.
+
+    Parameters
+    ----------
+    kind, name
+        What it is, and what it is called.
+    points
+        Labels of its points.
+    """
+    words = ALL_KINDS[kind].words or kind.replace("_", " ")
+    return f"{words} {name!r} ({', '.join(map(repr, points))})"

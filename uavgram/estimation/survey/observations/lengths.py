@@ -1,0 +1,157 @@
+"""Known lengths, and the scales of the tapes that they were read on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
+from uavgram.estimation.survey.observations.priors import independent_prior
+from uavgram.estimation.survey.observations.tapes import Taped, taped_lines
+from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.naming import figures
+from uavgram.model.remedy import Remedy, without_lengths
+
+
+class Lengths(Observation):
+    """Known lengths, as their tapes read them."""
+
+    kind = Kind(
+        "lengths",
+        "known lengths",
+        "known lengths",
+        role="reading",
+        rank=1,
+        plural="known lengths",
+        check="their readings and sigma_m",
+        misfit_code="line-suspect",
+        look="Look at the readings, at their ends and at their picks.",
+        is_core=True,
+        has_table=True,
+    )
+
+    def is_part(self) -> bool:
+        """Whether a length takes part."""
+        return bool(len(self.problem.line_index))
+
+    @cached_property
+    def _taped(self) -> tuple[Taped, Ints]:
+        """The lengths that take part, and the unknowns of each."""
+        taped = taped_lines(self.problem.survey, self.problem.line_index)
+        return taped, self.problem.columns_of_readings(taped)
+
+    def rows(self, state: State) -> Block | None:
+        """Predict the readings."""
+        survey, (taped, columns) = self.problem.survey, self._taped
+        reading, jacobian = self.problem.read(state, taped)
+        sigma = survey.length_sigma_m[self.problem.line_index]
+        residual = (reading - survey.length_m[self.problem.line_index]) / sigma
+        return Block(residual[..., None], columns, jacobian[..., None, :] / sigma[:, None, None])
+
+    def sigma(self, found: Minimum[State]) -> Floats:
+        """(L, 1) of the readings [m]."""
+        del found
+        return self.problem.survey.length_sigma_m[self.problem.line_index, None]
+
+    def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
+        """Yield the derivatives of each length by the heights of its ends."""
+        taped, problem, state = self._taped[0], self.problem, found.state
+        world, _, _ = problem.world_points(state, np.arange(problem.layout.points))
+        along = world[taped.end] - world[taped.start]
+        reading, _ = problem.read(state, taped)
+        # d reading / d up = up / length, over 1 + scale = length / reading
+        slope = along[:, 2] * reading / np.sum(along**2, axis=1)
+        slope = np.where(taped.level, 0.0, slope)
+        slope = slope / problem.survey.length_sigma_m[problem.line_index]
+        yield taped.end, slope[:, None]
+        yield taped.start, -slope[:, None]
+
+    def named(self, row: int) -> str:
+        """``'L2' ('R3' to 'R4')``."""
+        survey, line = self.problem.survey, self.problem.line_index[row]
+        start, end = survey.label[survey.line_start[line]], survey.label[survey.line_end[line]]
+        return named_ends(survey.line_name[line] if survey.line_name else "", start, end)
+
+    def title(self, member: Member) -> str:
+        """``length 'L2' ('R3' to 'R4')``."""
+        return f"length {self.named(member.row)}"
+
+    def subjects(self, row: int) -> Subjects:
+        """Its name and the labels of its ends."""
+        survey, line = self.problem.survey, self.problem.line_index[row]
+        ends = survey.line_start[line], survey.line_end[line]
+        name = survey.line_name[line : line + 1]
+        return {"lengths": tuple(name), "labels": tuple(survey.label[k] for k in ends)}
+
+    def misfit(self, found: Misfit) -> tuple[str, str]:
+        """Describe a length that does not fit."""
+        taped = self.problem.survey.length_m[self.problem.line_index[found.member.row]]
+        adjusted = taped + found.off[0]
+        what = self.named(found.member.row)
+        how = f"taped {taped:.3f} m, adjusted {adjusted:.3f} m (w = {found.w:.1f})"
+        return (
+            f"The length {what} does not fit: {how}. Look at the reading, at its ends and at their "
+            f"picks.",
+            f"{what} {how}",
+        )
+
+    def remedy(self, row: int) -> Remedy | None:
+        """Remove the length."""
+        survey, line = self.problem.survey, self.problem.line_index[row]
+        return without_lengths([survey.line_name[line] if survey.line_name else ""])
+
+
+class TapeScales(Observation):
+    """What is known of the scales of tapes."""
+
+    kind = Kind("tape", "tape", "scale of the tape", units=("%",))
+
+    def is_part(self) -> bool:
+        """Whether a scale is an unknown."""
+        return bool(self.problem.tapes)
+
+    def rows(self, state: State) -> Block | None:
+        """Compare the scales with 0."""
+        tapes = self.problem.tapes
+        sigma = np.array([self.problem.survey.scale_sigma_of(tape) for tape in tapes])
+        return independent_prior(state.tape, sigma, self.problem.layout.first_tape)
+
+    def named(self, row: int) -> str:
+        """``the tape``, or ``the tape 'red'``."""
+        name = self.problem.tapes[row]
+        return f"the tape {name!r}" if name else "the tape"
+
+    def axis(self, member: Member) -> str:
+        """``scale of the tape 'red'``."""
+        return f"scale of {self.named(member.row)}"
+
+    def misfit(self, found: Misfit) -> tuple[str, str]:
+        """Describe a tape that is longer or shorter than stated."""
+        # Without its prior the scale would be the estimate over the prior's redundancy.
+        free = found.off[0] / found.redundancy
+        what = self.named(found.member.row)
+        size, side = f"{figures(100.0 * abs(free))} %", "long" if free > 0 else "short"
+        return (
+            f"By all that does not rest on it, {what} seems to be {size} too {side}: compare it "
+            f"with another one, or state how good it is (tape: scale_sigma; w = {found.w:.1f}).",
+            f"{what} seems to be {size} too {side} (w = {found.w:.1f})",
+        )
+
+
+def named_ends(name: str, start: str, end: str) -> str:
+    """``'L2' ('R3' to 'R4')``: a length; by its ends alone where it has no name.
+
+    Parameters
+    ----------
+    name
+        Of the length; may be empty.
+    start, end
+        Labels of its ends.
+    """
+    return f"{name!r} ({start!r} to {end!r})" if name else f"{start!r} to {end!r}"

@@ -1,0 +1,112 @@
+"""Picked pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
+from uavgram.estimation.survey.observations.sightings import Seen, rows_of_sightings, seen
+from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.remedy import Remedy, unpicked
+
+
+class Pixels(Observation):
+    """Pixels that people picked, or where a target was found."""
+
+    kind = Kind(
+        "pixels",
+        "picks",
+        "picked pixels",
+        role="reading",
+        rank=3,
+        units=("px", "px"),
+        plural="picks",
+        check="their labels and picks_sigma_px",
+        misfit_code="pick-suspect",
+        look="Look at their places and at their labels.",
+        is_core=True,
+        is_whole=True,
+        is_joint=True,
+        has_table=True,
+    )
+
+    def rows(self, state: State) -> Block | None:
+        """Predict the pixels; None where a point is not in front, or the ground not from above."""
+        survey = self.problem.survey
+        every = np.concatenate([state.point, state.picked], axis=-2)
+        own = every[..., self._point, :]
+        world, d_point, d_plane = self.problem.placed(state, own, survey.pick_label)
+        to_camera = (state.center[..., survey.pick_frame, :] - world)[..., self._from_above, :]
+        slope = d_point[..., self._from_above, 2, :2]
+        above = to_camera[..., 2] - np.sum(slope * to_camera[..., :2], axis=-1)
+        if above.size and above.min() <= 0:  # the ground is not seen from below
+            return None
+        return rows_of_sightings(self.problem, state, self._seen, (world, d_point, d_plane))
+
+    @cached_property
+    def _from_above(self) -> Ints:
+        """Picks of points on the ground: what rises above it may be seen from below."""
+        survey = self.problem.survey
+        return np.flatnonzero(~survey.off_ground[survey.pick_label])
+
+    @cached_property
+    def _point(self) -> Ints:
+        """(P,) which point each pick shows: the label's own, or K + which of those picked."""
+        survey, found = self.problem.survey, self.problem.survey.pick_label.copy()
+        by_hand = np.isin(found, survey.identified) & ~survey.pick_is_target
+        found[by_hand] = len(survey.label) + np.searchsorted(survey.identified, found[by_hand])
+        return found
+
+    @cached_property
+    def _seen(self) -> Seen:
+        problem, survey = self.problem, self.problem.survey
+        own = problem.layout.point_columns(self._point), problem.plane_columns(survey.pick_label)
+        return seen(problem, own, survey.pick_frame, survey.pixel_px, survey.pick_sigma_px)
+
+    def sigma(self, found: Minimum[State]) -> Floats:
+        """(P, 1) of both coordinates [px]."""
+        del found
+        return self.problem.survey.pick_sigma_px[:, None]
+
+    def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
+        """Yield the derivatives: a pixel moves with its point as against its camera's centre."""
+        up = self.problem.layout.point_size + 2
+        jacobian = found.blocks[self.name].jacobian
+        yield self.problem.survey.pick_label, -jacobian[:, :, up]
+
+    def place(self, row: int) -> tuple[str, str]:
+        """Frame and label of a pick."""
+        survey = self.problem.survey
+        return survey.frame_id[survey.pick_frame[row]], survey.label[survey.pick_label[row]]
+
+    def title(self, member: Member) -> str:
+        """``pick of 'P' in 'img1.jpg'``."""
+        frame, label = self.place(member.row)
+        return f"pick of {label!r} in {frame!r}"
+
+    def subjects(self, row: int) -> Subjects:
+        """Its frame and its label."""
+        frame, label = self.place(row)
+        return {"frames": (frame,), "labels": (label,)}
+
+    def misfit(self, found: Misfit) -> tuple[str, str]:
+        """Describe a pick that does not fit."""
+        u, v = found.off
+        how = f"(w = {found.w:.1f}, residual {u:+.1f}, {v:+.1f} px)"
+        frame, label = self.place(found.member.row)
+        what = f"{label!r} in {frame!r}"
+        return (
+            f"The pick of {what} does not fit: look at the place and at the label {how}.",
+            f"{what} {how}",
+        )
+
+    def remedy(self, row: int) -> Remedy | None:
+        """Remove the pick."""
+        return unpicked([self.place(row)])

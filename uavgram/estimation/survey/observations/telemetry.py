@@ -1,0 +1,219 @@
+"""Poses of frames by the log, and what is known of all that these share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
+from uavgram.estimation.survey.observations.priors import Prior, independent_prior
+from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.unknowns import State
+from uavgram.geometry.motion.rotation import log_so3, right_jacobian_inverse
+from uavgram.geometry.motion.telemetry_pose import (
+    BORESIGHT,
+    CLOCK,
+    CLOCK_DRIFT,
+    HEADING_BIAS,
+    LEVER_ARM,
+    POSITION_BIAS,
+    SHARED_SIZE,
+    Exposures,
+    corrected_time,
+    exposures_by_time,
+    predict_pose,
+)
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.photo_poses import PhotoExposures
+from uavgram.model.flight.pose import TelemetryPrior
+
+
+class Telemetry(Observation):
+    """Poses of frames by the log; what they share is an unknown with a prior of its own."""
+
+    kind = Kind(
+        "telemetry",
+        "flight log",
+        "flight log: position and attitude of each photo",
+        axes=("east", "north", "up", "image x axis", "image y axis", "optical axis"),
+        units=("m",) * 3 + ("deg",) * 3,
+        plural="positions and directions of the log",
+        check="the gimbal, the times and their sigmas",
+        misfit_code="telemetry-strained",
+        look="Look at their picks, their times and the gimbal.",
+        is_whole=True,
+    )
+
+    def is_part(self) -> bool:
+        """Whether there is a log."""
+        return self.problem.survey.telemetry is not None
+
+    @property
+    def _prior(self) -> TelemetryPrior:
+        assert self.problem.survey.telemetry is not None  # noqa: S101  (see `is_part`)
+        return self.problem.survey.telemetry
+
+    @cached_property
+    def _exposures(self) -> Callable[[Floats], Exposures]:
+        survey = self.problem.survey
+        assert survey.track is not None  # noqa: S101  (there is one wherever there is a prior)
+        return exposures_by_time(
+            survey.track, [survey.frame_id[i] for i in self._prior.frame_index]
+        )
+
+    def rows(self, state: State) -> Block | None:
+        """Predict the poses; None where the clock's correction leads out of the log."""
+        prior, layout = self._prior, self.problem.layout
+        at_s = corrected_time(state.telemetry, prior.time_s, prior.middle_s)
+        try:
+            exposures = self._exposures(at_s)
+        except ValueError:
+            return None
+        center, rotation, d_shared = predict_pose(
+            exposures,
+            prior.gimbal_from_camera,
+            state.telemetry,
+            prior.time_s - prior.middle_s,
+        )
+        frame = prior.frame_index
+        turn = log_so3(np.swapaxes(rotation, -1, -2) @ state.rotation[..., frame, :, :])
+        residual = np.concatenate([state.center[..., frame, :] - center, turn], axis=-1)
+        # turn = log(P^T R): by R exp(a) it moves by Jr^-1(turn) a, by P exp(b) by -Jr^-1(-turn) b
+        # (Sola et al. 2018, eq. 68 to 70); Jr^-1(-turn) is the transpose of Jr^-1(turn).
+        by_turn = right_jacobian_inverse(turn)
+        jacobian = np.zeros((*turn.shape[:-1], 6, 6 + layout.telemetry))
+        jacobian[..., :3, :3] = np.eye(3)
+        jacobian[..., 3:, 3:6] = by_turn
+        jacobian[..., :3, 6:] = -d_shared[..., :3, :]
+        jacobian[..., 3:, 6:] = -by_turn.swapaxes(-1, -2) @ d_shared[..., 3:, :]
+        white = self.problem.telemetry_whitening
+        return Block((white @ residual[..., None])[..., 0], self._columns, white @ jacobian)
+
+    @cached_property
+    def _columns(self) -> Ints:
+        layout, frame = self.problem.layout, self._prior.frame_index
+        shared = layout.shared_columns(layout.first_telemetry, layout.telemetry, len(frame))
+        return np.concatenate([layout.frame_columns(frame), shared], axis=1)
+
+    def whitening(self) -> Floats | None:
+        """(N, 6, 6) of the poses."""
+        return np.asarray(self.problem.telemetry_whitening, dtype=np.float64)
+
+    def frame(self, row: int) -> str:
+        """Name of the frame of a row."""
+        return str(self.problem.survey.frame_id[self._prior.frame_index[row]])
+
+    def title(self, member: Member) -> str:
+        """``log's pose of 'img1.jpg' (east)``."""
+        return f"log's pose of {self.frame(member.row)!r} ({self.kind.axes[member.axis]})"
+
+    def subjects(self, row: int) -> Subjects:
+        """Its frame."""
+        return {"frames": (self.frame(row),)}
+
+    def witness(self) -> Iterator[str]:
+        """Yield what bears on the scale."""
+        is_photo = isinstance(self.problem.survey.track, PhotoExposures)
+        yield "the photos' own positions" if is_photo else "the log"
+
+    def several(self) -> str:
+        """Opening of a message on several."""
+        return "{count} photos do not stand where the log has them"
+
+    def misfit(self, found: Misfit) -> tuple[str, str]:
+        """Describe a pose that does not fit."""
+        frame = self.frame(found.member.row)
+        how = f"{self.kind.axes[found.member.axis]}, w = {found.w:.1f}"
+        return (
+            f"Photo {frame!r} does not stand where the log has it: {how}. Look at its picks, its "
+            "time and the gimbal.",
+            f"{frame!r} ({how})",
+        )
+
+
+TELEMETRY_PARTS = {
+    "boresight": BORESIGHT,
+    "lever_arm": LEVER_ARM,
+    "position_bias": POSITION_BIAS,
+    "heading_bias": HEADING_BIAS,
+    "clock": CLOCK,
+    "clock_drift": CLOCK_DRIFT,
+}
+"""Place of each of these among the unknowns that all frames of a log share."""
+
+
+def _shared(name: str, words: str, unit: str, axes: str, ways: str = "") -> Kind:
+    every = tuple(f"{axes} {way}" for way in ways.split()) or (axes,)
+    return Kind(name, "flight log", words, axes=every, units=(unit,) * len(every))
+
+
+class FlightPrior(Prior):
+    """What is known beforehand of something that all frames of a log share."""
+
+    kinds: ClassVar[tuple[Kind, ...]] = (
+        _shared("boresight", "camera against its mount", "deg", "boresight", "x y z"),
+        _shared("lever_arm", "autopilot to camera", "m", "lever arm", "forward right down"),
+        _shared(
+            "position_bias", "offset of the log's positions", "m", "position bias", "east north up"
+        ),
+        _shared("heading_bias", "offset of the log's heading", "deg", "heading bias"),
+        _shared("clock", "camera clock", "s", "clock offset"),
+    )
+
+    def is_part(self) -> bool:
+        """Whether there is a log."""
+        return self.problem.survey.telemetry is not None
+
+    def rows(self, state: State) -> Block | None:
+        """Compare the unknowns with what is known of them."""
+        problem, part = self.problem, TELEMETRY_PARTS[self.name]
+        off = state.telemetry[..., part] - problem.telemetry_mean[part]
+        first = problem.layout.first_telemetry + part.start
+        return independent_prior(off, problem.telemetry_sigma[part], first)
+
+
+STEADY_CHANGE = "something that changes steadily over the flight"
+
+
+class ClockDriftPrior(FlightPrior):
+    """Drift of the camera's clock.
+
+    It is the one unknown that grows steadily over a flight: it takes up whatever does, most often
+    something else, so no clock is blamed.
+    """
+
+    kinds = (_shared("clock_drift", "drift of the camera clock", "ppm", "clock drift"),)
+
+    def suspect(self, member: Member) -> str:
+        """Name no clock."""
+        del member
+        return STEADY_CHANGE
+
+    def misfit(self, found: Misfit) -> tuple[str, str]:
+        """Describe what grows over the flight."""
+        return (
+            "Something that changes steadily from the first photo to the last does not fit "
+            f"(w = {found.w:.1f}). It may be positions of the log that jump or wander, a wrong "
+            "scale of the lengths, ground that is no plane, or the times of the photos: look at "
+            "these, and at the other messages.",
+            f"{STEADY_CHANGE} (w = {found.w:.1f})",
+        )
+
+
+def telemetry_prior(prior: TelemetryPrior) -> tuple[Floats, Floats]:
+    """Mean and sigma (12,) of the telemetry's shared unknowns."""
+    mean = np.zeros(SHARED_SIZE)
+    mean[LEVER_ARM] = prior.lever_arm_m
+    mean[HEADING_BIAS] = prior.heading_bias_rad
+    sigma = np.empty(SHARED_SIZE)
+    sigma[BORESIGHT] = prior.boresight_sigma_rad
+    sigma[LEVER_ARM] = prior.lever_arm_sigma_m
+    sigma[POSITION_BIAS] = prior.position_bias_sigma_m
+    sigma[HEADING_BIAS] = prior.heading_bias_sigma_rad
+    sigma[CLOCK] = prior.clock_sigma_s
+    sigma[CLOCK_DRIFT] = prior.clock_drift_sigma
+    return mean, sigma

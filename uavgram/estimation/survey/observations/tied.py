@@ -1,0 +1,159 @@
+"""Matches and tie points: what photos show of the ground beside what people picked.
+
+A match repeats the error of the pick that it was found from. So a chain (the picked pixel, and
+where it was found again) has a point of its own, what lies under the picked pixel; the label's
+point is observed by the pick alone. Both depart from the ground by the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
+from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.observations.observation import Kind, Observation
+from uavgram.estimation.survey.observations.sightings import Seen, rows_of_sightings, seen
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats, Ints
+
+ANYWHERE_M = 100.0
+"""Prior sigma of a tie point's height about the ground's: what photos from nearly one place show
+still has a depth then."""
+
+
+class Matches(Observation):
+    """Where the program found again what people had picked."""
+
+    kind = Kind(
+        "matches",
+        "matches",
+        "what was picked, found in other photos",
+        role="untested",
+        is_core=True,
+    )
+
+    def is_part(self) -> bool:
+        """Whether there are chains of matches."""
+        return bool(self.problem.survey.matches.points)
+
+    @cached_property
+    def _label(self) -> Ints:
+        """(N,) label of the pick that each sighting's chain begins with."""
+        survey = self.problem.survey
+        return survey.pick_label[survey.matches.pick][survey.matches.point]
+
+    @cached_property
+    def _seen(self) -> Seen:
+        matches = self.problem.survey.matches
+        own = self.problem.layout.tie_columns(matches.point)
+        points = own, self.problem.plane_columns(self._label)
+        return seen(self.problem, points, matches.frame, matches.pixel_px, matches.sigma_px)
+
+    def rows(self, state: State) -> Block | None:
+        """Predict the pixels; None where a point is not in front of its camera."""
+        own = state.tie[..., self.problem.survey.matches.point, :]
+        placed = self.problem.placed(state, own, self._label)
+        return rows_of_sightings(self.problem, state, self._seen, placed)
+
+    def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
+        """Yield the derivatives: what a picked pixel shows is on the same ground."""
+        jacobian = found.blocks[self.name].jacobian
+        yield self._label, -jacobian[:, :, self.problem.layout.point_size + 2]
+
+
+class Ties(Observation):
+    """Tie points: what several photos show, and nobody picked."""
+
+    kind = Kind("ties", "tie points", "tie points", role="untested")
+
+    def is_part(self) -> bool:
+        """Whether there are tie points."""
+        return bool(self.problem.survey.ties.points)
+
+    @cached_property
+    def _point(self) -> Ints:
+        survey = self.problem.survey
+        return survey.matches.points + survey.ties.point
+
+    @cached_property
+    def _seen(self) -> Seen:
+        ties = self.problem.survey.ties
+        alone = np.zeros((len(self._point), 0), dtype=np.int64)
+        points = self.problem.layout.tie_columns(self._point), alone
+        return seen(self.problem, points, ties.frame, ties.pixel_px, ties.sigma_px)
+
+    def rows(self, state: State) -> Block | None:
+        """Predict the pixels; None where a point is not in front of its camera."""
+        world = state.tie[..., self._point, :]
+        n = world.shape[-2]
+        placed = world, np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3, 0))
+        return rows_of_sightings(self.problem, state, self._seen, placed)
+
+
+class TieHeights(Ties):
+    """What is known of the heights of tie points: hardly anything."""
+
+    kind = Kind("tie heights", "tie points", "heights of tie points", role="construction")
+
+    def rows(self, state: State) -> Block | None:
+        """Compare the heights with that of the ground."""
+        survey, layout = self.problem.survey, self.problem.layout
+        tie = np.arange(survey.matches.points, state.tie.shape[-2])
+        ground_m = 0.0 if layout.free_gauge else survey.ground.height_m
+        off = (state.tie[..., tie, 2] - ground_m)[..., None]
+        weight = np.full((len(tie), 1, 1), 1.0 / ANYWHERE_M)
+        return Block(off / ANYWHERE_M, layout.tie_columns(tie)[:, 2:], weight)
+
+
+class Beside(Observation):
+    """Heights over the plane that ties make of labels, less those of the labels.
+
+    Nothing but differences: what holds the plane is, as without ties, the prior of the labels'
+    roughness about it.
+    """
+
+    kind = Kind(
+        "beside",
+        "tie points",
+        "heights of labels, by the tie points around them",
+        role="construction",
+        by_size=True,
+    )
+
+    def is_part(self) -> bool:
+        """Whether ties surround a label on rough ground."""
+        return bool(self.problem.layout.ties and len(self._which))
+
+    @cached_property
+    def _which(self) -> Ints:
+        beside = self.problem.survey.ties.beside
+        is_rough = np.isin(beside.label, self.problem.third.rough)
+        return np.flatnonzero(is_rough & np.isfinite(beside.sigma_m))
+
+    def rows(self, state: State) -> Block | None:
+        """Compare the heights that ties make of labels with those of the labels."""
+        problem, beside, which = self.problem, self.problem.survey.ties.beside, self._which
+        label, weight, sigma = beside.label[which], beside.weight[which], beside.sigma_m[which]
+        tie = problem.survey.matches.points + beside.tie[which]
+        place = state.tie[..., tie, :]
+        flat = place.reshape(*place.shape[:-3], -1, 3)
+        own = np.repeat(label, tie.shape[1])
+        ground = problem.ground.at(state.plane, state.relief, own, flat[..., :2])
+        above = place[..., 2] - ground.height_m.reshape(place.shape[:-1])
+        off = np.sum(weight * above, axis=-1) - state.point[..., label, 2]
+        by_tie = np.ones(flat.shape)
+        by_tie[..., :2] = -ground.slope
+        by_tie = (weight[..., None] * by_tie.reshape(place.shape)).reshape(*off.shape, -1)
+        by_ground = ground.by_unknowns.reshape(*place.shape[:-1], -1)
+        by_ground = -np.sum(weight[..., None] * by_ground, axis=-2)
+        jacobian = np.concatenate([by_tie, -np.ones((*off.shape, 1)), by_ground], axis=-1)
+        columns = [
+            problem.layout.tie_columns(tie.ravel()).reshape(len(label), -1),
+            problem.layout.point_columns(label)[:, 2:],
+            problem.plane_columns(label),
+        ]
+        weighted = jacobian[..., None, :] / sigma[:, None, None]
+        return Block((off / sigma)[..., None], np.concatenate(columns, axis=1), weighted)
