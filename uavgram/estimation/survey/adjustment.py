@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -237,6 +237,23 @@ class LeftOut:
     text: str
 
 
+class LeftOutRows(NamedTuple):
+    """An observation that takes no part, beside what the adjustment predicts for it.
+
+    Attributes
+    ----------
+    error, sigma
+        (R,) predicted less observed, and standard deviations of the observed numbers.
+    gradient, columns
+        (R, m) derivatives of the predictions by the unknowns, and which unknowns.
+    """
+
+    error: Floats
+    sigma: Floats
+    gradient: Floats
+    columns: Ints
+
+
 @dataclass(frozen=True, eq=False)
 class Removal:
     """An observation that was left out because it does not fit, or what was mended instead.
@@ -252,6 +269,9 @@ class Removal:
         left out beforehand (`suspicion` has then no row).
     cause, mended
         Of a mend: what was wrong; and in words what it changed, before and after.
+    rows
+        Of a length or known thing that was left out beforehand, in the adjustment without it; None
+        where that does not have all of its points.
     """
 
     kind: Literal["pick", "line", "known", "mend"]
@@ -260,6 +280,7 @@ class Removal:
     before: Refined | None
     cause: Cause | None = None
     mended: tuple[str, str] = ("", "")
+    rows: LeftOutRows | None = None
 
     @property
     def w(self) -> float:

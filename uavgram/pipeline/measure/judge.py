@@ -120,7 +120,9 @@ def judge_survey(
             weakest=judge_weakest(examined),
         ),
         checks_overall=overall,
-        removals=judge_removals(refined, lines, index, inputs.requests, frames, inputs.known),
+        removals=judge_removals(
+            refined, lines, index, inputs.requests, frames, measured, inputs.known
+        ),
         messages=(
             *judge_suspects(examined),
             *judge_majority(refined, index, line_results, known),

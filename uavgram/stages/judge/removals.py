@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.measuring.propagation import values_at
-from uavgram.estimation.survey.adjustment import Refined
+from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
+from uavgram.estimation.survey.adjustment import LeftOutRows, Refined
 from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.observations.known import named_thing
 from uavgram.estimation.survey.observations.lengths import named_ends
-from uavgram.model.arrays import Ints
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.result.reliability import RemovalRecord
 from uavgram.model.survey.known import NO_KNOWN, KnownThings
@@ -22,6 +22,7 @@ def judge_removals(
     line_index: Ints,
     requests: tuple[MeasurementRequest, ...],
     frames: Frames,
+    measured: MeasuredValues,
     known: KnownThings = NO_KNOWN,
 ) -> tuple[RemovalRecord, ...]:
     """What was taken out, step by step.
@@ -34,6 +35,8 @@ def judge_removals(
         All known lengths, and where each stands in the survey handed to refine.
     requests, frames
         What is measured, before and after each step.
+    measured
+        What was measured in the end.
     known
         Everything known.
     """
@@ -49,6 +52,11 @@ def judge_removals(
         later = next(j for j in range(k + 1, len(steps)) if steps[j] is not None)
         after = values[later]
         assert after is not None  # noqa: S101  (that step is there)
+        change = np.full(len(after), np.nan)
+        if before is not None:
+            change = after - before
+        elif removal.rows is not None:
+            change = _linear_change(refined, measured, removal.rows)
         group: tuple[str, ...] = ()
         rivals: tuple[str, ...] = ()
         if removal.cause is not None:
@@ -72,12 +80,28 @@ def judge_removals(
                 rivals=rivals,
                 variance_factor_before=_factor(steps[k]),
                 variance_factor_after=_factor(steps[later]),
-                change=tuple((after - (np.nan if before is None else before)).tolist()),
+                change=tuple(change.tolist()),
                 cause="" if removal.cause is None else removal.cause.message.code,
                 mended=removal.mended,
             )
         )
     return tuple(records)
+
+
+def _linear_change(refined: Refined, measured: MeasuredValues, rows: LeftOutRows) -> Floats:
+    """Predict by how much the values (M,) change when an observation is left out.
+
+    Notes
+    -----
+    With it, the values f would move by Cov(f, l) (Cov(l, l) + R)^-1 (l - p), where l is observed, R
+    is its covariance, and p its prediction: the update of a Kalman filter, in the linear model.
+    """
+    jacobian = np.zeros((len(rows.error), len(measured.solved)))
+    for row, (columns, gradient) in enumerate(zip(rows.columns, rows.gradient, strict=True)):
+        np.add.at(jacobian[row], columns, gradient)  # an unknown may occur twice
+    solved = refined.adjustment.minimum.factor.solve(jacobian.T)
+    covariance = jacobian @ solved + np.diag(rows.sigma**2)
+    return np.asarray((jacobian @ measured.solved).T @ np.linalg.solve(covariance, rows.error))
 
 
 def _factor(refined: Refined | None) -> float:

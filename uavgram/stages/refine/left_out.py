@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from uavgram.estimation.reliability.coordinate_faults import displaced, likely_fault
-from uavgram.estimation.survey.adjustment import Refined, Removal
+from uavgram.estimation.survey.adjustment import LeftOutRows, Refined, Removal
 from uavgram.estimation.survey.departures import heights_above_ground
 from uavgram.estimation.survey.observations.known import known_rows
-from uavgram.estimation.survey.observations.tapes import taped_lines
+from uavgram.estimation.survey.observations.tapes import Taped, taped_lines
 from uavgram.estimation.survey.suspicion import Member, Suspicion
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.remedies import freed
 
 
 def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, Floats]:
-    """What tapes should read (n,) of some lines, and the sigmas; NaN where an end is not adjusted.
+    """Predict what tapes should read (n,) of some lines, and the sigmas.
+
+    NaN where an end is not adjusted.
 
     Parameters
     ----------
@@ -31,77 +34,70 @@ def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, 
     line
         (n,) rows of known lengths.
     """
-    at = refined.adjustment.label_rows(survey.label)
-    there = (at[survey.line_start[line]] >= 0) & (at[survey.line_end[line]] >= 0)
-    taped = taped_lines(survey, line[there])
-    taped = taped._replace(start=at[taped.start], end=at[taped.end])
+    there, taped = _taped(survey, refined, line)
     found = np.full((2, len(line)), np.nan)
     found[:, there] = refined.adjustment.readings(taped)
     return found[0], found[1]
 
 
-def with_gross_lengths(survey: Survey, refined: Refined) -> Refined:
-    """The same, with a record of the lengths that were left out before anything was tested."""
-    recorded = {removal.index for removal in refined.removals if removal.kind == "line"}
-    line = np.array(
-        [i for i in np.flatnonzero(refined.line_removed) if i not in recorded], dtype=int
+def _taped(survey: Survey, refined: Refined, line: Ints) -> tuple[Bools, Taped]:
+    """Find which of some lines (n,) have both ends in an adjustment, and how these were taped."""
+    at = refined.adjustment.label_rows(survey.label)
+    there = (at[survey.line_start[line]] >= 0) & (at[survey.line_end[line]] >= 0)
+    taped = taped_lines(survey, line[there])
+    return there, taped._replace(start=at[taped.start], end=at[taped.end])
+
+
+def with_records(survey: Survey, refined: Refined) -> Refined:
+    """Record lengths and known things that were left out before anything was tested."""
+    recorded = {(removal.kind, removal.index) for removal in refined.removals}
+    factor = refined.adjustment.minimum.factor
+    records: list[Removal] = []
+    kinds: tuple[tuple[Literal["line", "known"], str, dict[int, LeftOutRows | None]], ...] = (
+        ("line", "lengths", _left_out_lengths(survey, refined)),
+        ("known", "known", _left_out_known(survey, refined)),
     )
-    if not len(line):
-        return refined
-    seen, sigma = seen_lengths(survey, refined, line)
-    w = (seen - survey.length_m[line]) / np.hypot(sigma, survey.length_sigma_m[line])
-    records = [
-        Removal("line", index, Suspicion(Member("lengths", -1, 0), off, (), ()), None)
-        for index, off in zip(line.tolist(), w.tolist(), strict=True)
-    ]
+    for kind, group, left_out in kinds:
+        for index, rows in left_out.items():
+            if (kind, index) in recorded:
+                continue
+            w = np.array([np.nan])
+            if rows is not None:
+                variance = factor.variances(rows.columns, rows.gradient)
+                w = rows.error / np.sqrt(variance + rows.sigma**2)
+            worst = float(w[np.argmax(np.abs(w))])
+            suspicion = Suspicion(Member(group, -1, 0), worst, (), ())
+            records.append(Removal(kind, index, suspicion, None, rows=rows))
     return replace(refined, removals=(*records, *refined.removals))
 
 
-def known_errors(survey: Survey, refined: Refined) -> dict[int, float]:
-    """How far each known thing is from what an adjustment says, in sigmas of both, by its number.
-
-    Of several numbers the largest. Those whose points are not all adjusted are left out.
-
-    Parameters
-    ----------
-    survey
-        All observations.
-    refined
-        An adjustment without the things that are asked for.
-    """
+def _left_out_lengths(survey: Survey, refined: Refined) -> dict[int, LeftOutRows | None]:
+    """Compare each length that was left out with the adjustment, by its row."""
+    line = np.flatnonzero(refined.line_removed)
+    there, taped = _taped(survey, refined, line)
     adjustment = refined.adjustment
-    things = []
+    reading, gradient, columns = adjustment.problem.readings(adjustment.state, taped)
+    error, sigma = reading - survey.length_m[line[there]], survey.length_sigma_m[line[there]]
+    found: dict[int, LeftOutRows | None] = dict.fromkeys(line.tolist())
+    for k, index in enumerate(line[there].tolist()):
+        one = slice(k, k + 1)
+        found[index] = LeftOutRows(error[one], sigma[one], gradient[one], columns[one])
+    return found
+
+
+def _left_out_known(survey: Survey, refined: Refined) -> dict[int, LeftOutRows | None]:
+    """Compare each known thing that was left out with the adjustment, by its number."""
+    adjustment = refined.adjustment
+    found: dict[int, LeftOutRows | None] = {}
     for thing in survey.known:
+        if thing.index not in refined.known_removed:
+            continue
         label = np.full(len(survey.label), -1)
         label[list(thing.label)] = adjustment.label_rows(survey.label[k] for k in thing.label)
         if (seen := thing.relabelled(label)) is not None:
-            things.append(seen)
-    if not things:
-        return {}
-    rows = known_rows(adjustment.problem, adjustment.state, things)
-    variance = adjustment.minimum.factor.variances(rows.columns, rows.gradient)
-    error = rows.value / np.sqrt(variance + rows.sigma**2)
-    largest: dict[int, float] = {}
-    for at, each in zip(rows.thing.tolist(), error.tolist(), strict=True):
-        index = things[at].index
-        if abs(each) > abs(largest.get(index, 0.0)):
-            largest[index] = each
-    return largest
-
-
-def with_gross_known(survey: Survey, refined: Refined) -> Refined:
-    """The same, with a record of the known things left out before anything was tested."""
-    recorded = {removal.index for removal in refined.removals if removal.kind == "known"}
-    out = refined.known_removed - recorded
-    if not out:
-        return refined
-    errors = known_errors(survey, refined)
-    records = [
-        Removal("known", index, Suspicion(Member("known", -1, 0), errors[index], (), ()), None)
-        for index in sorted(out)
-        if index in errors
-    ]
-    return replace(refined, removals=(*records, *refined.removals))
+            rows = known_rows(adjustment.problem, adjustment.state, [seen])
+            found[thing.index] = LeftOutRows(rows.value, rows.sigma, rows.gradient, rows.columns)
+    return found
 
 
 def control_left_out(survey: Survey, refined: Refined, control: Ints) -> Iterator[Message]:

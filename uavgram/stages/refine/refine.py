@@ -18,7 +18,7 @@ from uavgram.stages.refine.causes.adapt import adapted
 from uavgram.stages.refine.causes.lengths.common import open_questions
 from uavgram.stages.refine.causes.photos.mirrored import mirrored_solution, undecided
 from uavgram.stages.refine.learnt import learnt_remarks
-from uavgram.stages.refine.left_out import with_gross_known, with_gross_lengths
+from uavgram.stages.refine.left_out import with_records
 from uavgram.stages.refine.minima import best_minima
 from uavgram.stages.refine.noise import with_noise_learnt
 from uavgram.stages.refine.noise_remarks import noise_remarks
@@ -92,7 +92,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         survey = robust.survey
         refined = replace(robust.refined, pick_removed=taken_out)
     refined = replace(refined, noise=noise, stated=stated_fit)
-    refined = with_gross_lengths(survey, with_gross_known(survey, refined))
+    refined = with_records(survey, refined)
     refined = replace(
         refined,
         off_ground=frozenset(found_free) | shown,
