@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -46,6 +46,9 @@ MOST_LISTED = 12
 """Lengths that are listed, oddest first."""
 
 LOOK_AT_PICKS = "Look at their places and labels."
+
+SAME_SCENE = 1e-3
+"""Relative change of distances up to which two solutions differ in their cameras alone."""
 
 WEAK = 0.01
 """Relative sigma of the scene's distances (root mean square) from which the lengths are weak."""
@@ -280,12 +283,14 @@ def _ambiguity(refined: Refined) -> Iterator[Message]:
         how_else = "" if survey.telemetry is not None else ", or give the flight log"
         also = ", or give another right angle or pair of parallel lines" if survey.known else ""
         what = "known lengths and things fit" if survey.known else "lengths fit"
+        changes = [distance_changes(refined.adjustment, one) for one in refined.alternatives]
         text = (
             f"The {what} {len(refined.alternatives) + 1} camera positions about equally well"
-            f"{within}: {_differences(refined)}. Tape another line that does not close a "
+            f"{within}: {_differences(changes)}. Tape another line that does not close a "
             f"triangle{also}{how_else}. The measured values of the others stand under alternatives."
         )
-        yield Message("warning", "ambiguous-pose", text)
+        largest = max(largest for _, largest in changes)
+        yield Message("warning" if largest > SAME_SCENE else "info", "ambiguous-pose", text)
     lines = len(refined.adjustment.problem.line_index)
     if survey.telemetry is None and known_rows(survey) + lines == 3:
         if survey.known:
@@ -304,15 +309,12 @@ def _ambiguity(refined: Refined) -> Iterator[Message]:
         yield Message("warning", "three-lengths", text, labels=ends)
 
 
-def _differences(refined: Refined) -> str:
-    """By how much the alternatives change the distances between the points, in words."""
-    words = []
-    for other in refined.alternatives:
-        median, largest = distance_changes(refined.adjustment, other)
-        words.append(
-            f"{figures(100 * median)} % at the median and up to {figures(100 * largest)} %"
-        )
-    one_each = "; ".join(words)
+def _differences(changes: Sequence[tuple[float, float]]) -> str:
+    """Describe by how much alternatives change the distances between the points."""
+    one_each = "; ".join(
+        f"{figures(100 * median)} % at the median and up to {figures(100 * largest)} %"
+        for median, largest in changes
+    )
     return f"distances between the points change by {one_each}"
 
 
