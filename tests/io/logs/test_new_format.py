@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.io.logs.build import Table, build_boot, undulation_m
+from uavgram.io.logs.build import Table, build_log
 from uavgram.io.logs.quality.resets import StatedResets
 from uavgram.io.logs.topics import Messages, Row, Topic
-from uavgram.model.flight.log import Boot
+from uavgram.model.flight.log import FlightLog
 
 FIELDS = {
     "place": ("lat_e7", "lon_e7", "alt_cm", "above_home_cm"),
@@ -77,12 +77,15 @@ def flight() -> str:
     return "\n".join(lines)
 
 
-def boot_of(text: str) -> tuple[Boot, tuple[str, ...]]:
-    return build_boot(Lines(text), TABLE)
+def read(*boots: str) -> FlightLog:
+    # a name for it would be added to the kinds of logs
+    log = FlightLog(path="", kind="tlog", vehicle="", firmware="", messages=(), notes=())
+    return build_log(log, [Lines(text) for text in boots], TABLE)
 
 
 def test_every_quantity_of_the_table_is_read_in_our_units() -> None:
-    boot, notes = boot_of(flight())
+    log = read(flight())
+    boot = log.boots[0]
     assert boot.positions is not None
     assert boot.attitudes is not None
     assert boot.velocities is not None
@@ -100,28 +103,34 @@ def test_every_quantity_of_the_table_is_read_in_our_units() -> None:
     assert [(reset.time_boot_s, reset.what) for reset in boot.resets] == [
         (5.2, "reset of the position")
     ]
-    assert undulation_m(Lines(flight()), TABLE) == 40.0
-    assert notes == ("1 triggers without feedback (image 2)",)
+    assert log.undulation_m == 40.0
+    assert log.notes == ("1 triggers without feedback (image 2)",)
 
 
 def test_what_the_format_does_not_state_is_none() -> None:
-    boot, _ = boot_of(flight())
+    boot = read(flight()).boots[0]
     assert (boot.gimbal, boot.sigmas, boot.home, boot.turn_rates) == (None, None, None, None)
 
 
 def test_the_next_row_stands_in_for_a_message_that_is_missing() -> None:
     without = "\n".join(line for line in flight().splitlines() if not line.startswith("place"))
-    boot, notes = boot_of(without)
+    log = read(without, flight())
+    senseless = read(flight().replace(",104000000,15000,", ",0,9999999,"))
+    assert senseless.boots[0].positions is not None
+    assert senseless.boots[0].positions.source == "gnss"
+    boot = log.boots[0]
     assert boot.positions is not None
     assert boot.positions.source == "gnss"
-    assert "positions are the receiver's own" in notes
+    assert "positions are the receiver's own" in log.notes
+    assert "the boot clock starts again 1 times: several boots" in log.notes
 
 
 def test_damaged_values_are_left_out_and_contradictions_are_named() -> None:
     damaged = flight().replace("place,6000,634", "place,6000,734", 1)
-    boot, notes = boot_of(damaged)
+    log = read(damaged)
+    boot = log.boots[0]
     assert boot.positions is not None
     assert len(boot.positions.time_boot_s) == 100
-    assert "1 of 101 place rows make no sense and were dropped" in notes
+    assert "1 of 101 place rows make no sense and were dropped" in log.notes
     apart = flight().replace(",104000000,15000,", ",104020000,15000,")
-    assert any("contradict each other at 91 of 91 times" in note for note in boot_of(apart)[1])
+    assert any("contradict each other at 91 of 91 times" in note for note in read(apart).notes)

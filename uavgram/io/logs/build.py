@@ -1,13 +1,13 @@
-"""A boot of any log format, built from the format's table: quantity <- message.field, unit.
+"""A log of any format, built from the format's table: quantity <- message.field, unit.
 
-A new format states a `Table` and a class of `Messages`; `build_boot` does the rest. What no row
-can say is a function of the format's own messages, named in the table where the row would be.
+A new format states a `Table` and a class of `Messages`; `build_log` does the rest. What no row
+can express is a function of the format's own messages, named in the table where the row would be.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -27,12 +27,12 @@ from uavgram.io.logs.quality.samples import (
     velocity_samples,
 )
 from uavgram.io.logs.topics import Found, Messages, Row, Stated, T
-from uavgram.model.flight.log import Boot, CameraEvents, GimbalSamples
+from uavgram.model.flight.log import Boot, CameraEvents, FlightLog, GimbalSamples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Table:
-    """What a format's messages say of a flight: rows of each quantity, the preferred one first.
+    """What a format's messages state of a flight: rows of each quantity, the preferred one first.
 
     The first row that gives samples is used; of accuracies and clocks all rows are.
 
@@ -67,7 +67,7 @@ class Table:
     undulation
         Heights above the ellipsoid and above sea level [m].
     resets
-        Where the autopilot says that its estimator began anew.
+        Where the autopilot states that its estimator began anew.
     """
 
     positions: tuple[Row, ...]
@@ -89,8 +89,33 @@ class Table:
     resets: StatedResets = field(default_factory=StatedResets)
 
 
+def build_log(log: FlightLog, boots: Sequence[Messages], table: Table) -> FlightLog:
+    """A log with all that its messages state.
+
+    Parameters
+    ----------
+    log
+        What the file states of itself; its boots and its undulation are still unknown.
+    boots
+        The messages of each boot.
+    table
+        Of their format.
+    """
+    several = f"the boot clock starts again {len(boots) - 1} times: several boots"
+    built = [build_boot(messages, table) for messages in boots]
+    remarks = [note for _, notes in built for note in notes]
+    notes = [*log.notes, *([several] if len(boots) > 1 else []), *remarks]
+    undulations = (_undulation_m(messages, table) for messages in boots)
+    return replace(
+        log,
+        boots=tuple(boot for boot, _ in built),
+        undulation_m=next(filter(np.isfinite, undulations), float("nan")),
+        notes=tuple(dict.fromkeys(notes)),
+    )
+
+
 def build_boot(messages: Messages, table: Table) -> tuple[Boot, tuple[str, ...]]:
-    """A boot of what its messages say, less what cannot be; and what was odd about them.
+    """A boot of what its messages state, less what cannot be; and what was odd about them.
 
     Parameters
     ----------
@@ -162,7 +187,7 @@ def first_found(
     return None, notes
 
 
-def undulation_m(messages: Messages, table: Table) -> float:
+def _undulation_m(messages: Messages, table: Table) -> float:
     """Geoid above ellipsoid by the receiver's two heights; NaN where the log has them not."""
     for stated in _all_stated(messages, table.undulation):
         ellipsoid, sea_level = stated.columns

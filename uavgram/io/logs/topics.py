@@ -1,6 +1,6 @@
 """Messages of a flight log as columns, whatever its format; and what a row of a table reads there.
 
-A table says of each quantity which fields of which messages state it: see `build.py`.
+For each quantity a table names the fields and messages that state it: see `build.py`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from uavgram.model.arrays import Bools, Floats
 
 T = TypeVar("T")
 Found = tuple[T | None, tuple[str, ...]]
-"""What a log says of one thing, None where it says nothing; and what was odd about it."""
+"""What a log states of one thing, None where it is silent; and what was odd about it."""
 
 
 def as_numbers(column: NDArray[Any]) -> Floats:
@@ -98,7 +98,7 @@ class Stated:
     time_s
         (N,) since boot.
     columns
-        (N,) each, in SI units (places and angles in degrees where the quantity says so).
+        (N,) each, in SI units (places in degrees; angles too, where `build.Table` has them so).
     valid
         (N,) which messages state something; None for all.
     """
@@ -123,7 +123,7 @@ class Row:
         How many stored units make one of ours: 1e7 where 1e-7 degrees are stored. One for all
         fields, or one for each.
     factor
-        By which all are multiplied, where the unit is better said so.
+        By which all are multiplied, where that is how the unit is known.
     valid
         Which messages (N,) state something; None for all.
     source

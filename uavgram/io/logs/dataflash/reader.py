@@ -10,7 +10,7 @@ from __future__ import annotations
 import re
 import sys
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Literal
 
@@ -19,7 +19,7 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.geometry.earth.gps_time import utc_from_gps
 from uavgram.io.inputs import read_bytes
-from uavgram.io.logs.build import Table, build_boot, undulation_m
+from uavgram.io.logs.build import Table, build_log
 from uavgram.io.logs.dataflash.binary import index_binary
 from uavgram.io.logs.dataflash.formats import Columns, odd_names
 from uavgram.io.logs.dataflash.tables import Tables, index_text
@@ -104,7 +104,7 @@ def _instance(topic: Topic) -> Floats:
 
 
 def _accuracies(messages: BootMessages) -> Topic | None:
-    """What the receiver in use says of its accuracy."""
+    """What the receiver in use states of its accuracy."""
     gps = messages.topic(_receiver)
     if gps is None:
         return None
@@ -161,14 +161,23 @@ def _arrival_s(accuracies: Topic | None, logged_s: Floats) -> Floats:
     return np.where(np.abs(time[nearest] - logged_s) < 1e-4, sample[nearest], np.nan)
 
 
+def _origins(messages: BootMessages, kind: int) -> Topic | None:
+    """ORGN of one type: 0, where the estimator counts its offsets from, or 1, home."""
+    topic = messages.topic("ORGN")
+    return None if topic is None else topic.only(topic.column("Type") == kind)
+
+
+_ORIGIN, _HOME = partial(_origins, kind=0), partial(_origins, kind=1)
+
+
 def _placed(messages: BootMessages) -> Topic | None:
     """The estimator's offsets from its origin as latitude, longitude and altitude.
 
     With ArduPilot's own scale, as it made the offsets with it (libraries/AP_Common/Location.cpp,
     LATLON_TO_M = 0.011131884502145034 m per 1e-7 degrees).
     """
-    offsets, origins = messages.topic(*_CORES), messages.topic(_origins)
-    if offsets is None or origins is None:
+    offsets, origins = messages.topic(*_CORES), messages.topic(_ORIGIN)
+    if offsets is None or origins is None or not len(origins.time_s):
         return None
     time = offsets.time_s
     row = np.clip(np.searchsorted(origins.time_s, time, side="right") - 1, 0, None)
@@ -180,21 +189,6 @@ def _placed(messages: BootMessages) -> Topic | None:
     height = height_0 - offsets.column("PD")
     fields = {"Lat": latitude, "Lng": longitude, "Alt": height}
     return Topic(f"{offsets.name}+ORGN", time, fields)
-
-
-def _origins(messages: BootMessages) -> Topic | None:
-    """ORGN of type 0: where the estimator counts its offsets from."""
-    return _of_type(messages.topic("ORGN"), 0)
-
-
-def _homes(messages: BootMessages) -> Topic | None:
-    """ORGN of type 1."""
-    return _of_type(messages.topic("ORGN"), 1)
-
-
-def _of_type(topic: Topic | None, kind: int) -> Topic | None:
-    found = None if topic is None else topic.only(topic.column("Type") == kind)
-    return found if found is not None and len(found.time_s) else None
 
 
 def _variances(messages: BootMessages) -> Topic | None:
@@ -214,7 +208,8 @@ def _variances(messages: BootMessages) -> Topic | None:
 def _gimbal(messages: BootMessages) -> Found[GimbalSamples]:
     """MNT of the mount with most rows: yaw from north (YawE) where known, else from the nose.
 
-    A mount that knows no angle writes NaN; rows that say something and cannot be used are told.
+    A mount that knows no angle writes NaN; a remark counts rows that state
+    something and cannot be used.
     """
     topic = messages.topic("MNT")
     if topic is None:
@@ -243,7 +238,7 @@ def _gimbal(messages: BootMessages) -> Found[GimbalSamples]:
 
 
 def _of_one_mount(topic: Topic, speaks: Bools) -> tuple[Bools, tuple[str, ...]]:
-    """(N,) rows of the mount that has most of those that say something; what of the others."""
+    """(N,) rows of the mount that has most of those that state something; what of the others."""
     if "I" not in topic.fields:
         return speaks, ()
     stated = topic.column("I")
@@ -342,8 +337,8 @@ TABLE = Table(
     ),
     tilts=(Row(("XKF4", "NKF4"), ("errRP",)),),
     fix=(Row(_receiver, ("Status",)),),
-    home=(Row(_homes, _PLACE),),
-    origin=(Row(_origins, _PLACE),),
+    home=(Row(_HOME, _PLACE),),
+    origin=(Row(_ORIGIN, _PLACE),),
     reception=(Row(_receiver, ("NSats", "HDop"), source="GPS"),),
     clocks=(_CLOCK,),
     undulation=(Row(_two_heights, ("AEl", "Alt")),),
@@ -377,30 +372,21 @@ def read_dataflash(path: str | Path) -> FlightLog:
     tables = _index(str(path))
     if "StartTime" in tables.ends("TIME"):
         raise InputError(path, _SDLOG2)
-    parts = _parts(tables)
-    formats = (piece.format for pieces in tables.pieces.values() for piece in pieces)
-    notes = [*tables.notes, *(note for fmt in formats for note in odd_names(fmt))]
-    if len(parts) > 1:
-        notes.append(f"the boot clock starts again {len(parts) - 1} times: several boots")
-    messages = [BootMessages(part) for part in parts]
-    boots = [build_boot(part, TABLE) for part in messages]
-    notes += [note for _, remarks in boots for note in remarks]
     if not tables.names:
         raise InputError(
             path, "holds no complete message: the file is cut or damaged; copy it once more"
         )
+    formats = (piece.format for pieces in tables.pieces.values() for piece in pieces)
     vehicle, firmware = _vehicle(tables)
-    whole = messages[0] if len(messages) == 1 else BootMessages(tables)
-    return FlightLog(
+    log = FlightLog(
         path=str(path),
         kind="dataflash",
         vehicle=vehicle,
         firmware=firmware,
-        boots=tuple(boot for boot, _ in boots),
         messages=_counts(tables),
-        undulation_m=undulation_m(whole, TABLE),
-        notes=tuple(dict.fromkeys(notes)),
+        notes=(*tables.notes, *(note for fmt in formats for note in odd_names(fmt))),
     )
+    return build_log(log, [BootMessages(part) for part in _parts(tables)], TABLE)
 
 
 def _index(path: str) -> Tables:

@@ -1,8 +1,8 @@
 """A boot's messages held against each other: what cannot be is left out, doubts are named.
 
-What lies outside the flight has damaged bytes. Where a log says something twice (a place, an
-attitude, a home) and the two contradict each other, nobody knows which of them is right: that is
-told, and only a home is left out for it.
+What is outside the flight has damaged bytes. Where a log states something twice (a place, an
+attitude, a home) and the two contradict each other, nobody knows which of them is right: a remark
+names it, and only a home is left out for it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.log import AttitudeSamples, Boot, HomeSamples, PositionSamples
 
 _MARGIN_S = 600.0  # a home or an event may come before the first position
-_FARTHEST_DEG = 1.0  # of a home from the flight
+_FARTHEST_M = 111e3  # of a home from the flight
 _METERS_PER_DEG = 111e3
 # Undamaged logs: a receiver's positions lag by a quarter of a second and lie 9 m off the
 # estimator's at most; two messages of one attitude differ by 0.02 degrees, in steps of a cdeg.
@@ -52,21 +52,13 @@ def consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
         home = rows_of(home, ~doubted) if not doubted.all() else None
         notes += remarks
     if home is not None:
-        inside = (home.time_boot_s >= first) & (home.time_boot_s <= last) & _is_near(home, boot)
+        inside = (home.time_boot_s >= first) & (home.time_boot_s <= last)
+        if boot.positions is not None:
+            inside &= _away_m(home, boot.positions) < _FARTHEST_M
         if not inside.all():
             notes.append(f"{int((~inside).sum())} {home.source} homes lie far outside the flight")
             home = rows_of(home, inside) if inside.any() else None
     return replace(boot, events=events, home=home), tuple(notes)
-
-
-def _is_near(home: HomeSamples, boot: Boot) -> Bools:
-    positions = boot.positions
-    if positions is None:
-        return np.ones(len(home.time_boot_s), dtype=bool)
-    off_n = np.abs(home.latitude_deg - np.median(positions.latitude_deg))
-    off_e = (home.longitude_deg - np.median(positions.longitude_deg) + 180) % 360 - 180
-    scale = np.cos(np.radians(home.latitude_deg))
-    return np.asarray((off_n < _FARTHEST_DEG) & (np.abs(off_e) * scale < _FARTHEST_DEG))
 
 
 def disagreements(
@@ -196,8 +188,7 @@ def _off_origin(home: HomeSamples | None, origin: HomeSamples | None) -> tuple[s
     """A remark where home lies off the origin that the estimator set at the same place."""
     if home is None or origin is None:
         return ()
-    middle = float(np.median(origin.latitude_deg)), float(np.median(origin.longitude_deg))
-    off_m = _apart_m(home.latitude_deg, home.longitude_deg, *middle)
+    off_m = _away_m(home, origin)
     if off_m[k := int(off_m.argmax())] < _ORIGIN_OFF_M:
         return ()
     return (
@@ -205,6 +196,12 @@ def _off_origin(home: HomeSamples | None, origin: HomeSamples | None) -> tuple[s
         "off the estimator's origin: was the vehicle carried after it was switched on, or is one "
         "of the two damaged?",
     )
+
+
+def _away_m(home: HomeSamples, others: HomeSamples | PositionSamples) -> Floats:
+    """(N,) horizontal distances of homes from the middle of other places."""
+    middle = float(np.median(others.latitude_deg)), float(np.median(others.longitude_deg))
+    return _apart_m(home.latitude_deg, home.longitude_deg, *middle)
 
 
 def _apart_m(

@@ -27,7 +27,7 @@ def gimbal_samples(stated: Stated) -> Found[GimbalSamples]:
 
 
 def _from_device_status(stated: Stated) -> Found[GimbalSamples]:
-    """GIMBAL_DEVICE_ATTITUDE_STATUS: roll and pitch from the horizon, yaw as the flags say.
+    """GIMBAL_DEVICE_ATTITUDE_STATUS: roll and pitch from the horizon, yaw as the flags state.
 
     Where rows differ in the frame of yaw, the commoner one is kept.
     """
@@ -35,7 +35,7 @@ def _from_device_status(stated: Stated) -> Found[GimbalSamples]:
     flags = np.where(np.isfinite(stated.columns[4]), stated.columns[4], 0.0).astype(np.int64)
     xyzw = unit_quaternions(wxyz[:, [1, 2, 3, 0]])
     sane = np.asarray(np.isfinite(xyzw).all(axis=1))
-    # Neither frame flag (older firmware): the lock flag says which frame the yaw is in.
+    # Neither frame flag (older firmware): the lock flag tells which frame the yaw is in.
     earth = (flags & _YAW_IN_EARTH_FRAME > 0) | (
         (flags & _YAW_IN_VEHICLE_FRAME == 0) & (flags & _YAW_LOCK > 0)
     )

@@ -1,4 +1,4 @@
-"""Where an autopilot says that its estimator began anew: by counters, by numbers, in words."""
+"""Where an autopilot states that its estimator began anew: by counters, by numbers, in words."""
 
 from __future__ import annotations
 

@@ -192,7 +192,7 @@ def median_undulation_m(ellipsoid_m: Floats, sea_level_m: Floats) -> float:
 def merged_sigmas(
     positions: list[Stated], tilts: list[Stated], fix: Stated | None = None
 ) -> EstimatorSigmas | None:
-    """Accuracies that messages state, at the times of the first that says anything.
+    """Accuracies that messages state, at the times of the first that states any.
 
     Parameters
     ----------

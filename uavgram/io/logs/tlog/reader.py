@@ -16,7 +16,7 @@ from uavgram.errors import InputError
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import matrix_from_ypr, ypr_from_matrix
 from uavgram.io.inputs import read_bytes
-from uavgram.io.logs.build import Table, build_boot, first_found, undulation_m
+from uavgram.io.logs.build import Table, build_log, first_found
 from uavgram.io.logs.mavlink_dialect import message_name, vehicle_kind
 from uavgram.io.logs.quality.camera import events_of, gimbal_from_angles, image_numbers
 from uavgram.io.logs.quality.resets import StatedResets
@@ -250,24 +250,18 @@ def read_tlog(path: str | Path) -> FlightLog:
     if len(systems) > 1:
         notes.append(f"autopilots {systems} are in the log; number {systems[0]} was used")
     streams = boots(frames, systems[0]) if systems else []
-    if len(streams) > 1:
-        notes.append(f"the boot clock starts again {len(streams) - 1} times: several boots")
-    found = [build_boot(stream, TABLE) for stream in streams]
-    notes += [note for _, remarks in found for note in remarks]
-    if not found:
+    if not streams:
         raise InputError(path, _no_autopilot(frames))
-    undulations = (undulation_m(stream, TABLE) for stream in streams)
     vehicle, firmware = _vehicle(frames, systems[0])
-    return FlightLog(
+    log = FlightLog(
         path=str(path),
         kind="tlog",
         vehicle=vehicle,
         firmware=firmware,
-        boots=tuple(boot for boot, _ in found),
         messages=_counts(frames, streams),
-        undulation_m=next(filter(np.isfinite, undulations), float("nan")),
-        notes=tuple(dict.fromkeys(notes)),
+        notes=tuple(notes),
     )
+    return build_log(log, streams, TABLE)
 
 
 def _frames(path: str) -> FrameTable:

@@ -13,7 +13,7 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.geometry.earth.gps_time import MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
-from uavgram.io.logs.build import Table, build_boot, undulation_m
+from uavgram.io.logs.build import Table, build_log
 from uavgram.io.logs.mavlink_dialect import vehicle_kind
 from uavgram.io.logs.quality.camera import events_of, image_numbers
 from uavgram.io.logs.quality.resets import StatedResets
@@ -64,15 +64,10 @@ def _has_ellipsoid(topic: Topic) -> Bools:
     return np.asarray(_has_fix(topic) & (topic.column("altitude_ellipsoid_m") != 0))
 
 
-def _is_valid(topic: Topic) -> Bools:
-    """(N,) whether both flags say that a global position is valid; old firmware has none."""
-    flags = topic.column("lat_lon_valid"), topic.column("alt_valid")
-    return np.asarray(~np.any([flag == 0 for flag in flags], axis=0))
-
-
-def _is_home(topic: Topic) -> Bools:
-    flags = topic.column("valid_hpos"), topic.column("valid_alt")
-    return np.asarray(~np.any([flag == 0 for flag in flags], axis=0))
+def _is_called_valid(topic: Topic) -> Bools:
+    """(N,) whether no flag denies that a place is valid; old firmware has none of them."""
+    flags = ("lat_lon_valid", "alt_valid", "valid_hpos", "valid_alt")
+    return np.asarray(~np.any([topic.column(flag) == 0 for flag in flags], axis=0))
 
 
 def _is_global(topic: Topic) -> Bools:
@@ -186,7 +181,7 @@ _COUNTERS = (
 
 TABLE = Table(
     positions=(
-        Row("vehicle_global_position", _PLACE, valid=_is_valid),
+        Row("vehicle_global_position", _PLACE, valid=_is_called_valid),
         Row(_from_local, _PLACE, valid=_is_global),
         replace(_RECEIVER, remark=_LAGGING),
     ),
@@ -215,7 +210,7 @@ TABLE = Table(
         Row(_receiver, ("eph", "epv")),
     ),
     fix=(Row(_receiver, ("fix_type",)),),
-    home=(Row("home_position", _PLACE, valid=_is_home),),
+    home=(Row("home_position", _PLACE, valid=_is_called_valid),),
     reception=(Row(_receiver, ("satellites_used", "hdop")),),
     clocks=(Row(_utc, ("utc_s",)),),
     undulation=(Row(_receiver, ("altitude_ellipsoid_m", "altitude_msl_m"), valid=_has_ellipsoid),),
@@ -234,17 +229,15 @@ def read_ulog(path: str | Path) -> FlightLog:
     tables = read_tables(path, TOPICS)
     if not tables.counts:
         raise InputError(path, "holds no complete message: the file is cut; copy it once more")
-    boot, notes = build_boot(tables, TABLE)
-    return FlightLog(
+    log = FlightLog(
         path=str(path),
         kind="ulog",
         vehicle=_vehicle(tables),
         firmware=_firmware(tables),
-        boots=(boot,),
         messages=_counts(tables),
-        undulation_m=undulation_m(tables, TABLE),
-        notes=(*tables.notes, *notes),
+        notes=tables.notes,
     )
+    return build_log(log, [tables], TABLE)
 
 
 def _counts(tables: UlogTables) -> tuple[MessageCount, ...]:
