@@ -54,6 +54,13 @@ class Topic:
                 return as_numbers(self.fields[name])
         return np.full(len(self.time_s), np.nan)
 
+    def texts(self, name: str) -> list[str]:
+        """The texts of a field; none where it is no text: damaged formats make numbers of it."""
+        stored = self.fields.get(name)
+        if stored is None or stored.dtype.kind not in "SO":
+            return []
+        return [bytes(text).split(b"\0")[0].decode("latin-1") for text in stored]
+
     def only(self, keep: NDArray[Any]) -> Topic:
         """Some of the messages, by a mask (N,) or by their numbers."""
         fields = {name: values[keep] for name, values in self.fields.items()}

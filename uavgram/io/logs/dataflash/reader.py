@@ -377,7 +377,7 @@ def read_dataflash(path: str | Path) -> FlightLog:
             path, "holds no complete message: the file is cut or damaged; copy it once more"
         )
     formats = (piece.format for pieces in tables.pieces.values() for piece in pieces)
-    vehicle, firmware = _vehicle(tables)
+    vehicle, firmware = _vehicle(BootMessages(tables))
     log = FlightLog(
         path=str(path),
         kind="dataflash",
@@ -419,13 +419,12 @@ def _counts(tables: Tables) -> tuple[MessageCount, ...]:
     return tuple(found)
 
 
-def _vehicle(tables: Tables) -> tuple[str, str]:
+def _vehicle(messages: BootMessages) -> tuple[str, str]:
     """Vehicle and firmware as the first MSG that names them has it; VER as the fallback."""
-    for text in tables.columns("MSG").get("Message", ()):
-        found = _FIRMWARE.search(bytes(text).split(b"\0")[0].decode("latin-1"))
-        if found:
+    greetings, versions = messages.topic("MSG"), messages.topic("VER")
+    for text in greetings.texts("Message") if greetings is not None else ():
+        if found := _FIRMWARE.search(text):
             return found.group(1), found.group(0)
-    for text in tables.columns("VER").get("FWS", ()):
-        firmware = bytes(text).split(b"\0")[0].decode("latin-1")
-        return firmware.split(" ")[0], firmware
+    for text in versions.texts("FWS") if versions is not None else ():
+        return text.split(" ")[0], text
     return "", ""

@@ -91,10 +91,7 @@ def _by_codes(messages: Messages, stated: StatedResets) -> Iterator[EstimatorRes
 def _in_messages(messages: Messages, stated: StatedResets) -> Iterator[EstimatorReset]:
     for name, field in stated.texts:
         topic = messages.topic(name)
-        words = None if topic is None else topic.fields.get(field)
-        # damaged formats make numbers of texts
-        if topic is not None and words is not None and words.dtype.kind in "SO":
-            lines = (bytes(text).split(b"\0")[0].decode("latin-1") for text in words)
+        if topic is not None and (lines := topic.texts(field)):
             yield from resets_in_texts(topic.time_s.tolist(), lines)
 
 
