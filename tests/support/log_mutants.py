@@ -19,9 +19,8 @@ from pymavlink import DFReader
 from pymavlink.dialects.v20 import all as dialect
 from pymavlink.generator.mavcrc import x25crc
 
-from uavgram.io.logs.dataflash.binary import BinaryTables, index_binary
+from uavgram.io.logs.dataflash.binary import BinaryTables, index_binary, indexed_by_loop
 from uavgram.io.logs.dataflash.formats import FMT_TYPE
-from uavgram.io.logs.dataflash.index import indexed_by_loop
 
 Rng = np.random.Generator
 Item = TypeVar("Item")

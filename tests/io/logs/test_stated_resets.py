@@ -7,11 +7,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 from ulog_writer import ulog
 
-from uavgram.io.logs.dataflash.resets import stated_resets
-from uavgram.io.logs.dataflash.text import index_text
+from uavgram.io.logs.dataflash.reader import TABLE, BootMessages
+from uavgram.io.logs.dataflash.tables import index_text
 from uavgram.io.logs.flight_log import read_flight_log
-from uavgram.io.logs.quality.reset_texts import resets_in_texts
+from uavgram.io.logs.quality.resets import resets_in_texts, stated_resets
 from uavgram.io.logs.ulog.reader import read_ulog
+from uavgram.model.flight.second_opinions import EstimatorReset
 
 EVENTS = b"""FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns
 FMT, 134, 75, MSG, QZ, TimeUS,Message
@@ -27,8 +28,12 @@ MSG, 11000000, PreArm: check
 """
 
 
+def resets_of(data: bytes) -> tuple[EstimatorReset, ...]:
+    return stated_resets(BootMessages(index_text("x.log", data)), TABLE.resets)
+
+
 def test_dataflash_events_errors_and_texts() -> None:
-    resets = stated_resets(index_text("x.log", EVENTS))
+    resets = resets_of(EVENTS)
     assert [(reset.time_boot_s, reset.what) for reset in resets] == [
         (5.0, "reset of the heading"),
         (7.0, "change to another estimator"),
@@ -39,13 +44,13 @@ def test_dataflash_events_errors_and_texts() -> None:
 
 def test_columns_that_damage_made_numbers_of_are_no_text() -> None:
     bad = EVENTS.replace(b"FMT, 134, 75, MSG, QZ,", b"FMT, 134, 75, MSG, QQ,")
-    assert len(stated_resets(index_text("x.log", bad))) == 3
+    assert len(resets_of(bad)) == 3
     other = EVENTS.replace(b"TimeUS,Message", b"TimeUS,Massage")
-    assert len(stated_resets(index_text("x.log", other))) == 3
+    assert len(resets_of(other)) == 3
 
 
 def test_texts_without_a_time_are_left_out() -> None:
-    assert resets_in_texts([np.nan], ["EKF3 IMU0 emergency yaw reset"]) == ()
+    assert not list(resets_in_texts([np.nan], ["EKF3 IMU0 emergency yaw reset"]))
 
 
 @pytest.mark.parametrize("name", ["flight.BIN", "flight.tlog"])

@@ -2,19 +2,67 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from uavgram.errors import InputError
 from uavgram.io.inputs import opened
-from uavgram.model.flight.log import FlightLog
+from uavgram.model.flight.log import FlightLog, LogKind
 
-_DATAFLASH_SUFFIXES = (".bin", ".log")
 _DATAFLASH_FORMAT = b"\xa3\x95\x80"  # the first message of a DataFlash file, a format message
 _ULOG_FORMAT = b"ULog\x01\x12\x35"
-_POSITION_TYPES = {
-    "dataflash": "POS, XKF1 with ORGN, or GPS with a 3-D fix",
-    "tlog": "GLOBAL_POSITION_INT or GPS_RAW_INT of an autopilot",
-    "ulog": "vehicle_global_position, vehicle_local_position with its origin, or GPS",
+
+
+@dataclass(frozen=True)
+class _Format:
+    """A kind of log: its suffixes, its beginning, its reader, which messages hold positions."""
+
+    suffixes: tuple[str, ...]
+    begins: Callable[[bytes], bool]
+    read: Callable[[str | Path], FlightLog]
+    positions: str
+
+
+# The readers are loaded one at a time: the peers' dialects take their time.
+def _read_ulog(path: str | Path) -> FlightLog:
+    from uavgram.io.logs.ulog.reader import read_ulog  # noqa: PLC0415
+
+    return read_ulog(path)
+
+
+def _read_dataflash(path: str | Path) -> FlightLog:
+    from uavgram.io.logs.dataflash.reader import read_dataflash  # noqa: PLC0415
+
+    return read_dataflash(path)
+
+
+def _read_tlog(path: str | Path) -> FlightLog:
+    from uavgram.io.logs.tlog.reader import read_tlog  # noqa: PLC0415
+
+    return read_tlog(path)
+
+
+# A file is of the first kind whose beginning or suffix it has.
+_FORMATS: dict[LogKind, _Format] = {
+    "ulog": _Format(
+        (".ulg",),
+        lambda head: head.startswith(_ULOG_FORMAT),
+        _read_ulog,
+        "vehicle_global_position, vehicle_local_position with its origin, or GPS",
+    ),
+    "dataflash": _Format(
+        (".bin", ".log"),
+        lambda head: head.startswith(_DATAFLASH_FORMAT) or b"FMT," in head,
+        _read_dataflash,
+        "POS, XKF1 with ORGN, or GPS with a 3-D fix",
+    ),
+    "tlog": _Format(
+        (".tlog",),
+        lambda head: len(head) > 8 and head[8] in (0xFD, 0xFE),
+        _read_tlog,
+        "GLOBAL_POSITION_INT or GPS_RAW_INT of an autopilot",
+    ),
 }
 
 
@@ -39,7 +87,7 @@ def read_flight_log(path: str | Path, *, positions_needed: bool = True) -> Fligh
         held = ", ".join(names[:15]) + (", ..." if len(names) > 15 else "")
         raise InputError(
             path,
-            f"holds no usable position ({_POSITION_TYPES[log.kind]}); it holds {held}. "
+            f"holds no usable position ({_FORMATS[log.kind].positions}); it holds {held}. "
             "Was it recorded in flight, with GPS?",
         )
     return log
@@ -48,38 +96,22 @@ def read_flight_log(path: str | Path, *, positions_needed: bool = True) -> Fligh
 def is_flight_log(path: Path) -> bool:
     """Whether suffix and beginning are those of a flight log: other programs write .log too."""
     suffix = path.suffix.lower()
-    if suffix not in (*_DATAFLASH_SUFFIXES, ".tlog", ".ulg"):
-        return False
+    formats = [known for known in _FORMATS.values() if suffix in known.suffixes]
     try:
-        head = _head(path)
+        return any(known.begins(_head(path)) for known in formats)
     except InputError:
         return False
-    if suffix == ".ulg":
-        return head.startswith(_ULOG_FORMAT)
-    if suffix == ".tlog":
-        return len(head) > 8 and head[8] in (0xFD, 0xFE)
-    return head.startswith(_DATAFLASH_FORMAT) or b"FMT," in head
 
 
 def _read(path: str | Path) -> FlightLog:
-    """By the format's own reader, which alone is loaded: the peers' dialects take their time."""
     suffix = Path(path).suffix.lower()
     head = _head(path)
-    if head.startswith(_ULOG_FORMAT) or suffix == ".ulg":
-        from uavgram.io.logs.ulog.reader import read_ulog  # noqa: PLC0415
-
-        return read_ulog(path)
-    is_dataflash = head.startswith(_DATAFLASH_FORMAT) or b"FMT," in head
-    if not is_dataflash:
+    # one byte of a telemetry log is weak evidence: a stream without times may have it too
+    if not any(known.begins(head) for kind, known in _FORMATS.items() if kind != "tlog"):
         _refuse_bare_stream(path, head)
-    if is_dataflash or suffix in _DATAFLASH_SUFFIXES:
-        from uavgram.io.logs.dataflash.reader import read_dataflash  # noqa: PLC0415
-
-        return read_dataflash(path)
-    if suffix == ".tlog" or (len(head) > 8 and head[8] in (0xFD, 0xFE)):
-        from uavgram.io.logs.tlog.reader import read_tlog  # noqa: PLC0415
-
-        return read_tlog(path)
+    for known in _FORMATS.values():
+        if known.begins(head) or suffix in known.suffixes:
+            return known.read(path)
     raise InputError(
         path,
         "is no flight log known here: DataFlash .bin or .log of ArduPilot, MAVLink .tlog, PX4 .ulg",

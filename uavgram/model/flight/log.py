@@ -257,7 +257,7 @@ class FlightLog:
     vehicle, firmware
         As the log states them; empty where it does not.
     boots
-        At least one.
+        At least one, once its messages are read.
     messages
         What the file holds, by type, sorted by name.
     undulation_m
@@ -270,9 +270,9 @@ class FlightLog:
     kind: LogKind
     vehicle: str
     firmware: str
-    boots: tuple[Boot, ...]
+    boots: tuple[Boot, ...] = ()
     messages: tuple[MessageCount, ...]
-    undulation_m: float
+    undulation_m: float = float("nan")
     notes: tuple[str, ...]
 
 

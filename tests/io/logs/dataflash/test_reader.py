@@ -10,10 +10,13 @@ import pytest
 from pymavlink import DFReader
 
 from uavgram.errors import InputError
-from uavgram.io.logs.dataflash import index as dataflash_index
-from uavgram.io.logs.dataflash.binary import index_binary
+from uavgram.io.logs.dataflash.binary import (
+    index_binary,
+    indexed_by_loop,
+    indexed_by_pymavlink,
+)
 from uavgram.io.logs.dataflash.reader import read_dataflash
-from uavgram.io.logs.dataflash.text import index_text
+from uavgram.io.logs.dataflash.tables import index_text
 from uavgram.io.logs.flight_log import read_flight_log
 
 
@@ -72,10 +75,10 @@ def test_the_loop_finds_the_messages_that_the_compiled_indexer_finds(
     data_dir: Path, name: str
 ) -> None:
     data = (data_dir / name).read_bytes()
-    compiled = dataflash_index.indexed_by_pymavlink(data)
+    compiled = indexed_by_pymavlink(data)
     if compiled is None:
         pytest.skip("this pymavlink has no compiled indexer")
-    loop = dataflash_index.indexed_by_loop(data)
+    loop = indexed_by_loop(data)
     assert compiled[129:] == loop[129:]
 
 

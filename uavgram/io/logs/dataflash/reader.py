@@ -1,37 +1,362 @@
-"""ArduPilot's DataFlash logs (.bin, .BIN, text .log) as a FlightLog."""
+"""ArduPilot's DataFlash logs (.bin, .BIN, text .log) as a FlightLog: their table and its hooks.
+
+Field meanings: ArduPilot libraries/AP_AHRS/AP_AHRS_Logging.cpp, AP_NavEKF3_Logging.cpp, AP_GPS.cpp,
+AP_Mount_Backend.cpp, AP_Camera_Backend.cpp (LogStructure.h of each). Numbers of events and errors:
+AP_Logger/AP_Logger.h, LogEvent and LogErrorSubsystem.
+"""
 
 from __future__ import annotations
 
 import re
 import sys
 from dataclasses import replace
+from functools import cached_property, partial
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.io.logs.dataflash import events as dataflash_events
-from uavgram.io.logs.dataflash import gimbal as dataflash_gimbal
-from uavgram.io.logs.dataflash import samples as dataflash_pose
+from uavgram.geometry.earth.gps_time import utc_from_gps
+from uavgram.io.inputs import read_bytes
+from uavgram.io.logs.build import Table, build_log
 from uavgram.io.logs.dataflash.binary import index_binary
-from uavgram.io.logs.dataflash.formats import odd_names
-from uavgram.io.logs.dataflash.resets import stated_resets
-from uavgram.io.logs.dataflash.samples import boot_time_s
-from uavgram.io.logs.dataflash.tables import Tables
-from uavgram.io.logs.dataflash.text import index_text
-from uavgram.io.logs.log_bytes import read_log_bytes
-from uavgram.io.logs.quality.agreement import disagreements
-from uavgram.io.logs.quality.boots import checked_boot
-from uavgram.io.logs.quality.rows import restarts
-from uavgram.model.flight.log import Boot, FlightLog, MessageCount
+from uavgram.io.logs.dataflash.formats import Columns, odd_names
+from uavgram.io.logs.dataflash.tables import Tables, index_text
+from uavgram.io.logs.quality.camera import events_of, gimbal_from_angles, image_numbers
+from uavgram.io.logs.quality.resets import ANY_CODE, StatedResets
+from uavgram.io.logs.quality.rows import is_height, plausible_rows, restarts
+from uavgram.io.logs.quality.samples import clock_samples
+from uavgram.io.logs.topics import Found, Messages, Row, Topic, as_numbers
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.flight.log import CameraEvents, FlightLog, GimbalSamples, MessageCount
 
 _FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|Blimp|AntennaTracker)\s+V?\d[\w.\-]*(\s+\(\w+\))?")
+_ODD_ONES = 0.05  # of all rows: fewer of another mount are damaged numbers of this one
 
 # PX4's first log format borrows DataFlash's framing and means other things by the same names.
 _SDLOG2 = (
     "is a PX4 log of the old form sdlog2 (.px4log), which is not read here: give the ground "
     "station's .tlog of this flight, or the photos' positions and angles as a table (`poses`); "
     "newer PX4 firmware writes .ulg, which is read"
+)
+
+
+class BootMessages(Messages):
+    """The messages of one boot; those of the estimator are of the core that flew most of the time.
+
+    Parameters
+    ----------
+    tables
+        Of one boot.
+    """
+
+    def __init__(self, tables: Tables) -> None:
+        self._tables = tables
+
+    @cached_property
+    def _core(self) -> int:
+        for name in ("XKF4", "NKF4"):
+            cores = as_numbers(self._tables.columns(name).get("PI", np.zeros(0)))
+            cores = cores[(cores >= 0) & (cores < 8)].astype(np.int64)
+            if len(cores):
+                return int(np.bincount(cores).argmax())
+        return 0
+
+    def read(self, name: str) -> Topic | None:
+        """All messages of one type, or those of the core; None where there is none."""
+        columns = self._tables.columns(name)
+        topic = Topic(name, _boot_time_s(columns), columns)
+        if "C" in columns:
+            topic = topic.only(topic.column("C") == self._core)
+        return topic if len(topic.time_s) else None
+
+
+def _boot_time_s(columns: Columns) -> Floats:
+    """(N,) seconds since boot: TimeUS, before ArduPilot 3.3 T (of GPS) or TimeMS."""
+    for name, unit_s in (("TimeUS", 1e-6), ("T", 1e-3), ("TimeMS", 1e-3)):
+        if name in columns:
+            return as_numbers(columns[name]) * unit_s
+    rows = len(next(iter(columns.values()))) if columns else 0
+    return np.full(rows, np.nan)
+
+
+def _receiver(messages: BootMessages) -> Topic | None:
+    """Rows with a 3-D fix of the receiver that was in use (before 3.6 the second is GPS2)."""
+    for name in ("GPS", "GPS2"):
+        topic = messages.topic(name)
+        if topic is None or "Lat" not in topic.fields:
+            continue
+        topic = topic.only(topic.column("Status") >= 3)
+        # the one that flew most of the time (U), else the one with most fixes, else the first
+        used = topic.column("U") > 0
+        seen, count = np.unique(
+            _instance(topic)[used] if used.any() else _instance(topic), return_counts=True
+        )
+        if len(seen):
+            return topic.only(_instance(topic) == seen[count.argmax()])
+    return None
+
+
+def _instance(topic: Topic) -> Floats:
+    instance = topic.column("I")
+    return np.where(np.isfinite(instance), instance, 0.0)
+
+
+def _accuracies(messages: BootMessages) -> Topic | None:
+    """What the receiver in use states of its accuracy."""
+    gps = messages.topic(_receiver)
+    if gps is None:
+        return None
+    topic = messages.topic({"GPS": "GPA", "GPS2": "GPA2"}[gps.name])
+    if topic is None or "I" not in topic.fields:
+        return topic
+    return topic.only(_instance(topic) == _instance(gps)[0])
+
+
+def _two_heights(messages: BootMessages) -> Topic | None:
+    """GPS with the ellipsoidal heights of GPA, which come at other times."""
+    gps, gpa = messages.topic(_receiver), messages.topic(_accuracies)
+    if gps is None or gpa is None:
+        return None
+    ellipsoid = gpa.column("AEl")
+    rows = plausible_rows(gpa.time_s, is_height(ellipsoid))
+    if not len(rows):
+        return None
+    at_fixes = np.interp(gps.time_s, gpa.time_s[rows], ellipsoid[rows])
+    return replace(gps, fields=gps.fields | {"AEl": at_fixes})
+
+
+def _gps_time(messages: BootMessages) -> Topic | None:
+    """UTC of each fix, at its arrival (GPA.SMS) where the log has it.
+
+    TimeUS is when the row was written, up to 40 ms later.
+    """
+    gps = messages.topic(_receiver)
+    if gps is None:
+        return None
+    # before 3.3 GPS.TimeMS is the GPS time and T the boot time
+    utc_s = _utc_s(gps.column("GWk", "Week"), gps.column("GMS", "TimeMS"))
+    arrival = _arrival_s(messages.topic(_accuracies), gps.time_s)
+    return Topic("gps", np.where(np.isnan(arrival), gps.time_s, arrival), {"utc_s": utc_s})
+
+
+def _utc_s(week: Floats, milliseconds: Floats) -> Floats:
+    """(N,) UTC of GPS times; NaN where they are none."""
+    sane = (week > 1000) & (week < 5000) & (milliseconds >= 0) & (milliseconds < 604800000)
+    utc_s = utc_from_gps(np.where(sane, week, 0.0), np.where(sane, milliseconds, 0.0))
+    return np.where(sane, utc_s, np.nan)
+
+
+def _arrival_s(accuracies: Topic | None, logged_s: Floats) -> Floats:
+    """(N,) GPA.SMS of the row logged at the same time, NaN where there is none."""
+    nowhere = np.full(len(logged_s), np.nan)
+    if accuracies is None:
+        return nowhere
+    time, sample = accuracies.time_s, accuracies.column("SMS") * 1e-3
+    rows = plausible_rows(time, np.abs(time - sample) < 1.0)
+    if not len(rows):
+        return nowhere
+    nearest = rows[np.clip(np.searchsorted(time[rows], logged_s), 0, len(rows) - 1)]
+    return np.where(np.abs(time[nearest] - logged_s) < 1e-4, sample[nearest], np.nan)
+
+
+def _origins(messages: BootMessages, kind: int) -> Topic | None:
+    """ORGN of one type: 0, where the estimator counts its offsets from, or 1, home."""
+    topic = messages.topic("ORGN")
+    return None if topic is None else topic.only(topic.column("Type") == kind)
+
+
+_ORIGIN, _HOME = partial(_origins, kind=0), partial(_origins, kind=1)
+
+
+def _placed(messages: BootMessages) -> Topic | None:
+    """The estimator's offsets from its origin as latitude, longitude and altitude.
+
+    With ArduPilot's own scale, as it made the offsets with it (libraries/AP_Common/Location.cpp,
+    LATLON_TO_M = 0.011131884502145034 m per 1e-7 degrees).
+    """
+    offsets, origins = messages.topic(*_CORES), messages.topic(_ORIGIN)
+    if offsets is None or origins is None or not len(origins.time_s):
+        return None
+    time = offsets.time_s
+    row = np.clip(np.searchsorted(origins.time_s, time, side="right") - 1, 0, None)
+    latitude_0, longitude_0, height_0 = (origins.column(k)[row] for k in ("Lat", "Lng", "Alt"))
+    meters_per_deg = 0.011131884502145034 * 1e7
+    latitude = latitude_0 + offsets.column("PN") / meters_per_deg
+    scale = np.cos(np.radians((latitude_0 + latitude) / 2))
+    longitude = longitude_0 + offsets.column("PE") / (meters_per_deg * scale)
+    height = height_0 - offsets.column("PD")
+    fields = {"Lat": latitude, "Lng": longitude, "Alt": height}
+    return Topic(f"{offsets.name}+ORGN", time, fields)
+
+
+def _variances(messages: BootMessages) -> Topic | None:
+    """The estimator's V07, V08, V09 [m²], of position, as standard deviations.
+
+    XKF4's SP, SH... are test ratios and no standard deviations. The estimator alone is
+    over-confident wherever the receiver's error is correlated.
+    """
+    topic = messages.topic("XKV1", "NKV1")
+    if topic is None:
+        return None
+    north, east, down = (topic.column(name) for name in ("V07", "V08", "V09"))
+    horizontal, vertical = (np.sqrt(np.abs(v)) for v in ((north + east) / 2, down))
+    return replace(topic, fields={"horizontal": horizontal, "vertical": vertical})
+
+
+def _gimbal(messages: BootMessages) -> Found[GimbalSamples]:
+    """MNT of the mount with most rows: yaw from north (YawE) where known, else from the nose.
+
+    A mount that knows no angle writes NaN; a remark counts rows that state
+    something and cannot be used.
+    """
+    topic = messages.topic("MNT")
+    if topic is None:
+        return None, ()
+    angles = [topic.column(name) for name in ("Roll", "Pitch", "YawE", "YawB")]
+    speaks = np.any(np.isfinite(angles), axis=0)
+    if not speaks.any():
+        return None, ()
+    mine, notes = _of_one_mount(topic, speaks)
+    roll, pitch, earth, vehicle = (column[mine] for column in angles)
+    known, nose = int(np.isfinite(earth).sum()), int(np.isfinite(vehicle).sum())
+    use_earth = known > 0 and known >= nose
+    samples, remarks = gimbal_from_angles(
+        topic.time_s[mine],
+        np.stack([roll, pitch, earth if use_earth else vehicle], axis=1),
+        "MNT",
+        yaw_frame="earth" if use_earth else "vehicle",
+        stated=np.ones(int(mine.sum()), dtype=bool),
+    )
+    notes += remarks
+    if samples is None:
+        missing = [name for name in ("Roll", "Pitch") if name not in topic.fields]
+        why = f": they have no {' and no '.join(missing)}" if missing else ""
+        notes = (*notes, f"the gimbal's attitude (MNT) could not be used{why}")
+    return samples, notes
+
+
+def _of_one_mount(topic: Topic, speaks: Bools) -> tuple[Bools, tuple[str, ...]]:
+    """(N,) rows of the mount that has most of those that state something; what of the others."""
+    if "I" not in topic.fields:
+        return speaks, ()
+    stated = topic.column("I")
+    seen, count = np.unique(stated[speaks & np.isfinite(stated)], return_counts=True)
+    if not len(seen):
+        return speaks, ("MNT rows name no mount: they were taken for one",)
+    chosen = float(seen[count.argmax()])
+    mine = speaks & (stated == chosen)
+    others = int(speaks.sum() - mine.sum())
+    if not others:
+        return mine, ()
+    if others < _ODD_ONES * len(stated):
+        return mine, (f"{others} of {len(stated)} MNT rows name no mount that is there: dropped",)
+    held = " and ".join(f"{number:g}" for number in seen)
+    return mine, (f"MNT is of mounts {held}; number {chosen:g}, which has most rows, was used",)
+
+
+def _events(messages: BootMessages) -> Found[CameraEvents]:
+    """CAM joined with TRIG by the image number.
+
+    With a feedback pin TRIG is the command and CAM the exposure (some 0.1 s later), and a TRIG
+    whose number has no CAM is a missed shot; without one there is CAM only, at the command
+    (ArduPilot, libraries/AP_Camera/AP_Camera_Backend.cpp).
+    """
+    cam_time, cam_number, notes = _shots(messages, "CAM")
+    trig_time, trig_number, _ = _shots(messages, "TRIG")
+    missed = ~np.isin(trig_number, cam_number) | (trig_number < 0)
+    present = [name for name, has in (("TRIG", trig_time), ("CAM", cam_time)) if len(has)]
+    instant: Literal["feedback", "command"] = "feedback" if len(present) == 2 else "command"
+    events, remarks = events_of(
+        "+".join(present),
+        instant,
+        (cam_time, cam_number, np.ones(len(cam_time))),
+        (trig_time[missed], trig_number[missed]),
+    )
+    return events, (*notes, *remarks)
+
+
+def _shots(messages: BootMessages, name: str) -> tuple[Floats, Ints, tuple[str, ...]]:
+    """Boot times and image numbers (-1: none) of CAM or TRIG, first camera only; remarks."""
+    topic = messages.topic(name)
+    if topic is None:
+        return np.zeros(0), np.zeros(0, dtype=np.int64), ()
+    notes: tuple[str, ...] = ()
+    camera = topic.column("I")
+    cameras = np.unique(camera[np.isfinite(camera)])
+    if len(cameras) > 1:
+        topic = topic.only(camera == cameras[0])
+        held = " and ".join(f"{c:.0f}" for c in cameras)
+        notes = (f"{name} is of cameras {held}; number {cameras[0]:.0f} was used",)
+    time = topic.time_s
+    if not any(field in topic.fields for field in ("TimeUS", "TimeMS", "T")):
+        time = _by_gps_time(messages, topic)
+        remark = "carries no boot time (firmware before 3.3): placed by GPS time, up to 0.2 s early"
+        notes = (*notes, f"{name} {remark}")
+    rows = plausible_rows(time, np.ones(len(time), dtype=bool))
+    return time[rows], image_numbers(topic.column("Img", "Image"))[rows], notes
+
+
+def _by_gps_time(messages: BootMessages, topic: Topic) -> Floats:
+    """(N,) boot times of rows that state the GPS time of the last fix; NaN where unknown."""
+    stated = _CLOCK.stated(messages)
+    clock = None if stated is None else clock_samples(stated)
+    if clock is None:
+        return np.full(len(topic.time_s), np.nan)
+    utc = _utc_s(topic.column("GPSWeek"), topic.column("GPSTime"))
+    order = np.argsort(clock.utc_s, kind="stable")
+    known, since_boot = clock.utc_s[order], clock.time_boot_s[order]
+    inside = (utc >= known[0] - 1) & (utc <= known[-1] + 1)  # NaN compares False
+    return np.where(inside, np.interp(utc, known, since_boot), np.nan)
+
+
+_CORES = ("XKF1", "NKF1", "EKF1")
+_QUATERNIONS = Row(("XKQ", "XKQ1", "NKQ", "NKQ1"), ("Q2", "Q3", "Q4", "Q1"))
+_PLACE, _ANGLES = ("Lat", "Lng", "Alt"), ("Roll", "Pitch", "Yaw")
+_ABOVE_HOME = ("RelHomeAlt", "RelAlt")
+_LAGGING = "positions are the receiver's own (no POS, no XKF1 with ORGN): they lag by its delay"
+_CLOCK = Row(_gps_time, ("utc_s",))
+
+TABLE = Table(
+    positions=(
+        Row("POS", (*_PLACE, _ABOVE_HOME)),
+        Row(_placed, _PLACE),
+        Row(_receiver, (*_PLACE, _ABOVE_HOME), source="GPS", remark=_LAGGING),
+    ),
+    receiver=(Row(_receiver, (*_PLACE, _ABOVE_HOME), source="GPS"),),
+    attitudes=(Row("ATT", _ANGLES), _QUATERNIONS),
+    other_attitudes=(Row(("XKF1", "NKF1"), _ANGLES), _QUATERNIONS),
+    gimbal=(_gimbal,),
+    events=(_events,),
+    velocities=(Row(_CORES, ("VN", "VE", "VD")),),
+    turn_rates=(Row("RATE", ("R", "P", "Y"), factor=np.pi / 180),),  # of the vehicle, not wanted
+    sigmas=(
+        Row(_variances, ("horizontal", "vertical")),
+        Row(_accuracies, ("HAcc", "VAcc"), source="GPA"),
+    ),
+    tilts=(Row(("XKF4", "NKF4"), ("errRP",)),),
+    fix=(Row(_receiver, ("Status",)),),
+    home=(Row(_HOME, _PLACE),),
+    origin=(Row(_ORIGIN, _PLACE),),
+    reception=(Row(_receiver, ("NSats", "HDop"), source="GPS"),),
+    clocks=(_CLOCK,),
+    undulation=(Row(_two_heights, ("AEl", "Alt")),),
+    resets=StatedResets(
+        codes=(
+            ("EV", ("Id",), {(60,): "reset of the height", (62,): "reset of the heading"}),
+            (
+                "ERR",
+                ("Subsys", "ECode"),
+                {
+                    (11, 2): "glitch of the GPS",
+                    (16, 2): "fault of the estimator (bad variances)",
+                    (24, ANY_CODE): "change to another estimator",
+                },
+            ),
+        ),
+        texts=(("MSG", "Message"),),
+    ),
 )
 
 
@@ -47,32 +372,27 @@ def read_dataflash(path: str | Path) -> FlightLog:
     tables = _index(str(path))
     if "StartTime" in tables.ends("TIME"):
         raise InputError(path, _SDLOG2)
-    parts = _parts(tables)
-    formats = (piece.format for pieces in tables.pieces.values() for piece in pieces)
-    notes = [*tables.notes, *(note for fmt in formats for note in odd_names(fmt))]
-    if len(parts) > 1:
-        notes.append(f"the boot clock starts again {len(parts) - 1} times: several boots")
-    boots = [_boot(part) for part in parts]
-    notes += [note for _, remarks in boots for note in remarks]
     if not tables.names:
         raise InputError(
             path, "holds no complete message: the file is cut or damaged; copy it once more"
         )
-    vehicle, firmware = _vehicle(tables)
-    return FlightLog(
+    formats = (piece.format for pieces in tables.pieces.values() for piece in pieces)
+    vehicle, firmware = _vehicle(BootMessages(tables))
+    log = FlightLog(
         path=str(path),
         kind="dataflash",
         vehicle=vehicle,
         firmware=firmware,
-        boots=tuple(boot for boot, _ in boots),
         messages=_counts(tables),
-        undulation_m=dataflash_events.undulation_m(tables),
-        notes=tuple(dict.fromkeys(notes)),
+        notes=(*tables.notes, *(note for fmt in formats for note in odd_names(fmt))),
     )
+    return build_log(log, [BootMessages(part) for part in _parts(tables)], TABLE)
 
 
 def _index(path: str) -> Tables:
-    data = read_log_bytes(path, "autopilot")
+    data = read_bytes(path, "name a flight log")
+    if not data:
+        raise InputError(path, "is empty: copy the log from the autopilot once more")
     if b"FMT," in data[:8000]:
         return index_text(path, data)
     return index_binary(path, data)
@@ -83,56 +403,28 @@ def _parts(tables: Tables) -> list[Tables]:
     guide = max(("ATT", "POS", "GPS"), key=tables.count)
     if tables.count(guide) == 0:
         return [tables]
-    starts = tables.places(guide)[restarts(boot_time_s(tables.columns(guide)))]
+    starts = tables.places(guide)[restarts(_boot_time_s(tables.columns(guide)))]
     edges = [0, *starts.tolist(), sys.maxsize]
     return [tables.between(edges[i], edges[i + 1]) for i in range(len(edges) - 1)]
-
-
-def _boot(tables: Tables) -> tuple[Boot, tuple[str, ...]]:
-    core = dataflash_pose.primary_core(tables)
-    clocks = dataflash_events.gps_clock(tables)
-    heard = dataflash_pose.receiver(tables)
-    boot, notes = checked_boot(
-        dataflash_pose.positions(tables, core),
-        dataflash_pose.attitudes(tables, core),
-        dataflash_gimbal.gimbal(tables),
-        dataflash_events.camera_events(tables, clocks),
-        sigmas=dataflash_pose.sigmas(tables, core, heard),
-        home=dataflash_events.home(tables),
-        clocks=clocks,
-        turn_rates=dataflash_pose.turn_rates(tables),
-    )
-    receiver, attitude = dataflash_pose.second_opinions(tables, core, heard[0])
-    boot = replace(
-        boot,
-        velocities=dataflash_pose.velocities(tables, core),
-        receiver=receiver,
-        reception=dataflash_pose.reception(heard[0]),
-        resets=stated_resets(tables),
-    )
-    origin = dataflash_events.estimator_origin(tables)
-    doubts = disagreements(boot, receiver, attitude, origin)
-    return boot, (*notes, *doubts)
 
 
 def _counts(tables: Tables) -> tuple[MessageCount, ...]:
     found = []
     for name in tables.names:
         ends = tables.ends(name)
-        times = boot_time_s(ends) if "TimeUS" in ends else np.full(1, np.nan)
+        times = _boot_time_s(ends) if "TimeUS" in ends else np.full(1, np.nan)
         first, last = float(times[0]), float(times[-1])
         count = tables.count(name)
         found.append(MessageCount(name=name, count=count, first_s=first, last_s=last))
     return tuple(found)
 
 
-def _vehicle(tables: Tables) -> tuple[str, str]:
+def _vehicle(messages: BootMessages) -> tuple[str, str]:
     """Vehicle and firmware as the first MSG that names them has it; VER as the fallback."""
-    for text in tables.columns("MSG").get("Message", ()):
-        found = _FIRMWARE.search(bytes(text).split(b"\0")[0].decode("latin-1"))
-        if found:
+    greetings, versions = messages.topic("MSG"), messages.topic("VER")
+    for text in greetings.texts("Message") if greetings is not None else ():
+        if found := _FIRMWARE.search(text):
             return found.group(1), found.group(0)
-    for text in tables.columns("VER").get("FWS", ()):
-        firmware = bytes(text).split(b"\0")[0].decode("latin-1")
-        return firmware.split(" ")[0], firmware
+    for text in versions.texts("FWS") if versions is not None else ():
+        return text.split(" ")[0], text
     return "", ""

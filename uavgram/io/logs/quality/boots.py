@@ -1,4 +1,9 @@
-"""A boot's tables held against each other: what lies outside the flight has damaged bytes."""
+"""A boot's messages held against each other: what cannot be is left out, doubts are named.
+
+What is outside the flight has damaged bytes. Where a log states something twice (a place, an
+attitude, a home) and the two contradict each other, nobody knows which of them is right: a remark
+names it, and only a home is left out for it.
+"""
 
 from __future__ import annotations
 
@@ -6,61 +11,29 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.io.logs.quality.agreement import homes_in_doubt
+from uavgram.geometry.motion.interpolation import interpolate_rotation
+from uavgram.geometry.motion.rotation import matrix_from_xyzw
 from uavgram.io.logs.quality.neighbours import without_damaged_rows
-from uavgram.io.logs.quality.samples import Found, rows_of
-from uavgram.model.arrays import Bools
-from uavgram.model.flight.log import (
-    AttitudeSamples,
-    Boot,
-    CameraEvents,
-    ClockSamples,
-    EstimatorSigmas,
-    GimbalSamples,
-    HomeSamples,
-    PositionSamples,
-)
-from uavgram.model.flight.second_opinions import TurnRateSamples
+from uavgram.io.logs.quality.samples import rows_of
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.flight.log import AttitudeSamples, Boot, HomeSamples, PositionSamples
 
 _MARGIN_S = 600.0  # a home or an event may come before the first position
-_FARTHEST_DEG = 1.0  # of a home from the flight
+_FARTHEST_M = 111e3  # of a home from the flight
+_METERS_PER_DEG = 111e3
+# Undamaged logs: a receiver's positions lag by a quarter of a second and lie 9 m off the
+# estimator's at most; two messages of one attitude differ by 0.02 degrees, in steps of a cdeg.
+_FAR_M, _LAG_S = 30.0, 1.0
+_TURNED_DEG = 10.0
+# A home states its height to the centimetre, as do positions above it; it settles by 3 m at first.
+_HOME_OFF_M = 4.0
+# Home moves where the vehicle is carried, at a walk; the estimator sets its origin and home at the
+# same place, unless the receiver still wandered in between or the vehicle was carried.
+_HOME_AWAY_M, _CARRIED_M_S = 200.0, 2.0
+_ORIGIN_OFF_M = 10.0
 
 
-def checked_boot(
-    positions: Found[PositionSamples],
-    attitudes: Found[AttitudeSamples],
-    gimbal: Found[GimbalSamples],
-    events: Found[CameraEvents],
-    *,
-    sigmas: EstimatorSigmas | None,
-    home: HomeSamples | None,
-    clocks: tuple[ClockSamples, ...],
-    turn_rates: TurnRateSamples | None,
-) -> tuple[Boot, tuple[str, ...]]:
-    """A boot of what its messages say, less what cannot be; and what was odd about them.
-
-    Parameters
-    ----------
-    positions, attitudes, gimbal, events
-        With the remarks of those who read them.
-    sigmas, home, clocks, turn_rates
-        As in `Boot`.
-    """
-    boot = Boot(
-        positions=positions[0],
-        attitudes=attitudes[0],
-        gimbal=gimbal[0],
-        events=events[0],
-        sigmas=sigmas,
-        home=home,
-        clocks=clocks,
-        turn_rates=turn_rates,
-    )
-    boot, remarks = _consistent(boot)
-    return boot, (*positions[1], *attitudes[1], *gimbal[1], *events[1], *remarks)
-
-
-def _consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
+def consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
     """The boot without what cannot be: rows off their neighbours, impossible events and homes."""
     boot, damaged = without_damaged_rows(boot)
     dense = [t for t in (boot.positions, boot.attitudes) if t is not None]
@@ -75,22 +48,170 @@ def _consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
             notes.append(f"{int((~inside).sum())} {events.source} events lie far outside the log")
             events = rows_of(events, inside) if inside.any() else None
     if home is not None and boot.positions is not None:
-        doubted, remarks = homes_in_doubt(home, boot.positions)
+        doubted, remarks = _homes_in_doubt(home, boot.positions)
         home = rows_of(home, ~doubted) if not doubted.all() else None
         notes += remarks
     if home is not None:
-        inside = (home.time_boot_s >= first) & (home.time_boot_s <= last) & _is_near(home, boot)
+        inside = (home.time_boot_s >= first) & (home.time_boot_s <= last)
+        if boot.positions is not None:
+            inside &= _away_m(home, boot.positions) < _FARTHEST_M
         if not inside.all():
             notes.append(f"{int((~inside).sum())} {home.source} homes lie far outside the flight")
             home = rows_of(home, inside) if inside.any() else None
     return replace(boot, events=events, home=home), tuple(notes)
 
 
-def _is_near(home: HomeSamples, boot: Boot) -> Bools:
-    positions = boot.positions
-    if positions is None:
-        return np.ones(len(home.time_boot_s), dtype=bool)
-    off_n = np.abs(home.latitude_deg - np.median(positions.latitude_deg))
-    off_e = (home.longitude_deg - np.median(positions.longitude_deg) + 180) % 360 - 180
-    scale = np.cos(np.radians(home.latitude_deg))
-    return np.asarray((off_n < _FARTHEST_DEG) & (np.abs(off_e) * scale < _FARTHEST_DEG))
+def disagreements(
+    boot: Boot, other: AttitudeSamples | None, origin: HomeSamples | None
+) -> tuple[str, ...]:
+    """Where other messages of the log contradict the positions, attitudes and home that are used.
+
+    Parameters
+    ----------
+    boot
+        Of which positions and attitudes are used.
+    other
+        Attitudes of other messages of the log; None where it has none.
+    origin
+        Where the estimator counts its offsets from; None where the log has it not.
+    """
+    spare = replace(boot, positions=boot.receiver, attitudes=other, gimbal=None)
+    spare, _ = without_damaged_rows(spare)
+    return (
+        *_places(boot.positions, spare.positions),
+        *_turns(boot.attitudes, spare.attitudes),
+        *_off_origin(boot.home, origin),
+    )
+
+
+def _places(used: PositionSamples | None, other: PositionSamples | None) -> tuple[str, ...]:
+    if used is None or other is None or used.source == other.source:
+        return ()
+    at = _during(other.time_boot_s, used.time_boot_s)
+    time = other.time_boot_s[at]
+    here, there = _flat_m(used, other, time), _flat_m(other, other, time)
+    way = _flat_m(used, other, time + _LAG_S) - _flat_m(used, other, time - _LAG_S)
+    apart = np.linalg.norm(here - there, axis=1)
+    return _disagreement(
+        f"positions by {used.source} and by the receiver ({other.source})",
+        time,
+        np.where(apart > _FAR_M + np.linalg.norm(way, axis=1), apart, 0.0),
+        "m",
+    )
+
+
+def _turns(used: AttitudeSamples | None, other: AttitudeSamples | None) -> tuple[str, ...]:
+    if used is None or other is None or used.source == other.source:
+        return ()
+    if len(used.time_boot_s) < 2:
+        return ()
+    time = other.time_boot_s[at := _during(other.time_boot_s, used.time_boot_s)]
+    here, _ = interpolate_rotation(used.time_boot_s, used.ned_from_body_xyzw, time)
+    there = matrix_from_xyzw(other.ned_from_body_xyzw[at])
+    cosine = (np.einsum("nij,nij->n", here, there) - 1) / 2
+    angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return _disagreement(
+        f"attitudes by {used.source} and by {other.source}",
+        time,
+        np.where(angle > _TURNED_DEG, angle, 0.0),
+        "degrees",
+    )
+
+
+def _disagreement(what: str, time_s: Floats, apart: Floats, unit: str) -> tuple[str, ...]:
+    rows = np.flatnonzero(apart)
+    if not len(rows):
+        return ()
+    worst = rows[apart[rows].argmax()]
+    return (
+        f"{what} contradict each other at {len(rows)} of {len(time_s)} times, by "
+        f"{apart[worst]:.3g} {unit} at {time_s[worst]:.2f} s since boot: one of the two is "
+        "damaged, or the autopilot was lost",
+    )
+
+
+def _during(time_s: Floats, span_s: Floats) -> Bools:
+    return np.asarray((time_s >= span_s[0]) & (time_s <= span_s[-1]))
+
+
+def _flat_m(samples: PositionSamples, about: PositionSamples, time_s: Floats) -> Floats:
+    """(K, 2) metres north and east of the other's first row, between the samples."""
+    latitude, longitude = float(about.latitude_deg[0]), float(about.longitude_deg[0])
+    east = (samples.longitude_deg - longitude + 180) % 360 - 180
+    north_m = (samples.latitude_deg - latitude) * _METERS_PER_DEG
+    east_m = east * _METERS_PER_DEG * np.cos(np.radians(latitude))
+    axes = [np.interp(time_s, samples.time_boot_s, axis) for axis in (north_m, east_m)]
+    return np.stack(axes, axis=1)
+
+
+def _homes_in_doubt(home: HomeSamples, positions: PositionSamples) -> tuple[Bools, tuple[str, ...]]:
+    """(N,) homes whose height the positions contradict; what is odd about the homes.
+
+    A position states its height above the home that is in force.
+    """
+    off_m = np.zeros(len(home.time_boot_s))
+    implied = positions.height_m - positions.height_home_m
+    edges = np.append(home.time_boot_s, np.inf)
+    for k, stated in enumerate(home.height_m):
+        during = (positions.time_boot_s >= edges[k]) & (positions.time_boot_s < edges[k + 1])
+        if np.isfinite(found := implied[during]).any() and home.datum == positions.datum:
+            off_m[k] = float(np.nanmedian(found)) - stated
+    doubted = np.abs(off_m) > _HOME_OFF_M
+    notes = [
+        f"home by {home.source} at {home.time_boot_s[k]:.2f} s since boot lies {-off_m[k]:+.1f} m "
+        f"off the height that {positions.source} counts from: taken for damaged and left out"
+        for k in np.flatnonzero(doubted)[:3]
+    ]
+    return doubted, (*notes, *_moved(home, ~doubted))
+
+
+def _moved(home: HomeSamples, kept: Bools) -> tuple[str, ...]:
+    """A remark where homes lie further from each other than a vehicle is carried meanwhile."""
+    if kept.sum() < 2:
+        return ()
+    time, latitude, longitude = (
+        column[kept] for column in (home.time_boot_s, home.latitude_deg, home.longitude_deg)
+    )
+    step = _apart_m(latitude[1:], longitude[1:], latitude[:-1], longitude[:-1])
+    allowed = np.minimum(_HOME_OFF_M + _CARRIED_M_S * np.diff(time), _HOME_AWAY_M)
+    far = np.flatnonzero(step > allowed)
+    if not len(far):
+        return ()
+    k = far[step[far].argmax()]
+    return (
+        f"home by {home.source} moves by {step[k]:.0f} m at {time[k + 1]:.2f} s since boot: was "
+        "the vehicle carried there, or is the statement damaged?",
+    )
+
+
+def _off_origin(home: HomeSamples | None, origin: HomeSamples | None) -> tuple[str, ...]:
+    """A remark where home lies off the origin that the estimator set at the same place."""
+    if home is None or origin is None:
+        return ()
+    off_m = _away_m(home, origin)
+    if off_m[k := int(off_m.argmax())] < _ORIGIN_OFF_M:
+        return ()
+    return (
+        f"home by {home.source} at {home.time_boot_s[k]:.2f} s since boot lies {off_m[k]:.0f} m "
+        "off the estimator's origin: was the vehicle carried after it was switched on, or is one "
+        "of the two damaged?",
+    )
+
+
+def _away_m(home: HomeSamples, others: HomeSamples | PositionSamples) -> Floats:
+    """(N,) horizontal distances of homes from the middle of other places."""
+    middle = float(np.median(others.latitude_deg)), float(np.median(others.longitude_deg))
+    return _apart_m(home.latitude_deg, home.longitude_deg, *middle)
+
+
+def _apart_m(
+    latitude_deg: Floats,
+    longitude_deg: Floats,
+    other_latitude_deg: Floats | float,
+    other_longitude_deg: Floats | float,
+) -> Floats:
+    """(N,) horizontal distances of places [deg] that are near each other."""
+    north = latitude_deg - other_latitude_deg
+    east = (longitude_deg - other_longitude_deg + 180) % 360 - 180
+    scale = np.cos(np.radians(latitude_deg))
+    return np.asarray(np.hypot(north, east * scale) * _METERS_PER_DEG)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,14 +18,6 @@ _NO_DEG = 0.5e-7  # less is zero in the last digit that autopilots store
 # Logs count microseconds; UTC as a double resolves a quarter of one.
 _SAME_INSTANT_S = 0.5e-6
 RESTART_S = 1.0  # a clock that steps back by more has been restarted (or the byte is damaged)
-
-
-def as_numbers(column: NDArray[Any]) -> Floats:
-    """(N,) a column as float64; NaN where damaged formats made a text or an array of it."""
-    if column.ndim != 1 or column.dtype.kind not in "biuf":
-        return np.full(len(column), np.nan)
-    with np.errstate(invalid="ignore"):  # signalling NaN
-        return np.asarray(column, dtype=np.float64)
 
 
 def is_spike(time_s: Floats) -> Bools:

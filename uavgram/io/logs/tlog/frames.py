@@ -1,4 +1,4 @@
-"""MAVLink telemetry logs as columns: a checked scan of frames, decoded by numpy.
+"""MAVLink telemetry logs as columns: a checked scan of frames, decoded by numpy, boot by boot.
 
 A .tlog is a row of records: 8 bytes of time (big-endian microseconds since 1970 on the receiver's
 clock; some programs keep a link number in the lowest two bits) and one MAVLink frame, version 1
@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.io.logs.mavlink_dialect import checksum_extra, message_dtype, message_number
+from uavgram.io.logs.quality.rows import LONGEST_BOOT_S, restarts
 from uavgram.io.logs.tlog.crc import checksums, items_at
+from uavgram.io.logs.topics import Messages, Topic
 from uavgram.model.arrays import Bools, Floats, Ints
 
 Columns = dict[str, NDArray[Any]]
@@ -24,6 +26,16 @@ _CHUNK = 1 << 23  # bytes searched at a time: what it finds stays in the cache
 _NO_TIME = 0xF0FF  # of its first two bytes: 2^52 microseconds are the year 2112
 _BARE_FRAMES = 4  # in a row: no other kind of file begins so
 _ROWS = 1 << 16  # messages decoded at a time
+# Sent by every autopilot while it runs, each with time_boot_ms.
+_CLOCKED = (
+    "SYSTEM_TIME",
+    "GLOBAL_POSITION_INT",
+    "LOCAL_POSITION_NED",
+    "ATTITUDE",
+    "ATTITUDE_QUATERNION",
+)
+_AUTOPILOT_COMPONENT = 1
+_NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID: a ground station, a camera, a gimbal
 
 
 @dataclass(frozen=True, eq=False)
@@ -255,3 +267,92 @@ def _grouped(number: NDArray[np.int32]) -> dict[int, Ints]:
     count = np.bincount(number) if len(number) else np.zeros(0, dtype=np.int64)
     edges = np.append(0, np.cumsum(count))
     return {int(n): order[edges[n] : edges[n + 1]] for n in np.flatnonzero(count)}
+
+
+@dataclass(frozen=True, eq=False)
+class Stream(Messages):
+    """The frames of one boot of one vehicle.
+
+    Attributes
+    ----------
+    frames
+        The whole file.
+    system
+        Number of the vehicle.
+    first_row, end_row
+        Which frames belong to this boot.
+    clock_row, clock_boot_s
+        (C,) frames that state the boot time, and what they state.
+    """
+
+    frames: FrameTable
+    system: int
+    first_row: int
+    end_row: int
+    clock_row: Ints
+    clock_boot_s: Floats
+
+    def rows(self, name: str) -> Ints:
+        """(K,) frames of one message type, from the autopilot; else from the vehicle's others."""
+        rows = self.frames.rows(name)
+        rows = rows[np.searchsorted(rows, self.first_row) : np.searchsorted(rows, self.end_row)]
+        rows = rows[self.frames.system[rows] == self.system]
+        component = self.frames.component[rows]
+        own = component == _AUTOPILOT_COMPONENT
+        if own.any() or not len(rows):
+            return np.asarray(rows[own])
+        return np.asarray(rows[component == np.bincount(component).argmax()], dtype=np.int64)
+
+    def read(self, name: str) -> Topic | None:
+        """The messages of one kind, by their own time since boot where they state one."""
+        rows = self.rows(name)
+        if not len(rows):
+            return None
+        columns = self.frames.columns(name, rows)
+        stated = "time_boot_ms" in columns
+        time_s = columns["time_boot_ms"] * 1e-3 if stated else self.boot_s(rows)
+        for field, values in tuple(columns.items()):
+            if values.ndim > 1:
+                columns |= {f"{field}[{k}]": values[:, k] for k in range(values.shape[1])}
+        return Topic(name, time_s, columns)
+
+    def boot_s(self, rows: Ints) -> Floats:
+        """(K,) boot time at frames that state none: between those of their neighbours."""
+        return np.interp(rows, self.clock_row, self.clock_boot_s)
+
+
+def vehicles(frames: FrameTable) -> list[int]:
+    """Numbers of the autopilots that the log hears, the one with the most positions first."""
+    beats = frames.rows("HEARTBEAT", frames.component == _AUTOPILOT_COMPONENT)
+    kinds = frames.columns("HEARTBEAT", beats).get("autopilot", np.zeros(0))
+    systems = set(frames.system[beats[kinds != _NO_AUTOPILOT]].tolist())
+    placed = frames.system[frames.rows("GLOBAL_POSITION_INT")]
+    systems = systems or set(placed.tolist())
+    return sorted(systems, key=lambda system: (-int((placed == system).sum()), system))
+
+
+def boots(frames: FrameTable, system: int) -> list[Stream]:
+    """One stream for each time that the vehicle's boot clock starts."""
+    mine = (frames.system == system) & (frames.component == _AUTOPILOT_COMPONENT)
+    rows_of = [frames.rows(name, mine) for name in _CLOCKED]
+    if not any(len(rows) for rows in rows_of):
+        return []
+    times_of = [
+        frames.columns(name, rows)["time_boot_ms"].astype(np.float64) * 1e-3
+        for name, rows in zip(_CLOCKED, rows_of, strict=True)
+    ]
+    row, time = np.concatenate(rows_of), np.concatenate(times_of)
+    sane = (time > 0) & (time < LONGEST_BOOT_S)
+    row, time = row[sane], time[sane]
+    order = np.argsort(row, kind="stable")
+    row, time = row[order], time[order]
+    if not len(row):
+        return []
+    edges = [0, *restarts(time).tolist(), len(row)]
+    streams = []
+    for k in range(len(edges) - 1):
+        part = slice(edges[k], edges[k + 1])
+        first = 0 if k == 0 else int(row[edges[k]])
+        end = len(frames.start) if k == len(edges) - 2 else int(row[edges[k + 1]])
+        streams.append(Stream(frames, system, first, end, row[part], time[part]))
+    return streams

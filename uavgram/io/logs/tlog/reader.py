@@ -1,27 +1,239 @@
-"""MAVLink telemetry logs (.tlog) as a FlightLog."""
+"""MAVLink telemetry logs (.tlog) as a FlightLog: their table and its hooks.
+
+Fields, units and frames: https://mavlink.io/en/messages/common.html and ardupilotmega.html.
+"""
 
 from __future__ import annotations
 
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.io.logs.log_bytes import read_log_bytes
+from uavgram.geometry.motion.interpolation import interpolate_rotation
+from uavgram.geometry.motion.rotation import matrix_from_ypr, ypr_from_matrix
+from uavgram.io.inputs import read_bytes
+from uavgram.io.logs.build import Table, build_log, first_found
 from uavgram.io.logs.mavlink_dialect import message_name, vehicle_kind
-from uavgram.io.logs.quality.agreement import disagreements
-from uavgram.io.logs.quality.boots import checked_boot
-from uavgram.io.logs.quality.samples import clock_samples, home_samples, median_undulation_m
-from uavgram.io.logs.tlog import samples as tlog_pose
-from uavgram.io.logs.tlog.events import camera_events
-from uavgram.io.logs.tlog.frames import FrameTable, scan_frames
-from uavgram.io.logs.tlog.resets import stated_resets
-from uavgram.io.logs.tlog.stream import Stream, boots, vehicles
-from uavgram.model.flight.log import Boot, ClockSamples, FlightLog, HomeSamples, MessageCount
+from uavgram.io.logs.quality.camera import events_of, gimbal_from_angles, image_numbers
+from uavgram.io.logs.quality.resets import StatedResets
+from uavgram.io.logs.quality.rows import plausible_rows
+from uavgram.io.logs.quality.samples import attitude_samples, quaternions_of_angles
+from uavgram.io.logs.tlog.frames import FrameTable, Stream, boots, scan_frames, vehicles
+from uavgram.io.logs.topics import Found, Row, Topic
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.flight.log import CameraEvents, FlightLog, GimbalSamples, MessageCount
 
 _FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|PX4)\s+[Vv]?\d[\w.\-]*(\s+\(\w+\))?")
+_LARGEST_RAD = 7.0  # of an angle: some say 2 pi for 0
+_EPOCH_USEC = 1e15  # a greater time is microseconds since 1970 (2001 on), a smaller one since boot
+_WRAP_S = 2.0**32 * 1e-6
+_LONGEST_DELAY_S = 60.0  # from an exposure to its message
+
+
+def _receiver(stream: Stream) -> Topic | None:
+    """Messages with a 3-D fix of the first receiver that has any."""
+    for name in ("GPS_RAW_INT", "GPS2_RAW"):
+        topic = stream.topic(name)
+        if topic is not None and (fixed := topic.column("fix_type") >= 3).any():
+            return topic.only(fixed)
+    return None
+
+
+def _has_place(topic: Topic) -> Bools:
+    return np.asarray((topic.column("lat") != 0) | (topic.column("lon") != 0))
+
+
+def _knows_velocity(topic: Topic) -> Bools:
+    """(N,) not at all where zeros are sent throughout, by firmware that knows no velocity."""
+    knows = topic.column("vx").any() or topic.column("vy").any()
+    return np.full(len(topic.time_s), bool(knows))
+
+
+def _has_ellipsoid(topic: Topic) -> Bools:
+    return np.asarray(topic.column("alt_ellipsoid") != 0)
+
+
+def _by_angles(stream: Stream) -> Topic | None:
+    """ATTITUDE as quaternions."""
+    topic = stream.topic("ATTITUDE")
+    if topic is None:
+        return None
+    angles = np.stack([topic.column(k) for k in ("roll", "pitch", "yaw")], axis=1)
+    sane = np.abs(angles).max(axis=1) < _LARGEST_RAD  # NaN compares False
+    xyzw = quaternions_of_angles(angles, sane)
+    return replace(topic, fields=dict(zip(_XYZW, xyzw.T, strict=True)))
+
+
+def _received(stream: Stream) -> Topic | None:
+    """The ground station's clock at the messages that state their time since boot."""
+    received = stream.frames.receive_s(stream.clock_row)
+    return Topic("receive", stream.clock_boot_s, {"utc_s": received})
+
+
+def _mount_status(stream: Stream) -> Found[GimbalSamples]:
+    """MOUNT_STATUS: of a servo mount (until 4.2) the servos' angles, so from the vehicle's frame.
+
+    ArduPilot 3.x, AP_Mount_Servo.cpp status_msg() sends _angle_bf_output_deg, the other mounts
+    send angles from the horizon; the message does not say which. Servo angles cancel the
+    vehicle's: that is how they are told apart here.
+    """
+    topic = stream.topic("MOUNT_STATUS")
+    if topic is None:
+        return None, ()
+    # pointing_a, b, c are pitch, roll, yaw in centidegrees; the message has no time of its own
+    names = ("pointing_b", "pointing_a", "pointing_c")
+    angles_deg = np.stack([topic.column(name) / 100.0 for name in names], axis=1)
+    if not angles_deg.any():
+        return None, ()  # no mount is configured
+    samples, notes = gimbal_from_angles(topic.time_s, angles_deg, topic.name)
+    attitudes, _ = first_found(stream, _ATTITUDES, attitude_samples)
+    if samples is None or attitudes is None or len(attitudes.time_boot_s) < 2:
+        return samples, notes
+    vehicle, _ = interpolate_rotation(
+        attitudes.time_boot_s,
+        attitudes.ned_from_body_xyzw,
+        np.clip(samples.time_boot_s, *attitudes.time_boot_s[[0, -1]]),
+    )
+    if not _cancels(samples, vehicle):
+        return samples, notes
+    note = (
+        "MOUNT_STATUS states servo angles, which cancel the vehicle's roll and pitch: they were "
+        "turned by the vehicle's attitude"
+    )
+    return _on_vehicle(samples, vehicle), (*notes, note)
+
+
+def _cancels(samples: GimbalSamples, ned_from_body: Floats) -> bool:
+    """Whether the angles undo the vehicle's: their sum varies far less than they do."""
+    _, pitch, roll = ypr_from_matrix(ned_from_body)
+    apart = np.var(samples.roll_rad) + np.var(samples.pitch_rad)
+    together = np.var(samples.roll_rad + roll) + np.var(samples.pitch_rad + pitch)
+    return bool(apart > np.radians(0.5) ** 2 and together < 0.25 * apart)
+
+
+def _on_vehicle(samples: GimbalSamples, ned_from_body: Floats) -> GimbalSamples:
+    """Angles from the vehicle's frame as angles from the horizon and north."""
+    body_from_gimbal = matrix_from_ypr(samples.yaw_rad, samples.pitch_rad, samples.roll_rad)
+    yaw, pitch, roll = ypr_from_matrix(ned_from_body @ body_from_gimbal)
+    return replace(samples, roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw, yaw_frame="earth")
+
+
+def _stamped(stream: Stream, name: str, count: str, *, fed_back: bool) -> Found[CameraEvents]:
+    """Events with time_usec, and their number in the field `count`.
+
+    That of CAMERA_FEEDBACK changes its clock (ArduPilot, AP_Camera_Backend.cpp): UTC without a
+    feedback pin, microseconds since boot in 32 bits with one.
+    """
+    topic = stream.topic(name)
+    if topic is None:
+        return None, ()
+    time, is_utc, notes = _since_boot(stream, topic)
+    kept = plausible_rows(time, np.abs(time - topic.time_s) < _LONGEST_DELAY_S)
+    if not len(kept):
+        return None, notes
+    pinned = fed_back and (~is_utc[kept]).mean() > 0.5
+    number = image_numbers(topic.column(count))[kept]
+    confirmed = np.full(len(kept), float(fed_back))
+    events, remarks = events_of(
+        name, "feedback" if pinned else "command", (time[kept], number, confirmed)
+    )
+    return events, (*notes, *remarks)
+
+
+def _since_boot(stream: Stream, topic: Topic) -> tuple[Floats, Bools, tuple[str, ...]]:
+    """(K,) boot times of stamps that are UTC or since boot, by magnitude; which are UTC.
+
+    UTC is taken back to the boot clock by the vehicle's own SYSTEM_TIME, whose clock it is, right
+    or wrong; a stamp since boot of 32 bits is unwrapped to its message's own time.
+    """
+    stated = topic.column("time_usec")
+    since_boot = stated * 1e-6
+    since_boot += np.round((topic.time_s - since_boot) / _WRAP_S) * _WRAP_S
+    is_utc = stated > _EPOCH_USEC
+    if not is_utc.any():
+        return since_boot, is_utc, ()
+    offset = _utc_minus_boot(stream, topic)
+    if offset is not None:
+        return np.where(is_utc, stated * 1e-6 - offset, since_boot), is_utc, ()
+    text = (
+        f"{int(is_utc.sum())} {topic.name} messages state UTC but the log has no SYSTEM_TIME to "
+        "place them; they were not used"
+    )
+    return np.where(is_utc, np.nan, since_boot), is_utc, (text,)
+
+
+def _utc_minus_boot(stream: Stream, topic: Topic) -> Floats | None:
+    """(K,) the vehicle's UTC minus its boot time at these messages; None where it states none."""
+    system = stream.topic("SYSTEM_TIME")
+    if system is None:
+        return None
+    utc = system.column("time_unix_usec") * 1e-6
+    some = utc > 0
+    if not some.any():
+        return None
+    difference = utc - system.time_s
+    rows = stream.rows(topic.name), stream.rows(system.name)
+    return np.interp(rows[0], rows[1][some], difference[some])
+
+
+def _captured(stream: Stream) -> Topic | None:
+    """CAMERA_IMAGE_CAPTURED; a ground station may ask for one again, with the same time."""
+    topic = stream.topic("CAMERA_IMAGE_CAPTURED")
+    if topic is None:
+        return None
+    # may come long after its event, so out of order: asked for again, or kept without a link
+    time, kept = np.unique(topic.time_s, return_index=True)
+    latest = stream.boot_s(stream.rows(topic.name)[kept]) + _LONGEST_DELAY_S
+    return topic.only(kept[(time > 0) & (time <= latest)])
+
+
+_PLACE, _UNITS = ("lat", "lon", "alt"), (1e7, 1e7, 1e3)
+_XYZW = ("q2", "q3", "q4", "q1")
+_RATES = ("rollspeed", "pitchspeed", "yawspeed")
+_LAGGING = "positions are the receiver's own (no GLOBAL_POSITION_INT): they lag by its delay"
+_ANGLES = Row(_by_angles, _XYZW)
+_ATTITUDES = (Row("ATTITUDE_QUATERNION", _XYZW), _ANGLES)
+_RECEIVER = Row(_receiver, _PLACE, _UNITS, valid=_has_place, source="GPS_RAW_INT")
+
+TABLE = Table(
+    positions=(
+        Row("GLOBAL_POSITION_INT", (*_PLACE, "relative_alt"), (*_UNITS, 1e3), valid=_has_place),
+        replace(_RECEIVER, remark=_LAGGING),
+    ),
+    receiver=(_RECEIVER,),
+    attitudes=_ATTITUDES,
+    other_attitudes=(_ANGLES,),
+    gimbal=(
+        Row("GIMBAL_DEVICE_ATTITUDE_STATUS", ("q[0]", "q[1]", "q[2]", "q[3]", "flags")),
+        Row("MOUNT_ORIENTATION", ("roll", "pitch", "yaw")),
+        _mount_status,
+    ),
+    events=(
+        partial(_stamped, name="CAMERA_FEEDBACK", count="img_idx", fed_back=True),
+        Row(_captured, ("image_index", "capture_result")),
+        partial(_stamped, name="CAMERA_TRIGGER", count="seq", fed_back=False),  # commands only
+    ),
+    velocities=(Row("GLOBAL_POSITION_INT", ("vx", "vy", "vz"), 100.0, valid=_knows_velocity),),
+    turn_rates=(Row("ATTITUDE_QUATERNION", _RATES), Row("ATTITUDE", _RATES)),
+    # EKF_STATUS_REPORT's variances are test ratios, no standard deviations
+    sigmas=(
+        Row("ESTIMATOR_STATUS", ("pos_horiz_accuracy", "pos_vert_accuracy")),
+        Row(_receiver, ("h_acc", "v_acc"), 1e3, source="GPS_RAW_INT"),
+    ),
+    fix=(Row(_receiver, ("fix_type",)),),
+    home=(Row("HOME_POSITION", ("latitude", "longitude", "altitude"), _UNITS),),
+    reception=(Row(_receiver, ("satellites_visible", "eph"), (1.0, 100.0), source="GPS_RAW_INT"),),
+    clocks=(
+        Row("SYSTEM_TIME", ("time_unix_usec",), factor=1e-6, source="system_time"),
+        Row(_received, ("utc_s",)),
+    ),
+    undulation=(Row(_receiver, ("alt_ellipsoid", "alt"), 1e3, valid=_has_ellipsoid),),
+    resets=StatedResets(texts=(("STATUSTEXT", "text"),)),
+)
 
 
 def read_tlog(path: str | Path) -> FlightLog:
@@ -38,27 +250,24 @@ def read_tlog(path: str | Path) -> FlightLog:
     if len(systems) > 1:
         notes.append(f"autopilots {systems} are in the log; number {systems[0]} was used")
     streams = boots(frames, systems[0]) if systems else []
-    if len(streams) > 1:
-        notes.append(f"the boot clock starts again {len(streams) - 1} times: several boots")
-    found = [_boot(stream) for stream in streams]
-    notes += [note for _, remarks in found for note in remarks]
-    if not found:
+    if not streams:
         raise InputError(path, _no_autopilot(frames))
     vehicle, firmware = _vehicle(frames, systems[0])
-    return FlightLog(
+    log = FlightLog(
         path=str(path),
         kind="tlog",
         vehicle=vehicle,
         firmware=firmware,
-        boots=tuple(boot for boot, _ in found),
         messages=_counts(frames, streams),
-        undulation_m=_undulation_m(streams),
-        notes=tuple(dict.fromkeys(notes)),
+        notes=tuple(notes),
     )
+    return build_log(log, streams, TABLE)
 
 
 def _frames(path: str) -> FrameTable:
-    data = read_log_bytes(path, "ground station")
+    data = read_bytes(path, "name a flight log")
+    if not data:
+        raise InputError(path, "is empty: copy the log from the ground station once more")
     frames = scan_frames(data)
     if not len(frames.start):
         raise InputError(path, "holds no intact MAVLink frame; is it a .tlog of a ground station?")
@@ -74,60 +283,6 @@ def _scan_notes(frames: FrameTable) -> list[str]:
     if frames.unknown:
         notes.append(f"{frames.unknown} frames are of unknown messages and were skipped")
     return notes
-
-
-def _boot(stream: Stream) -> tuple[Boot, tuple[str, ...]]:
-    attitudes, heard = tlog_pose.attitudes(stream), tlog_pose.receiver(stream)
-    boot, notes = checked_boot(
-        tlog_pose.positions(stream),
-        attitudes,
-        tlog_pose.gimbal(stream, attitudes[0]),
-        camera_events(stream),
-        sigmas=tlog_pose.sigmas(stream, heard),
-        home=_home(stream),
-        clocks=_clocks(stream),
-        turn_rates=tlog_pose.turn_rates(stream),
-    )
-    receiver, attitude = tlog_pose.second_opinions(stream, heard)
-    boot = replace(
-        boot,
-        velocities=tlog_pose.velocities(stream),
-        receiver=receiver,
-        reception=tlog_pose.reception(stream, heard),
-        resets=stated_resets(stream),
-    )
-    return boot, (*notes, *disagreements(boot, receiver, attitude))
-
-
-def _clocks(stream: Stream) -> tuple[ClockSamples, ...]:
-    stated: tuple[ClockSamples, ...] = ()
-    columns, _ = stream.columns("SYSTEM_TIME")
-    if columns:
-        utc = columns["time_unix_usec"].astype(np.float64) * 1e-6
-        stated = clock_samples("system_time", columns["time_boot_ms"] * 1e-3, utc, utc > 0)
-    receive = stream.frames.receive_s(stream.clock_row)
-    return (*stated, *clock_samples("receive", stream.clock_boot_s, receive, receive > 0))
-
-
-def _home(stream: Stream) -> HomeSamples | None:
-    columns, found = stream.columns("HOME_POSITION")
-    if not columns:
-        return None
-    place = columns["latitude"] / 1e7, columns["longitude"] / 1e7, columns["altitude"] / 1e3
-    return home_samples("HOME_POSITION", stream.boot_s(found), place)
-
-
-def _undulation_m(streams: list[Stream]) -> float:
-    """Geoid above ellipsoid: median of alt_ellipsoid - alt in GPS_RAW_INT; NaN without (0)."""
-    for stream in streams:
-        columns, _ = tlog_pose.receiver(stream)
-        if not columns:
-            continue
-        stated = columns["alt_ellipsoid"] != 0
-        heights = (columns[name][stated] / 1e3 for name in ("alt_ellipsoid", "alt"))
-        if np.isfinite(found := median_undulation_m(*heights)):
-            return found
-    return float("nan")
 
 
 def _no_autopilot(frames: FrameTable) -> str:

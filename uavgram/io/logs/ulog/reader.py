@@ -1,28 +1,220 @@
-"""PX4's ULog (.ulg) as a FlightLog."""
+"""PX4's ULog (.ulg) as a FlightLog: its table and its hooks.
+
+Field meanings: PX4-Autopilot msg/*.msg; names of fields changed over the years, both are read.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.geometry.earth.gps_time import MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
+from uavgram.io.logs.build import Table, build_log
 from uavgram.io.logs.mavlink_dialect import vehicle_kind
-from uavgram.io.logs.quality.boots import checked_boot
-from uavgram.io.logs.ulog import events as ulog_events
-from uavgram.io.logs.ulog import samples as ulog_pose
-from uavgram.io.logs.ulog.resets import stated_resets
+from uavgram.io.logs.quality.camera import events_of, image_numbers
+from uavgram.io.logs.quality.resets import StatedResets
+from uavgram.io.logs.quality.rows import plausible_rows
+from uavgram.io.logs.topics import Found, Row, Topic
 from uavgram.io.logs.ulog.topics import UlogTables, read_tables
-from uavgram.model.flight.log import FlightLog, MessageCount
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.flight.log import CameraEvents, FlightLog, MessageCount
 
 # Lowest byte of ver_sw_release (PX4 src/lib/version/version.c)
 _RELEASE_KINDS = {0: "development", 64: "alpha", 128: "beta", 192: "candidate", 255: "release"}
+_EARTH_RADIUS_M = 6371000.0  # PX4 src/lib/geo/geo.h, CONSTANTS_RADIUS_OF_EARTH
+_LATEST_FEEDBACK_S = 1.0  # after its command
+_EARLIEST_FEEDBACK_S = -0.02
 
 TOPICS = (
     *("vehicle_global_position", "vehicle_local_position", "vehicle_gps_position", "sensor_gps"),
     *("vehicle_attitude", "vehicle_angular_velocity", "vehicle_status", "home_position"),
     *("camera_capture", "camera_trigger", "gimbal_device_attitude_status", "mount_orientation"),
+)
+
+
+def _receiver(tables: UlogTables) -> Topic | None:
+    """The GPS topic that has a 3-D fix; vehicle_gps_position before sensor_gps.
+
+    Since 2023 in degrees and metres, before as integers of 1e-7 degrees and millimetres.
+    """
+    for name in ("vehicle_gps_position", "sensor_gps"):
+        for topic in tables.instances(name):
+            if not _has_fix(topic).any():
+                continue
+            fields = dict(topic.fields)
+            if "latitude_deg" not in fields:
+                fields["latitude_deg"] = topic.column("lat") / 1e7
+                fields["longitude_deg"] = topic.column("lon") / 1e7
+                fields["altitude_msl_m"] = topic.column("alt") / 1e3
+            if "alt_ellipsoid" in fields:
+                fields["altitude_ellipsoid_m"] = topic.column("alt_ellipsoid") / 1e3
+            return replace(topic, fields=fields)
+    return None
+
+
+def _has_fix(topic: Topic) -> Bools:
+    return np.asarray(topic.column("fix_type") >= 3)
+
+
+def _has_ellipsoid(topic: Topic) -> Bools:
+    return np.asarray(_has_fix(topic) & (topic.column("altitude_ellipsoid_m") != 0))
+
+
+def _is_called_valid(topic: Topic) -> Bools:
+    """(N,) whether no flag denies that a place is valid; old firmware has none of them."""
+    flags = ("lat_lon_valid", "alt_valid", "valid_hpos", "valid_alt")
+    return np.asarray(~np.any([topic.column(flag) == 0 for flag in flags], axis=0))
+
+
+def _is_global(topic: Topic) -> Bools:
+    """(N,) whether the local frame is tied to the earth."""
+    tied = (topic.column("xy_global") > 0) & (topic.column("z_global") > 0)
+    finite = np.isfinite(topic.column("ref_lat")) & np.isfinite(topic.column("ref_lon"))
+    return np.asarray(tied & finite)
+
+
+def _from_local(tables: UlogTables) -> Topic | None:
+    """vehicle_local_position on the earth."""
+    topic = tables.topic("vehicle_local_position")
+    if topic is None:
+        return None
+    latitude, longitude, height = reprojected(topic)
+    return replace(topic, fields=topic.fields | {"lat": latitude, "lon": longitude, "alt": height})
+
+
+def reprojected(topic: Topic) -> tuple[Floats, Floats, Floats]:
+    """Latitude, longitude [deg] and altitude [m], each (N,), of local north, east, down.
+
+    PX4's own projection, as it made the local frame with it: azimuthal equidistant on a sphere
+    (PX4 src/lib/geo/geo.cpp, MapProjection::reproject).
+    """
+    latitude_0, longitude_0 = (
+        np.radians(topic.column("ref_lat")),
+        np.radians(topic.column("ref_lon")),
+    )
+    north, east = topic.column("x") / _EARTH_RADIUS_M, topic.column("y") / _EARTH_RADIUS_M
+    angle = np.hypot(north, east)
+    ratio = np.sinc(angle / np.pi)  # sin(angle) / angle, 1 at the origin
+    latitude = np.arcsin(
+        np.clip(np.cos(angle) * np.sin(latitude_0) + north * ratio * np.cos(latitude_0), -1.0, 1.0)
+    )
+    longitude = longitude_0 + np.arctan2(
+        east * ratio, np.cos(latitude_0) * np.cos(angle) - north * np.sin(latitude_0) * ratio
+    )
+    height = topic.column("ref_alt") - topic.column("z")
+    return np.degrees(latitude), np.degrees(longitude), height
+
+
+def _utc(tables: UlogTables) -> Topic | None:
+    """The receiver's UTC, one for each 3-D fix."""
+    topic = tables.topic(_receiver)
+    if topic is None:
+        return None
+    # the instant of the UTC stamp, where it is not that of publishing (msg/SensorGps.msg)
+    relative = topic.column("timestamp_time_relative") * 1e-6
+    time = topic.time_s + np.where(np.abs(relative) < 1.0, relative, 0.0)
+    utc = topic.column("time_utc_usec") * 1e-6
+    dated = (utc > MIN_PLAUSIBLE_UTC_S) & (utc < MAX_PLAUSIBLE_UTC_S) & _has_fix(topic)
+    return Topic("gps", time, {"utc_s": np.where(dated, utc, np.nan)})
+
+
+def _events(tables: UlogTables) -> Found[CameraEvents]:
+    """camera_capture joined with the commands of camera_trigger; else camera_trigger alone.
+
+    The trigger and the capture driver of PX4 count for themselves (src/drivers/camera_trigger,
+    src/drivers/camera_capture), so a missed shot shifts the one count against the other: commands
+    are joined with feedback by time.
+    """
+    capture, trigger = tables.topic("camera_capture"), tables.topic("camera_trigger")
+    if capture is None and trigger is None:
+        return None, ()
+    fed_back = np.zeros(0, dtype=bool) if trigger is None else trigger.column("feedback") > 0
+    main, confirmed = _main(capture, trigger, fed_back)
+    number = image_numbers(main.column("seq"))
+    rows = plausible_rows(main.time_s, np.ones(len(main.time_s), dtype=bool))
+    time, number, confirmed = main.time_s[rows], number[rows], confirmed[rows]
+    missed, source = None, main.name
+    if trigger is not None and fed_back.any():
+        commands = trigger.time_s[plausible_rows(trigger.time_s, ~fed_back)]
+        unanswered = commands[~_is_answered(commands, time)]
+        missed = unanswered, np.full(len(unanswered), -1)
+        source = "camera_capture+camera_trigger" if capture is not None else source
+    instant: Literal["feedback", "command"] = "feedback" if fed_back.any() else "command"
+    return events_of(source, instant, (time, number, confirmed), missed)
+
+
+def _main(capture: Topic | None, trigger: Topic | None, fed_back: Bools) -> tuple[Topic, Floats]:
+    """The topic whose rows are the exposures, and whether each is confirmed."""
+    if capture is not None:
+        # result: 1 success, 0 failure, -1 the camera gives no feedback (msg/CameraCapture.msg)
+        return capture, np.where(capture.column("result") == 0, 0.0, 1.0)
+    assert trigger is not None  # noqa: S101 - one of the two is there
+    if not fed_back.any():
+        return trigger, np.zeros(len(trigger.time_s))  # commands only
+    return trigger.only(fed_back), np.ones(int(fed_back.sum()))
+
+
+def _is_answered(command_s: Floats, feedback_s: Floats) -> Bools:
+    """(C,) whether feedback comes after a command, before the next one and within a second."""
+    until = np.minimum(
+        np.append(command_s[1:] + _EARLIEST_FEEDBACK_S, np.inf), command_s + _LATEST_FEEDBACK_S
+    )
+    first = np.searchsorted(feedback_s, command_s + _EARLIEST_FEEDBACK_S)
+    return np.asarray(first < np.searchsorted(feedback_s, until))
+
+
+_PLACE = ("lat", "lon", "alt")
+_RECEIVER = Row(_receiver, ("latitude_deg", "longitude_deg", "altitude_msl_m"), valid=_has_fix)
+_LAGGING = "positions are the receiver's own (no estimator's): they lag by its delay"
+_COUNTERS = (
+    ("vehicle_local_position", "xy_reset_counter", "reset of the position"),
+    ("vehicle_local_position", "z_reset_counter", "reset of the height"),
+    ("vehicle_local_position", "heading_reset_counter", "reset of the heading"),
+    ("vehicle_global_position", "lat_lon_reset_counter", "reset of the position"),
+    ("vehicle_global_position", "alt_reset_counter", "reset of the height"),
+    ("vehicle_attitude", "quat_reset_counter", "reset of the attitude"),
+)
+
+TABLE = Table(
+    positions=(
+        Row("vehicle_global_position", _PLACE, valid=_is_called_valid),
+        Row(_from_local, _PLACE, valid=_is_global),
+        replace(_RECEIVER, remark=_LAGGING),
+    ),
+    receiver=(_RECEIVER,),
+    attitudes=(Row("vehicle_attitude", ("q[1]", "q[2]", "q[3]", "q[0]")),),
+    gimbal=(
+        Row("gimbal_device_attitude_status", ("q[0]", "q[1]", "q[2]", "q[3]", "device_flags")),
+        Row(
+            "mount_orientation",
+            tuple(f"attitude_euler_angle[{k}]" for k in range(3)),
+            factor=180 / np.pi,
+        ),
+    ),
+    events=(_events,),
+    velocities=(
+        Row("vehicle_local_position", ("vx", "vy", "vz")),
+        Row("vehicle_global_position", ("vel_n", "vel_e", "vel_d")),
+    ),
+    turn_rates=(
+        Row("vehicle_angular_velocity", ("xyz[0]", "xyz[1]", "xyz[2]")),
+        Row("vehicle_attitude", ("rollspeed", "pitchspeed", "yawspeed")),
+    ),
+    # the test ratios of estimator_status are no standard deviations
+    sigmas=(
+        Row(("vehicle_global_position", "vehicle_local_position"), ("eph", "epv")),
+        Row(_receiver, ("eph", "epv")),
+    ),
+    fix=(Row(_receiver, ("fix_type",)),),
+    home=(Row("home_position", _PLACE, valid=_is_called_valid),),
+    reception=(Row(_receiver, ("satellites_used", "hdop")),),
+    clocks=(Row(_utc, ("utc_s",)),),
+    undulation=(Row(_receiver, ("altitude_ellipsoid_m", "altitude_msl_m"), valid=_has_ellipsoid),),
+    resets=StatedResets(counters=_COUNTERS),
 )
 
 
@@ -37,33 +229,15 @@ def read_ulog(path: str | Path) -> FlightLog:
     tables = read_tables(path, TOPICS)
     if not tables.counts:
         raise InputError(path, "holds no complete message: the file is cut; copy it once more")
-    boot, notes = checked_boot(
-        ulog_pose.positions(tables),
-        ulog_pose.attitudes(tables),
-        ulog_pose.gimbal(tables),
-        ulog_events.camera_events(tables),
-        sigmas=ulog_pose.sigmas(tables),
-        home=ulog_events.home(tables),
-        clocks=ulog_events.gps_clock(tables),
-        turn_rates=ulog_pose.turn_rates(tables),
-    )
-    boot = replace(
-        boot,
-        velocities=ulog_pose.velocities(tables),
-        receiver=ulog_pose.receiver_positions(tables),
-        reception=ulog_pose.reception(tables),
-        resets=stated_resets(tables),
-    )
-    return FlightLog(
+    log = FlightLog(
         path=str(path),
         kind="ulog",
         vehicle=_vehicle(tables),
         firmware=_firmware(tables),
-        boots=(boot,),
         messages=_counts(tables),
-        undulation_m=ulog_pose.undulation_m(tables),
-        notes=(*tables.notes, *notes),
+        notes=tables.notes,
     )
+    return build_log(log, [tables], TABLE)
 
 
 def _counts(tables: UlogTables) -> tuple[MessageCount, ...]:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.io.logs.ulog.formats import Field, RowType, format_of, key_and_value, row_type
 from uavgram.io.logs.ulog.messages import (
     ADDED,
     DATA,
@@ -18,10 +17,15 @@ from uavgram.io.logs.ulog.messages import (
     HEADER,
     INFO,
     PARAMETER,
+    Field,
+    RowType,
     chain,
+    format_of,
     is_sound,
     is_wild,
+    key_and_value,
     next_sound,
+    row_type,
 )
 from uavgram.model.arrays import Ints
 

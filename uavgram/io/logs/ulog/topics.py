@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from uavgram.errors import InputError
 from uavgram.io.inputs import opened
-from uavgram.io.logs.quality.rows import LONGEST_BOOT_S, as_numbers
+from uavgram.io.logs.quality.rows import LONGEST_BOOT_S
+from uavgram.io.logs.topics import Messages, Topic
 from uavgram.io.logs.ulog.messages import FLAGS, HEADER, LONGEST
 from uavgram.io.logs.ulog.rows import Rows, Subscription
-from uavgram.model.arrays import Floats
 
 ULOG_MAGIC = b"ULog\x01\x12\x35"
 _FILE_HEADER = 16
@@ -29,36 +29,6 @@ _APPENDED = 1  # the only incompatible flag that there is
 # Bytes read at a time: as much as a processor's cache holds; less where the file is damaged, as
 # messages are looked for anew behind each place of damage.
 _LEAST_BYTES, _MOST_BYTES = 1 << 12, 1 << 18
-
-
-@dataclass(frozen=True, eq=False)
-class Topic:
-    """One instance of one topic, N rows.
-
-    Attributes
-    ----------
-    name
-        As PX4 calls it.
-    time_s
-        (N,) of publishing, seconds since boot.
-    fields
-        By name: (N,) as stored; an array's elements are ``q[0]``, ``q[1]``...
-    """
-
-    name: str
-    time_s: Floats
-    fields: dict[str, NDArray[Any]]
-
-    def column(self, *names: str) -> Floats:
-        """(N,) the first of these fields that exists, as float64; NaN where none does."""
-        for name in names:
-            if name in self.fields:
-                return as_numbers(self.fields[name])
-        return np.full(len(self.time_s), np.nan)
-
-    def array(self, name: str, size: int) -> Floats:
-        """(N, size) the elements of an array field."""
-        return np.stack([self.column(f"{name}[{k}]") for k in range(size)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +49,7 @@ class Count:
 
 
 @dataclass(frozen=True, eq=False)
-class UlogTables:
+class UlogTables(Messages):
     """A ULog, read.
 
     Attributes
@@ -114,9 +84,9 @@ class UlogTables:
             raise KeyError(name)
         return self.topics.get(name, ())
 
-    def topic(self, *names: str) -> Topic | None:
-        """The first instance of the first of these topics that has any rows."""
-        return next((topic for name in names for topic in self.instances(name)), None)
+    def read(self, name: str) -> Topic | None:
+        """The first instance with rows of a topic."""
+        return next(iter(self.instances(name)), None)
 
 
 def read_tables(path: str | Path, wanted: Collection[str] | None = None) -> UlogTables:

@@ -1,0 +1,162 @@
+"""Messages of a flight log as columns, whatever its format; and what a row of a table reads there.
+
+For each quantity a table names the fields and messages that state it: see `build.py`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from uavgram.model.arrays import Bools, Floats
+
+T = TypeVar("T")
+Found = tuple[T | None, tuple[str, ...]]
+"""What a log states of one thing, None where it is silent; and what was odd about it."""
+
+
+def as_numbers(column: NDArray[Any]) -> Floats:
+    """(N,) a column as float64; NaN where damaged formats made a text or an array of it."""
+    if column.ndim != 1 or column.dtype.kind not in "biuf":
+        return np.full(len(column), np.nan)
+    with np.errstate(invalid="ignore"):  # signalling NaN
+        return np.asarray(column, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Topic:
+    """The messages of one kind, N of them.
+
+    Attributes
+    ----------
+    name
+        As the autopilot calls it.
+    time_s
+        (N,) seconds since boot; NaN where a message states none.
+    fields
+        By name: (N,) as stored; an array's elements are ``q[0]``, ``q[1]``...
+    """
+
+    name: str
+    time_s: Floats
+    fields: dict[str, NDArray[Any]]
+
+    def column(self, *names: str) -> Floats:
+        """(N,) the first of these fields that exists, as float64; NaN where none does."""
+        for name in names:
+            if name in self.fields:
+                return as_numbers(self.fields[name])
+        return np.full(len(self.time_s), np.nan)
+
+    def texts(self, name: str) -> list[str]:
+        """The texts of a field; none where it is no text: damaged formats make numbers of it."""
+        stored = self.fields.get(name)
+        if stored is None or stored.dtype.kind not in "SO":
+            return []
+        return [bytes(text).split(b"\0")[0].decode("latin-1") for text in stored]
+
+    def only(self, keep: NDArray[Any]) -> Topic:
+        """Some of the messages, by a mask (N,) or by their numbers."""
+        fields = {name: values[keep] for name, values in self.fields.items()}
+        return Topic(self.name, self.time_s[keep], fields)
+
+
+Message = str | Callable[[Any], Topic | None]
+"""Name of a kind of message; or a function that makes one of a format's own messages."""
+
+
+class Messages(ABC):
+    """All messages of one boot. A format derives its own class from it."""
+
+    @cached_property
+    def _known(self) -> dict[Message, Topic | None]:
+        return {}
+
+    @abstractmethod
+    def read(self, name: str) -> Topic | None:
+        """The messages of one kind; None where the log has none."""
+
+    def topic(self, *wanted: Message) -> Topic | None:
+        """The first of these kinds of messages that the log has; each is read once."""
+        for message in wanted:
+            if message not in self._known:
+                self._known[message] = (
+                    self.read(message) if isinstance(message, str) else message(self)
+                )
+            if (found := self._known[message]) is not None:
+                return found
+        return None
+
+
+@dataclass(frozen=True, eq=False)
+class Stated:
+    """What N messages state of one quantity.
+
+    Attributes
+    ----------
+    source
+        Name of the message.
+    time_s
+        (N,) since boot.
+    columns
+        (N,) each, in SI units (places in degrees; angles too, where `build.Table` has them so).
+    valid
+        (N,) which messages state something; None for all.
+    """
+
+    source: str
+    time_s: Floats
+    columns: tuple[Floats, ...]
+    valid: Bools | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """A row of a format's table: the fields that state a quantity, and their unit.
+
+    Attributes
+    ----------
+    message
+        The kind of message, or several of the same form: the first that the log has is read.
+    fields
+        In the order that the quantity has in `build.Table`; alternative names as a tuple.
+    per
+        How many stored units make one of ours: 1e7 where 1e-7 degrees are stored. One for all
+        fields, or one for each.
+    factor
+        By which all are multiplied, where that is how the unit is known.
+    valid
+        Which messages (N,) state something; None for all.
+    source
+        Name of the samples made; empty for the message's.
+    remark
+        What is odd about these samples, where they are used.
+    """
+
+    message: Message | tuple[Message, ...]
+    fields: tuple[str | tuple[str, ...], ...]
+    per: float | tuple[float, ...] = 1.0
+    factor: float = 1.0
+    valid: Callable[[Topic], Bools] | None = field(default=None, kw_only=True)
+    source: str = field(default="", kw_only=True)
+    remark: str = field(default="", kw_only=True)
+
+    def stated(self, messages: Messages) -> Stated | None:
+        """What the log's messages state; None where it has none of them."""
+        wanted = self.message if isinstance(self.message, tuple) else (self.message,)
+        topic = messages.topic(*wanted)
+        if topic is None:
+            return None
+        per = self.per if isinstance(self.per, tuple) else (self.per,) * len(self.fields)
+        columns = [
+            topic.column(*((names,) if isinstance(names, str) else names)) * self.factor / unit
+            for names, unit in zip(self.fields, per, strict=True)
+        ]
+        valid = None if self.valid is None else self.valid(topic)
+        return Stated(self.source or topic.name, topic.time_s, tuple(columns), valid)
