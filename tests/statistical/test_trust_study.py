@@ -142,3 +142,15 @@ def test_a_click_that_nothing_checks_is_named_beside_the_length_that_was_left_ou
     (label,) = survey.wrong["labels"]
     assert row["reasons"][0]["cause"] == "line-left-out"
     assert f"the click on {label!r} is wrong" in row["reasons"][0]["text"]
+
+
+def test_one_wrong_withheld_length_is_amber_and_named() -> None:
+    """It bends nothing; the other withheld lengths fit."""
+    survey = drawn("strip_log", "", 5)
+    for line in survey.lines[:3]:
+        line.extra["use"] = "check"
+    survey.lines[0].length *= 1.1
+    row = judged(survey, {"world": "strip_log", "fault": "", "seed": 5})
+    assert row["level"] == "amber"
+    assert row["reasons"][0]["lengths"] == [survey.lines[0].name]
+    assert max(map(abs, zs(row))) < 3.5

@@ -35,6 +35,7 @@ spoils one photo, label or length."""
 
 CAUSES = (
     *IDENTIFIED,
+    ("lengths-offset-possible", "lengths-level-possible"),
     ("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
     ("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
     ("line-left-out", "known-left-out", "control-left-out", "height-left-out", "point-off-ground"),
@@ -45,7 +46,6 @@ CAUSES = (
         *("telemetry-strained", "prior-strained"),
     ),
     ("check-suspect", "lengths-contradict", "odd-height"),
-    ("lengths-offset-possible", "lengths-level-possible"),
     ("misfit",),
     ("ground-not-plane", "picks-less-exact", "lengths-less-exact", "identification-less-exact"),
     ("ambiguous-pose", "three-lengths", "three-known"),

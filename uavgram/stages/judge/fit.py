@@ -24,6 +24,9 @@ CONTRADICTED = 1e-5
 """Probability by chance below which the observations contradict each other: of 500 surveys in which
 all is in order, not one in 200 such sets should have one."""
 
+MOST_ALONE = 2
+"""Withheld things of which one that does not fit is no better known than the others."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
@@ -36,7 +39,8 @@ class Fit:
     stated
         The same with sigmas and ground as they were stated.
     checks
-        The smallest of each withheld thing by itself and of all together; 1 without any.
+        The smallest of each withheld thing by itself and of all together; 1 without any. One that
+        alone does not fit beside others that do is wrong itself, and does not count.
     check_labels
         Labels of the withheld things that are contradicted.
     """
@@ -81,11 +85,14 @@ def fit_of(
         for size, label in zip(points.mahalanobis, points.label, strict=True)
     ]
     together = [] if overall is None else [overall.probability]
+    each = sorted(probability for probability, _ in checks)
+    if len(each) > MOST_ALONE and each[0] < RARE <= each[1]:
+        together, each = [], each[1:]
     contradicted = [labels for probability, labels in checks if probability < CONTRADICTED]
     return Fit(
         core=core_fit(refined.adjustment).probability,
         stated=core_fit(refined.stated or refined.adjustment).probability,
-        checks=min([1.0, *together, *(probability for probability, _ in checks)]),
+        checks=min([1.0, *together, *each]),
         check_labels=frozenset(label for labels in contradicted for label in labels),
     )
 

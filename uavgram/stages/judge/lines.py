@@ -189,7 +189,8 @@ def _left_out(
     """
     gross = {r.index for r in refined.removals if r.kind == "line" and r.before is None}
     gross -= {int(survey_index[i]) for i, name in enumerate(lines.name) if name in refined.settled}
-    out = [i for i, index in enumerate(survey_index) if int(index) in gross]
+    seen = np.isfinite(seen_m)  # else an end is not adjusted, which has a message of its own
+    out = [i for i, index in enumerate(survey_index) if int(index) in gross and seen[i]]
     if out and refined.rival_lines:
         return (_one_of(refined, lines, out),)
     what = {i: mistake(lines.length_m[i], lines.sigma_m[i], seen_m[i], sigma_m[i]) for i in out}

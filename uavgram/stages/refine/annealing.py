@@ -60,6 +60,10 @@ more, none of them is right, as where all are in another unit."""
 MOST_OF_A_FRAME = 0.5
 """Share of a frame's picks that are gross errors, from which on the frame shows something else."""
 
+LOWEST_M, HIGHEST_M, TWO_RAYS = -0.5, 4.5, 2
+"""Heights between which a point may be that two rays alone show off the ground: from a ditch to the
+roof of a lorry."""
+
 MOST_ROUNDS = 6
 """Rounds in which observations leave and come back."""
 
@@ -159,6 +163,7 @@ def decide(
     has_returned: dict[str, Bools] = {}
     frames: tuple[str, ...] = ()
     misfit: dict[str, Floats] = {}
+    on_ground = np.zeros(len(problem.third.rough), dtype=np.bool_)
     for k in range(MOST_ROUNDS):
         misfit = _misfits(problem, minimum, weight)
         gross = {name: value > GROSS_SIGMAS for name, value in misfit.items()}
@@ -167,7 +172,10 @@ def decide(
         elif "tape" in gross:  # no single length explains it
             gross["lengths"] |= gross["tape"][_tapes(problem)]
         if "roughness" in gross:
-            _try_heights(problem, gross, out.get("roughness"))
+            unlikely = _unlikely_heights(problem, minimum, out) & ~on_ground
+            on_ground |= unlikely
+            gross["pixels"] |= np.isin(problem.survey.pick_label, problem.third.rough[unlikely])
+            _try_heights(problem, gross, out.get("roughness"), on_ground)
         for name, is_out in gross.items():
             before = out.get(name, np.zeros_like(is_out))
             returned = has_returned.get(name, np.zeros_like(is_out))
@@ -366,7 +374,25 @@ def _axes(name: str) -> int:
     return {"pixels": 2, "matches": 2, "ties": 2, "control": 3, "telemetry": 6}.get(name, 1)
 
 
-def _try_heights(problem: SurveyProblem, gross: dict[str, Bools], before: Bools | None) -> None:
+def _unlikely_heights(
+    problem: SurveyProblem, minimum: Minimum[State], out: Mapping[str, Bools]
+) -> Bools:
+    """Find points of rough ground that two picks alone put far below it, or high above it.
+
+    A wrong pick meets another ray at some height, wherever it errs along the other's line of sight.
+    """
+    survey, rough = problem.survey, problem.third.rough
+    if "roughness" not in out:
+        return np.zeros(len(rough), dtype=np.bool_)
+    rays = np.bincount(survey.pick_label[~out["pixels"]], minlength=len(survey.label))
+    up_m = minimum.state.point[rough, 2]
+    is_far = (up_m < LOWEST_M) | (up_m > HIGHEST_M)
+    return np.asarray(out["roughness"] & is_far & (rays[rough] <= TWO_RAYS))
+
+
+def _try_heights(
+    problem: SurveyProblem, gross: dict[str, Bools], before: Bools | None, on_ground: Bools
+) -> None:
     """Where most picks of a point are gross errors on the ground, let them take part off it.
 
     Parameters
@@ -377,6 +403,8 @@ def _try_heights(problem: SurveyProblem, gross: dict[str, Bools], before: Bools 
         What is to take no part, by group; changed in place.
     before
         Points of rough ground that are off it already: their picks do not agree on a height either.
+    on_ground
+        Points that stay on it, whatever their picks show.
     """
     survey, rough = problem.survey, problem.third.rough
     number = np.bincount(survey.pick_label, minlength=len(survey.label))
@@ -384,6 +412,8 @@ def _try_heights(problem: SurveyProblem, gross: dict[str, Bools], before: Bools 
     is_new = (2 * wrong > number)[rough] & (photos_of(survey) > 1)[rough]
     if before is not None:
         is_new &= ~before
+    is_new &= ~on_ground
+    gross["roughness"] &= ~on_ground
     gross["roughness"][is_new] = True
     gross["pixels"] &= ~np.isin(survey.pick_label, rough[is_new])
 

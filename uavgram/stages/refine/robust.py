@@ -326,10 +326,13 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
             return others[:1]
         found = _by_cost(taking, [*found, *others])
     whole = replace(taking, survey=_softer(taking.survey, 1.0))
-    for kind in (_without_a_known_thing, _without_lengths, _without_a_frame):
-        if found and found[0].is_agreed():
+    if found and found[0].is_agreed():
+        return found[:1]
+    kinds = (_without_a_known_thing, _without_lengths, _without_a_frame)
+    for candidate in _from_each(chain(*(kind(whole) for kind in kinds)), whole, taking):
+        found = _by_cost(taking, [*found, candidate])
+        if found[0] is candidate and candidate.is_agreed():
             return found[:1]
-        found = _by_cost(taking, [*found, *_from_each(kind(whole), whole, taking)])
     if not (found and found[0].fits()):
         last = chain(_with_a_loose_frame(whole), _without_a_pick(whole))
         found += islice((one for one in _from_each(last, whole, taking) if one.fits()), 1)

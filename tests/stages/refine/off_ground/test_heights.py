@@ -88,6 +88,22 @@ def test_relief_is_no_car_and_cars_are_found_on_it(seed: int) -> None:
     assert np.abs(errors(refined, CAR)).max() < 4.0
 
 
+@pytest.mark.parametrize("height_m", [-2.5, 9.0])
+def test_two_picks_that_meet_far_from_the_ground_contradict_each_other(height_m: float) -> None:
+    """A wrong click meets the other photo's ray at some height; nobody picks points 2.5 m deep."""
+    scene = make_scene(3, heights={7: height_m}, **(SCENE | {"frames": 2}))
+    refined, messages = refined_of(unstated(scene))
+
+    assert "P7" not in refined.off_ground
+    (message,) = (one for one in messages if one.code == "picks-contradict")
+    assert message.labels == ("P7",)
+
+
+def test_two_picks_that_meet_on_a_car_show_its_height() -> None:
+    refined, _ = refined_of(unstated(make_scene(3, heights={7: 1.5}, **(SCENE | {"frames": 2}))))
+    assert refined.off_ground == {"P7"}
+
+
 @pytest.mark.parametrize("beset", [False, True])
 def test_a_wrong_pick_is_no_height(beset: bool) -> None:  # noqa: FBT001
     survey = with_cars(1) if beset else make_scene(1, **SCENE).survey

@@ -156,7 +156,11 @@ def open_questions(adjustment: Adjustment) -> Iterator[Message]:
                 "tape begins (its hook, or a tape whose zero is not at its end), or measure one "
                 "of the lines again with another tape."
             )
-            yield Message("warning", "lengths-offset-possible", text, labels=labels, lengths=names)
+            own = adjustment.problem.line_index[one.tape.rows]
+            of_tape = tuple(names[k] for k in own) if names else ()
+            yield Message(
+                "warning", "lengths-offset-possible", text, labels=labels, lengths=of_tape
+            )
     if _may_be_level(adjustment):
         slope = _slope_deg(adjustment)
         text = (
