@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import least_squares
 
+from uavgram.imaging.patch_fit import Fit, fit_windows
 from uavgram.imaging.plates.picture import (
     Picture,
     Window,
@@ -22,13 +22,14 @@ from uavgram.imaging.plates.picture import (
     render,
 )
 from uavgram.imaging.plates.shadow import LOG_SOFT_BOUNDS, Edge, edge_pictures
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 
 FIRST_BLUR_PX = 0.8
 _BLUR_BOUNDS_PX = (0.3, 3.0)
 _CLEAR_BLURS = 2.0  # of what lies around the white margin, so much is kept away
 _OUTLIER = 4.0
-_EVALUATIONS = (8, 12)  # with the weights of the start, and with those of its residuals
+_ROUNDS = (8, 12)  # with the weights of the start, and with those of its residuals
+_FIRST_DAMPING = 1e-4  # corners and blur hardly depend on each other
 _PLAIN = 5  # linear unknowns without shadows
 
 
@@ -78,7 +79,6 @@ class PlateModel:
         self.root = np.sqrt(weight).ravel()
         away = window.pixels - middle
         self.slope = away / max(window.width, window.height)
-        self._last: tuple[bytes, Floats, Floats] | None = None
 
     def columns(self, picture: Picture, shade: Floats) -> list[Floats]:
         """What the grey values are a sum of."""
@@ -89,23 +89,9 @@ class PlateModel:
             base += [one, one * share]
         return base
 
-    def _both(self, value: Floats) -> tuple[Floats, Floats]:
-        key = value.tobytes()
-        if self._last is not None and self._last[0] == key:
-            return self._last[1:]
-        result = self._evaluated(value)
-        self._last = (key, *result)
-        return result
-
-    def residual(self, value: Floats) -> Floats:
-        """What the grey values miss, weighted."""
-        return self._both(value)[0]
-
-    def jacobian(self, value: Floats) -> Floats:
-        """Its derivatives."""
-        return self._both(value)[1]
-
-    def _evaluated(self, value: Floats) -> tuple[Floats, Floats]:
+    def residuals(self, state: Floats, _: Ints) -> tuple[Floats, Floats]:
+        """What a picture (1, p) misses of the grey values (1, k), and its derivatives (1, p, k)."""
+        value = state[0]
         picture = render(self.cells, value[:8].reshape(4, 2), float(value[8]), self.window)
         shade, by_edge = edge_pictures(value[9:], self.window)
         base = np.stack([c.ravel() for c in self.columns(picture, shade)], axis=1)
@@ -130,8 +116,7 @@ class PlateModel:
         jacobian *= self.root[:, None]
         jacobian -= q @ (q.T @ jacobian)
         self.linear = linear
-        self.picture = picture
-        return residual, jacobian
+        return residual[None], jacobian.T[None]
 
 
 def fit_plate(
@@ -170,34 +155,30 @@ def fit_plate(
     """
     value = np.concatenate([corner_px.ravel(), [blur_px], *(edge.values for edge in edges)])
     weight = plate_weights(window, corner_px, len(cells), margin, blur_px)
-    fitted = None
-    for evaluations in _EVALUATIONS:
-        model = PlateModel(grey, window, cells, weight, corner_px.mean(axis=0))
-        lower, upper = np.full(len(value), -np.inf), np.full(len(value), np.inf)
-        lower[8], upper[8] = _BLUR_BOUNDS_PX
-        lower[11::3], upper[11::3] = LOG_SOFT_BOUNDS
-        value = np.clip(value, lower + 0.01, upper - 0.01)
-        found = least_squares(
-            model.residual,
-            value,
-            model.jacobian,
-            (lower, upper),
-            xtol=1e-6,
-            ftol=1e-8,
-            max_nfev=evaluations,
+    lower, upper = np.full(len(value), -np.inf), np.full(len(value), np.inf)
+    lower[8], upper[8] = _BLUR_BOUNDS_PX
+    lower[11::3], upper[11::3] = LOG_SOFT_BOUNDS
+    for rounds in _ROUNDS:
+        used = weight
+        model = PlateModel(grey, window, cells, used, corner_px.mean(axis=0))
+        fit = fit_windows(
+            model.residuals,
+            value[None],
+            bounds=(lower, upper),
+            places=8,
+            damping=_FIRST_DAMPING,
+            rounds=rounds,
         )
-        value = found.x
+        value = fit.state[0]
         corner = value[:8].reshape(4, 2)
         side = np.linalg.norm(np.roll(corner_px, -1, axis=0) - corner_px, axis=1).min()
         if np.abs(corner - corner_px).max() > max(2.0, 0.15 * side):
             return None
-        residual, jacobian = model.residual(value), model.jacobian(value)
-        fitted = _described(model, value, weight, residual, jacobian, edges)
-        raw = _raw(residual, weight)
-        scale = 1.4826 * np.median(np.abs(raw[weight > 0])) + 0.3
+        raw = _raw(fit.residual, used)
+        scale = 1.4826 * np.median(np.abs(raw[used > 0])) + 0.3
         fresh = plate_weights(window, corner, len(cells), margin, float(value[8]))
         weight = fresh / np.maximum(1.0, np.abs(raw) / (_OUTLIER * scale))
-    return fitted
+    return _described(model, fit, used, edges)
 
 
 def _raw(residual: Floats, weight: Floats) -> Floats:
@@ -205,19 +186,12 @@ def _raw(residual: Floats, weight: Floats) -> Floats:
     return np.divide(residual.reshape(weight.shape), root, out=np.zeros_like(root), where=root > 0)
 
 
-def _described(
-    model: PlateModel,
-    value: Floats,
-    weight: Floats,
-    residual: Floats,
-    jacobian: Floats,
-    edges: tuple[Edge, ...],
-) -> PlateFit:
-    count = max(float((weight > 0).sum()) - jacobian.shape[1] - len(model.linear), 1.0)
-    variance = float(residual @ residual) / count
-    normal = jacobian.T @ jacobian
-    covariance = np.linalg.pinv(normal, hermitian=True)[:8, :8] * variance
-    raw = _raw(residual, weight)
+def _described(model: PlateModel, fit: Fit, weight: Floats, edges: tuple[Edge, ...]) -> PlateFit:
+    value = fit.state[0]
+    model.residuals(fit.state, np.zeros(1, np.int64))  # its sum, not that of the last trial
+    count = max(float((weight > 0).sum()) - len(value) - len(model.linear), 1.0)
+    variance = float(fit.cost[0]) / count
+    raw = _raw(fit.residual, weight)
     inside = weight > 0
     grey = model.grey[inside]
     picture = grey + raw[inside]
@@ -225,7 +199,7 @@ def _described(
     k = len(value[9:]) // max(len(edges), 1)
     return PlateFit(
         corner_px=value[:8].reshape(4, 2),
-        covariance_px2=covariance,
+        covariance_px2=fit.inverse[0, :8, :8] * variance,
         blur_px=float(value[8]),
         contrast=float(model.linear[1]),
         rms=variance**0.5,
