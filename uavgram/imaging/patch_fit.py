@@ -109,13 +109,6 @@ def fit_windows(
     return Fit(state, residual, normal)
 
 
-def slopes(grey: Floats) -> Floats:
-    """(n, 2, h - 2, w - 2) of grey values (n, h, w) along u and along v: central differences."""
-    across = 0.5 * (grey[:, 1:-1, 2:] - grey[:, 1:-1, :-2])
-    down = 0.5 * (grey[:, 2:, 1:-1] - grey[:, :-2, 1:-1])
-    return np.stack([across, down], axis=1)
-
-
 def neighbour_correlation(residual: Floats, root: Floats) -> Floats:
     """(2, n) correlation of residuals with the next ones along rows and along columns, 0 to 0.9.
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from uavgram.imaging.patch_fit import Fit, fit_windows
+from uavgram.imaging.patch_fit import Fit, fit_windows, neighbour_correlation
 from uavgram.imaging.plates.picture import (
     Picture,
     Window,
@@ -203,23 +203,12 @@ def _described(model: PlateModel, fit: Fit, weight: Floats, edges: tuple[Edge, .
         blur_px=float(value[8]),
         contrast=float(model.linear[1]),
         rms=variance**0.5,
-        runs_on=_runs_on(raw, inside),
+        runs_on=float(neighbour_correlation(raw[None], inside.astype(np.float64)).mean()),
         agreement=agreement,
         edges=tuple(Edge(*value[9 + k * i : 9 + k * i + k]) for i in range(len(edges))),
         residual=raw,
         weight=weight,
     )
-
-
-def _runs_on(raw: Floats, inside: Bools) -> float:
-    """Mean correlation of residuals with the next ones along rows and columns."""
-    pairs = [
-        (raw[:, :-1], raw[:, 1:], inside[:, :-1] & inside[:, 1:]),
-        (raw[:-1], raw[1:], inside[:-1] & inside[1:]),
-    ]
-    products = sum(float((a * b)[both].sum()) for a, b, both in pairs)
-    squares = sum(float((a * a + b * b)[both].sum()) / 2 for a, b, both in pairs)
-    return products / squares if squares > 0 else 0.0
 
 
 def plate_weights(

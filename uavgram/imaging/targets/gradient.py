@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.imaging.patches import slopes
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.saddle import Windows
 from uavgram.imaging.targets.sub_pixel import search_corners
@@ -47,8 +48,8 @@ def gradient_corners(
     half = side // 2
     corner = search_corners(image, start_px, half, ITERATIONS, _CONVERGED_PX)
     grey = windows.grey.reshape(-1, side, side)
-    gradient = np.stack(np.gradient(grey, axis=(2, 1)), axis=-1)
-    gradient[:, [0, -1]] = gradient[:, :, [0, -1]] = 0.0  # one-sided differences are no gradients
+    inner = np.moveaxis(slopes(grey), 1, -1)
+    gradient = np.pad(inner, ((0, 0), (1, 1), (1, 1), (0, 0)))  # none at the edge
     offset = windows.offset_px.reshape(side, side, 2)
     away = offset - (corner - windows.center_px)[:, None, None]
     bell = np.exp(-(away**2).sum(axis=-1) / half**2)  # OpenCV's weights

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.special import erf
 
 from uavgram.imaging.patch_fit import fit_windows, growth, neighbour_correlation
+from uavgram.imaging.patches import grid
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats, Ints
 
@@ -100,12 +101,11 @@ def cut_windows(
         Used is what lies within so many squares of the corner, counted along the axes.
     """
     center = np.round(start_px)
-    v, u = np.mgrid[-half_px : half_px + 1, -half_px : half_px + 1].reshape(2, -1)
+    offset = grid(half_px)
     height, width = image.shape
-    column, row = center[:, :1].astype(int) + u, center[:, 1:].astype(int) + v
+    column, row = np.moveaxis((center[:, None] + offset).astype(int), 2, 0)
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
     grey = image[row.clip(0, height - 1), column.clip(0, width - 1)].astype(np.float64)
-    offset = np.stack([u, v], axis=1).astype(np.float64)
     away = offset - (start_px - center)[:, None]
     squares = away @ np.linalg.inv(axes_px)  # offset = squares @ axes
     used = ((squares**2).sum(axis=2) <= reach**2) & inside

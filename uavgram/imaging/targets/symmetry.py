@@ -13,7 +13,8 @@ import cv2
 import numpy as np
 from scipy.ndimage import spline_filter
 
-from uavgram.imaging.patch_fit import Fit, fit_windows, growth, neighbour_correlation, slopes
+from uavgram.imaging.patch_fit import Fit, fit_windows, growth, neighbour_correlation
+from uavgram.imaging.patches import slopes
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
 
