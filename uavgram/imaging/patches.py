@@ -32,7 +32,17 @@ def grid(reach: int) -> Floats:
 
 
 def sample(photo: Image | Grey, place_px: Floats | Grey, kernel: int = cv2.INTER_CUBIC) -> Grey:
-    """(n, k) grey values at places (n, k, 2), to 1/32 px; outside the photo its edge goes on."""
+    """(n, k) grey values at places, to 1/32 px; outside the photo its edge goes on.
+
+    Parameters
+    ----------
+    photo
+        (height, width).
+    place_px
+        (n, k, 2).
+    kernel
+        OpenCV's.
+    """
     at = place_px.astype(np.float32, copy=False)
     out = np.empty(at.shape[:2], np.float32)
     for first in range(0, len(at), _MOST_ROWS):
