@@ -31,32 +31,33 @@ def grid(reach: int) -> Floats:
     return np.asarray(np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2))
 
 
-def sample(photo: Image | Grey, place_px: Floats | Grey, kernel: int = cv2.INTER_CUBIC) -> Grey:
+def sample(
+    photo: Image | Grey, u_px: Floats | Grey, v_px: Floats | Grey, kernel: int = cv2.INTER_CUBIC
+) -> Grey:
     """(n, k) grey values at places, to 1/32 px; outside the photo its edge goes on.
 
     Parameters
     ----------
     photo
         (height, width).
-    place_px
-        (n, k, 2).
+    u_px, v_px
+        (n, k).
     kernel
         OpenCV's.
     """
-    at = place_px.astype(np.float32, copy=False)
-    out = np.empty(at.shape[:2], np.float32)
-    for first in range(0, len(at), _MOST_ROWS):
+    u, v = (np.ascontiguousarray(one, np.float32) for one in (u_px, v_px))
+    out = np.empty(u.shape, photo.dtype)
+    for first in range(0, len(u), _MOST_ROWS):
         some = slice(first, first + _MOST_ROWS)
-        u, v = at[some, :, 0], at[some, :, 1]
-        out[some] = cv2.remap(photo, u, v, kernel, borderMode=cv2.BORDER_REPLICATE)
-    return out
+        cv2.remap(photo, u[some], v[some], kernel, out[some], cv2.BORDER_REPLICATE)
+    return out.astype(np.float32, copy=False)
 
 
-def slopes(grey: NDArray[Real]) -> NDArray[Real]:
-    """(n, 2, h - 2, w - 2) of grey values (n, h, w) along u and along v: central differences."""
+def slopes(grey: NDArray[Real]) -> tuple[NDArray[Real], NDArray[Real]]:
+    """(n, h - 2, w - 2) each, of grey values (n, h, w) along u and along v: central differences."""
     across = 0.5 * (grey[:, 1:-1, 2:] - grey[:, 1:-1, :-2])
     down = 0.5 * (grey[:, 2:, 1:-1] - grey[:, :-2, 1:-1])
-    return np.stack([across, down], axis=1)
+    return across, down
 
 
 class Frames(NamedTuple):
@@ -145,7 +146,7 @@ def window(
     u = (at[0] + f[0, 0] * x) + f[0, 1] * y[:, None]
     v = (at[1] + f[1, 0] * x) + f[1, 1] * y[:, None]
     kernel = cv2.INTER_LANCZOS4 if exact else cv2.INTER_LINEAR
-    dense = sample(part, np.stack([u, v], axis=-1), kernel)
+    dense = sample(part, u, v, kernel)
     if (parts > 1).any():
         bells = [_bell(s, int(w)) for s, w in zip(spread, wide, strict=True)]
         dense = np.asarray(cv2.sepFilter2D(dense, -1, bells[0], bells[1]), np.float32)

@@ -82,7 +82,8 @@ def fixed_on_all_sides(near: Grey, far: Grey, there: Fitted, along: Floats) -> B
     for i in np.flatnonzero(along.any(axis=1)).tolist():
         start = _SIDES.grid @ there.linear[i].T + there.place[i] + far.shape[1] // 2
         aside = _OTHERS[:, None, None] * along[i] / np.hypot(*along[i])
-        seen = sample(far[i], start + aside)
+        u, v = np.moveaxis(start + aside, -1, 0)
+        seen = sample(far[i], u, v)
         like, variance = _SIDES.likeness(near[i, edge:-edge, edge:-edge].ravel(), seen)
         unlike = variance * (1.0 - like)
         noise = np.median(unlike[0])  # of both photos

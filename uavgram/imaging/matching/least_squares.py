@@ -183,7 +183,7 @@ def _system(fixed: Grey, half: int, middle: Floats, wide: float) -> System:
     middle = fixed.shape[1] // 2
     cut = slice(middle - half - 1, middle + half + 2)
     patch = fixed[:, cut, cut].astype(np.float64)
-    slope = slopes(patch).reshape(len(fixed), 2, len(steps))
+    slope = np.stack(slopes(patch), axis=1).reshape(len(fixed), 2, len(steps))
     value, contrast = _normalised(patch[:, 1:-1, 1:-1].reshape(len(fixed), -1), weight)
     slope /= contrast[:, None, None]
     by = np.concatenate([slope, *(slope[:, [i]] * steps.T for i in range(2))], axis=1)
@@ -203,10 +203,10 @@ def _sampled(
     out = np.empty(at.shape[:2])
     block = _MOST_ROWS // side
     for first in range(0, len(index), block):
-        part = at[first : first + block].astype(np.float32)
-        part[..., 1] += np.arange(len(part), dtype=np.float32)[:, None] * side
+        u, v = np.moveaxis(at[first : first + block].astype(np.float32), -1, 0)
         tall = moving[index[first : first + block]].reshape(-1, side)
-        out[first : first + block] = sample(tall, part, cv2.INTER_LANCZOS4)
+        v = v + np.arange(len(v), dtype=np.float32)[:, None] * side
+        out[first : first + block] = sample(tall, u, v, cv2.INTER_LANCZOS4)
     return _normalised(out, system.weight)
 
 

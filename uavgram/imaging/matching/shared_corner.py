@@ -137,7 +137,8 @@ def windows(photo: Image, pixel: Floats, affine: Floats, reach: int) -> tuple[In
 
 def _sampled(photo: Image, pixel: Floats, affine: Floats, reach: int) -> Grey:
     """(n, s) grey values about pixels, as of `windows`."""
-    return sample(photo, pixel[:, None] + grid(reach) @ np.swapaxes(affine, 1, 2))
+    u, v = np.moveaxis(pixel[:, None] + grid(reach) @ np.swapaxes(affine, 1, 2), -1, 0)
+    return sample(photo, u, v)
 
 
 def _edges(grey: Grey) -> tuple[Grey, Grey]:
@@ -147,11 +148,11 @@ def _edges(grey: Grey) -> tuple[Grey, Grey]:
     dark are one; its length is 0 of even ground to 1 of a clear edge.
     """
     side = 2 * _REACH + 3
-    slope = slopes(grey.reshape(-1, side, side)).reshape(len(grey), 2, len(_BELL))
-    u, v = slope[:, 0], slope[:, 1]
+    field = grey.reshape(-1, side, side)
+    u, v = (one.reshape(len(grey), len(_BELL)) for one in slopes(field))
     square = u**2 + v**2
     weight = 1.0 / np.sqrt(np.maximum(square * (square + EDGE_STEP**2), 1e-12))
-    return slope, np.stack([(u**2 - v**2) * weight, 2 * u * v * weight], axis=1)
+    return np.stack([u, v], axis=1), np.stack([(u**2 - v**2) * weight, 2 * u * v * weight], axis=1)
 
 
 def _alike(targets: Sequence[Image], line: Line, own: Grey) -> Grey:

@@ -49,8 +49,8 @@ def gradient_corners(
     half = side // 2
     corner = search_corners(image, start_px, half, ITERATIONS, _CONVERGED_PX)
     grey = windows.grey.reshape(-1, side, side)
-    inner = np.moveaxis(slopes(grey), 1, -1)
-    gradient = np.pad(inner, ((0, 0), (1, 1), (1, 1), (0, 0)))  # none at the edge
+    edge = (0, 0), (1, 1), (1, 1), (0, 0)  # there are none
+    gradient = np.pad(np.stack(slopes(grey), axis=-1), edge)
     offset = windows.offset_px.reshape(side, side, 2)
     away = offset - (corner - windows.center_px)[:, None, None]
     bell = np.exp(-(away**2).sum(axis=-1) / half**2)  # OpenCV's weights

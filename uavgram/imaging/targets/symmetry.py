@@ -74,7 +74,7 @@ def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centr
         if around is None:
             return np.full((1, inside.size), np.nan), np.zeros((1, 2, inside.size))
         odd = (around - around[::-1, ::-1])[1:-1, 1:-1]
-        slope = slopes(around[None])
+        slope = np.stack(slopes(around[None]), axis=1)
         # d/dc of I(c + d) - I(c - d); where both halves are alike, twice the slope
         change = (slope - slope[..., ::-1, ::-1]) * weight
         return (odd * weight).reshape(1, -1), change.reshape(1, 2, -1)

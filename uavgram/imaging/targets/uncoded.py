@@ -130,8 +130,8 @@ def _rings(photo: Image, center_px: Floats) -> Floats:
     """(radii 1 px, 2 px, ...; 64) grey values on rings about a place."""
     angle = 2 * np.pi * np.arange(_ANGLES) / _ANGLES
     radius = np.arange(1.0, _LARGEST_PX + 1)[:, None]
-    ring = radius[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-    return sample(photo, center_px + ring, cv2.INTER_LINEAR).astype(np.float64)
+    u, v = center_px[0] + radius * np.cos(angle), center_px[1] + radius * np.sin(angle)
+    return sample(photo, u, v, cv2.INTER_LINEAR).astype(np.float64)
 
 
 def _bright(ring: Floats) -> Bools | None:
