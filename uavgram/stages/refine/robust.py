@@ -314,20 +314,22 @@ class Candidate:
 
 
 def _most_agreed(taking: Participants) -> list[Candidate]:
-    """Robust adjustments from all first values, that of least cost first.
+    """Adjust robustly from all first values; return the candidates, that of least cost first.
 
     First values that leave out more are tried where those before lead to no agreement.
     """
     found = _by_cost(taking, _from_softened(taking))
+    # A photo that contradicts all others spoils every other test: look whether the rest agrees.
     if found and found[0].misplaced:
         rest = taking.without_frames(found[0].misplaced, MISPLACED)
         others = _by_cost(taking, _from_softened(rest)) if _are_most_left(taking, rest) else []
         if others and others[0].is_agreed() and others[0].checks_lengths():
             return others[:1]
         found = _by_cost(taking, [*found, *others])
-    whole = replace(taking, survey=_softer(taking.survey, 1.0))
     if found and found[0].is_agreed():
         return found[:1]
+    # First values may depend on what is wrong: leave out one thing, one length, one photo.
+    whole = replace(taking, survey=_softer(taking.survey, 1.0))
     kinds = (_without_a_known_thing, _without_lengths, _without_a_frame)
     for candidate in _from_each(chain(*(kind(whole) for kind in kinds)), whole, taking):
         found = _by_cost(taking, [*found, candidate])
@@ -349,7 +351,7 @@ def _from_each(
 
 
 def _by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[Candidate]:
-    """Candidates for what takes part, that of least cost first."""
+    """Sort candidates for what takes part, that of least cost first."""
     picks = int(taking.keep.sum())
     return sorted(candidates, key=lambda one: one.cost(picks))
 
