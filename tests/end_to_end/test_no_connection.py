@@ -132,7 +132,7 @@ def test_no_command_calls_anybody(repository: Path, data_dir: Path, tmp_path: Pa
         ["targets", "print", "--plates", "1", "--side-m", "0.12", "--output", "plates.pdf"],
         ["plan", str(tmp_path / "configs" / "plan.yaml")],
         ["simulate", str(tmp_path / "configs" / "single_photo.yaml"), "--repetitions", "2"],
-        ["study", "plates", "--repetitions", "20", "--workers", "1"],
+        ["study", "lengths", "--repetitions", "20", "--workers", "1"],
         ["batch", survey, "--workers", "1"],
     ]
     elsewhere = {"view", "pick"}  # they serve until they are ended: below

@@ -61,7 +61,7 @@ def test_a_withheld_length_that_is_wrong_itself_is_named_beside_the_other(solve:
     result = solve({"L2": 0.1, "L6": -0.3})
     named = [lengths for code, lengths in warned(result) if code == "line-suspect"]
     assert named == [("L2",), ("L6",)]
-    assert result.verdict.level == "red"
+    assert result.verdict.level == "amber"  # all the other withheld lengths fit
 
 
 def test_lengths_of_which_many_are_wrong_are_less_exact_than_stated(solve: Solve) -> None:

@@ -11,7 +11,7 @@ whole or not at all.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,9 +34,6 @@ READINGS = ("pixels", "lengths", "known", "control")
 ROBUST = (*READINGS, "roughness", "matches", "ties", "telemetry", "heights", "tape")
 """Groups whose observations get weights. The scale of a tape stands for all of its lengths, the
 roughness of a point for its being on the ground."""
-
-HEIGHTS = ("roughness", "heights")
-"""Groups of heights: others predict them."""
 
 SCHEDULE = (100.0, 30.0, 10.0, 3.0, 1.0, 1.0, 1.0)
 """Factors of the sigmas that shrink, one adjustment each."""
@@ -279,11 +276,7 @@ def weighted_minimum(
 
 
 def squared_misfits(
-    problem: SurveyProblem,
-    minimum: Minimum[State],
-    weight: Mapping[str, Floats],
-    noise: Mapping[str, float] | None = None,
-    groups: Sequence[str] = ROBUST,
+    problem: SurveyProblem, minimum: Minimum[State], weight: Mapping[str, Floats]
 ) -> dict[str, Floats]:
     """Compute squared standardised misfits (n,) of all observations, by group.
 
@@ -293,10 +286,6 @@ def squared_misfits(
         The likelihood, and a weighted adjustment.
     weight
         Its weights, by group; 1 where a group has none.
-    noise
-        Factors of the sigmas, by group; 1 where a group has none.
-    groups
-        Those that are asked for.
 
     Notes
     -----
@@ -306,13 +295,12 @@ def squared_misfits(
 
         r^T [(Q + A) Q]^-1 r,
 
-    with w = 1 Baarda's statistic (1968), with w = 0 the test of a new observation. Where an
-    observation's own sigma is s times as large, and those of the others that predict it are not,
-    the covariance is s^2 I + Q^-1 A. Axes that nothing checks count 0.
+    with w = 1 Baarda's statistic (1968), with w = 0 the test of a new observation. Axes that
+    nothing checks count 0.
     """
     covariance = minimum.factor.covariance()
     found = {}
-    for name in groups:
+    for name in ROBUST:
         block = minimum.blocks.get(name)
         if block is None or not len(block.residual):
             continue
@@ -322,8 +310,7 @@ def squared_misfits(
         is_checked = redundancy > LEAST_REDUNDANCY
         redundancy = np.where(is_checked, redundancy, 1.0)
         predicted = np.maximum(1.0 - redundancy, 0.0) / own[:, None]
-        own_variance = (noise or {}).get(name, 1.0) ** 2 * redundancy
-        square = residual**2 / ((own_variance + predicted) * redundancy)
+        square = residual**2 / ((redundancy + predicted) * redundancy)
         found[name] = np.sum(np.where(is_checked, square, 0.0), axis=1)
     of = {"roughness": problem.third.rough, "heights": problem.third.stated}
     for name in found.keys() & of.keys():  # one photo alone shows no height
@@ -337,10 +324,6 @@ def _misfits(
     """Compute standardised misfits (n,) of all observations, in units of their kind's noise."""
     squares = squared_misfits(problem, minimum, weight)
     noise = _noise(squares, weight)
-    # Photos predict heights: they are as exact as before on ground that is rougher.
-    rough = {name: noise[name] for name in HEIGHTS if name in noise}
-    squares |= squared_misfits(problem, minimum, weight, rough, tuple(rough))
-    noise |= dict.fromkeys(rough, 1.0)
     return {name: np.sqrt(square) / noise[name] for name, square in squares.items()}
 
 

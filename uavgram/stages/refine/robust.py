@@ -320,12 +320,11 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
     """
     found = _by_cost(taking, _from_softened(taking))
     # A photo that contradicts all others spoils every other test: look whether the rest agrees.
-    if found and found[0].misplaced:
-        rest = taking.without_frames(found[0].misplaced, MISPLACED)
+    for name in found[0].misplaced if found else ():
+        rest = taking.without_frames([name], MISPLACED)
         others = _by_cost(taking, _from_softened(rest)) if _are_most_left(taking, rest) else []
         if others and others[0].is_agreed() and others[0].checks_lengths():
             return others[:1]
-        found = _by_cost(taking, [*found, *others])
     if found and found[0].is_agreed():
         return found[:1]
     # First values may depend on what is wrong: leave out one thing, one length, one photo.
