@@ -61,6 +61,11 @@ def relative_sigma(adjustment: Adjustment) -> float:
     return result
 
 
+def test_no_line_has_no_faults() -> None:
+    """As where all lengths of a survey were left out."""
+    assert line_faults(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((4, 2))) == ()
+
+
 def test_what_the_next_line_brings_is_what_it_brings() -> None:
     """The predicted sigmas are those of the survey with that line; no other line does better."""
     ends = ((0, 6), (1, 7), (2, 8), (3, 9))

@@ -41,7 +41,7 @@ def line_faults(start_m: Floats, end_m: Floats, point_m: Floats) -> tuple[str, .
     along = end_m - start_m
     length = np.linalg.norm(along, axis=1)
     ends = np.concatenate([start_m, end_m])
-    if not np.isfinite(ends).all() or not (length > 0).all():
+    if not len(length) or not np.isfinite(ends).all() or not (length > 0).all():
         return ()
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(ends.T)), 0.0))
     faults = []
