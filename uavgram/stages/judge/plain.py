@@ -35,7 +35,8 @@ ONE_OR_MORE: dict[str, tuple[str, str]] = {
     "lengths-factor": ("The lengths seem to be all too long, or too short, by one factor.",) * 2,
     "lengths-offset": ("The lengths seem to be all off by the same amount.",) * 2,
     "lengths-offset-possible": ("The lengths may be all off by the same amount.",) * 2,
-    "lengths-level-possible": ("It is not written whether the tape was held level.",) * 2,
+    "lengths-level-possible": ("The file of the lengths does not state how the tape was held.",)
+    * 2,
     "lengths-level": ("All lengths seem to have been taped level, on ground that slopes.",) * 2,
     "photos-mirrored": ("All photos seem to have been mirrored when they were picked.",) * 2,
     "control-shifted": ("All control points are shifted by the same amount.",) * 2,

@@ -138,7 +138,7 @@ def open_questions(adjustment: Adjustment) -> Iterator[Message]:
     """Report what all lengths may have in common, where the observations do not exclude it.
 
     An offset that makes everything fit better, beyond chance at the level `OPEN`; or lengths taped
-    level on a slope, where nobody wrote how and that is likelier than not.
+    level on a slope, where the file does not state how and that is likelier than not.
     """
     if "lengths" not in adjustment.minimum.blocks or not adjustment.minimum.converged:
         return
@@ -173,7 +173,7 @@ def open_questions(adjustment: Adjustment) -> Iterator[Message]:
 
 
 def _may_be_level(adjustment: Adjustment) -> bool:
-    """Whether lengths were taped level likelier than not, where nobody wrote how."""
+    """Whether lengths were probably taped level, where the file does not state how."""
     if adjustment.survey.line_along:
         return False
     (found,) = explained(adjustment, [[_level(adjustment)]], CHECKED)
