@@ -63,6 +63,7 @@ _ASIDE = 3  # steps: the point's own edges count in every window
 _SIDES = windows_beside(_ASIDE)
 _OTHERS: Floats = np.array([0.0, -4.0, -3.0, 3.0, 4.0])  # steps along the line of sight
 _MOST = 0.75  # of what is unlike at such a place: what may be unlike where the point was found
+_UNSURE = 0.1  # of the noise: what chance makes of it in a window
 _NOISE = 0.25  # variance of what two windows of the same may differ by [grey values squared]
 
 
@@ -86,6 +87,9 @@ def fixed_on_all_sides(near: Grey, far: Grey, there: Fitted, along: Floats) -> B
         place = (start + aside).astype(np.float32)
         seen = cv2.remap(far[i], place[..., 0], place[..., 1], cv2.INTER_CUBIC)
         like, variance = _SIDES.likeness(near[i, edge:-edge, edge:-edge].ravel(), seen)
-        unlike = (variance * (1.0 - like))[:, variance > EVEN**2]
-        fixed[i] = (unlike[0] + _NOISE <= _MOST * unlike[1:].min(axis=0)).all()
+        unlike = variance * (1.0 - like)
+        noise = np.median(unlike[0])  # of both photos
+        here, *others = (unlike - noise)[:, variance > EVEN**2]
+        most = _MOST * np.min(others, axis=0)
+        fixed[i] = (here + _UNSURE * noise + _NOISE <= most).all()
     return fixed

@@ -45,7 +45,7 @@ PHOTOS = 2
 OFF_PX = 1.2
 """Standard deviation of a corner about the pick that is made of it [px]."""
 
-STRONG = 0.035, 0.135
+STRONG = 0.05, 0.125
 """Least strength of a corner, and what is added over the square of the number of photos that must
 agree but for one: the fewer they are, the more often they agree by chance. Measured on rendered
 streets."""

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
-from uavgram.imaging.matching.matched import REASON, Refused
 from uavgram.model.arrays import Bools
 from uavgram.model.naming import listed
 from uavgram.model.survey.observations import SAME_PLACE_PX, Picks
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.stages.match.found import Pair, Record
+from uavgram.stages.match.found import Pair
 
 
 @dataclass(frozen=True)
@@ -58,27 +57,6 @@ def may_be_raised(picks: Picks, found: Iterable[Pair], missed: Iterable[Pair]) -
     stated = set(np.array(picks.label)[picks.is_free | ~np.isnan(picks.height_m)].tolist())
     not_there = Counter(label for _, label in missed if label not in stated)
     return {label for label, n in not_there.items() if n > MISSED * (n + shown[label])}
-
-
-def rather_on_ground(on_ground: Record, raised: Record) -> set[str]:
-    """Find labels that are rather on the ground: seen there as often as not, and nowhere above.
-
-    One photo that does not show a point, as something covers it or has moved, is a large share of
-    a few photos. Where no photo shows it above the ground either, the others show where it is.
-
-    Parameters
-    ----------
-    on_ground
-        What was found of labels that may be off the ground while they were looked for on it.
-    raised
-        What was found at last.
-    """
-    elsewhere = {label for _, label in raised.found}
-    shown = Counter(label for _, label in on_ground.found if label not in elsewhere)
-    missed = Counter(
-        label for (_, label), why in on_ground.in_vain.items() if why != REASON[Refused.OUTSIDE]
-    )
-    return {label for label, count in shown.items() if count >= missed[label]}
 
 
 def still_founded(picks: Picks) -> Bools:
