@@ -8,7 +8,7 @@ import pytest
 
 from uavgram.imaging.matching.beside import fixed_on_all_sides
 from uavgram.imaging.matching.least_squares import fitted
-from uavgram.imaging.matching.patches import Grey
+from uavgram.imaging.patches import Grey
 
 SIDE, HALF = 51, 10
 ALONG = np.array([[0.0, 1.0]])

@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from uavgram.imaging.matching.least_squares import Fitted
-from uavgram.imaging.matching.patches import Grey
-from uavgram.imaging.matching.shared_corner import grid
+from uavgram.imaging.patches import Grey, grid, sample
 from uavgram.model.arrays import Bools, Floats
 
 SUPPORT = 5
@@ -84,8 +82,8 @@ def fixed_on_all_sides(near: Grey, far: Grey, there: Fitted, along: Floats) -> B
     for i in np.flatnonzero(along.any(axis=1)).tolist():
         start = _SIDES.grid @ there.linear[i].T + there.place[i] + far.shape[1] // 2
         aside = _OTHERS[:, None, None] * along[i] / np.hypot(*along[i])
-        place = (start + aside).astype(np.float32)
-        seen = cv2.remap(far[i], place[..., 0], place[..., 1], cv2.INTER_CUBIC)
+        u, v = np.moveaxis(start + aside, -1, 0)
+        seen = sample(far[i], u, v)
         like, variance = _SIDES.likeness(near[i, edge:-edge, edge:-edge].ravel(), seen)
         unlike = variance * (1.0 - like)
         noise = np.median(unlike[0])  # of both photos
