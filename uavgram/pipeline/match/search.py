@@ -13,7 +13,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.matched import REASON, Refused, Sought
 from uavgram.model.arrays import Floats, Ints
 from uavgram.pipeline.match.adjusting import Base
-from uavgram.pipeline.match.asked import may_be_raised
+from uavgram.pipeline.match.asked import EVEN_ODDS, may_be_raised, without_height
 from uavgram.pipeline.match.looking import Photos, look, reason, tasks
 from uavgram.pipeline.match.raised import look_up
 from uavgram.pipeline.progress import Progress, silent
@@ -40,7 +40,11 @@ class Search(NamedTuple):
 
 
 def searched(
-    base: Base, photos: Photos, wanted: Callable[[Pair], bool], progress: Progress = silent
+    base: Base,
+    photos: Photos,
+    wanted: Callable[[Pair], bool],
+    progress: Progress = silent,
+    on_ground: float = EVEN_ODDS,
 ) -> Search:
     """Look for picks in all photos until there is nothing left to try.
 
@@ -54,6 +58,8 @@ def searched(
         Whether a label is to be looked for in a photo.
     progress
         Shows long loops.
+    on_ground
+        Odds that a label without a height is on the ground.
     """
     adjustment, record = _agreeing(base, Record())
     for left in reversed(range(MOST_ROUNDS)):
@@ -63,8 +69,8 @@ def searched(
         missed = record.in_vain.keys() - _silent(candidates, record)
         off = np.array(adjustment.survey.label)[adjustment.survey.is_free].tolist()
         as_ground = [pair for pair in record.found if pair[1] in off]  # its patch errs
-        raised = may_be_raised(base.inputs.picks, record.found, missed)
-        raised = raised or may_be_raised(base.inputs.picks, (), as_ground)
+        raised = may_be_raised(base.inputs.picks, record.found, missed, on_ground)
+        raised = raised or set(without_height(base.inputs.picks, as_ground))
         is_over = candidates.is_raised[rows].all()  # with what is on the ground
         if raised and (is_over or left == LINES_BEFORE + 1):  # along their lines, or not
             base, record = base.with_free(raised), record.without_labels(raised)
