@@ -34,6 +34,9 @@ CLICK_PX = 2.5
 SAME_PX = 1.0
 """A target's centre farther from where the picture around it is found belongs to another one."""
 
+ON_GROUND = 100.0
+"""Odds that a target without a height is on the ground: that is where people put them."""
+
 NOT_CLEAR = "no clear target there: hidden, shadowed, or too small"
 
 
@@ -199,7 +202,7 @@ def _searched(
     def wanted(pair: Pair) -> bool:
         return pair[1] in kinds and pair not in there and pair[0] not in copies
 
-    return searched(base, photos, wanted, progress).record
+    return searched(base, photos, wanted, progress, ON_GROUND).record
 
 
 def _measured(

@@ -8,9 +8,8 @@ from plate_pictures import photo_of, plate_samples, quad, shadowed
 from scipy.stats import chi2
 
 from uavgram.imaging.plates.families import cells_of, size_of
-from uavgram.imaging.plates.fit import fit_plate
+from uavgram.imaging.plates.fit import fit_plate, fit_with_shadows
 from uavgram.imaging.plates.picture import Window, render
-from uavgram.imaging.plates.shadowed_fit import fit_with_shadows
 from uavgram.imaging.plates.sight import sight_plates
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.plates import LeftOut

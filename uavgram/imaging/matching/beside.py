@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
 from uavgram.imaging.matching.least_squares import Fitted
-from uavgram.imaging.matching.patches import Grey
-from uavgram.imaging.matching.shared_corner import grid
+from uavgram.imaging.patches import Grey, grid, sample
 from uavgram.model.arrays import Bools, Floats
 
 SUPPORT = 5
@@ -63,6 +61,7 @@ _ASIDE = 3  # steps: the point's own edges count in every window
 _SIDES = windows_beside(_ASIDE)
 _OTHERS: Floats = np.array([0.0, -4.0, -3.0, 3.0, 4.0])  # steps along the line of sight
 _MOST = 0.75  # of what is unlike at such a place: what may be unlike where the point was found
+_UNSURE = 0.1  # of the noise: what chance makes of it in a window
 _NOISE = 0.25  # variance of what two windows of the same may differ by [grey values squared]
 
 
@@ -83,9 +82,12 @@ def fixed_on_all_sides(near: Grey, far: Grey, there: Fitted, along: Floats) -> B
     for i in np.flatnonzero(along.any(axis=1)).tolist():
         start = _SIDES.grid @ there.linear[i].T + there.place[i] + far.shape[1] // 2
         aside = _OTHERS[:, None, None] * along[i] / np.hypot(*along[i])
-        place = (start + aside).astype(np.float32)
-        seen = cv2.remap(far[i], place[..., 0], place[..., 1], cv2.INTER_CUBIC)
+        u, v = np.moveaxis(start + aside, -1, 0)
+        seen = sample(far[i], u, v)
         like, variance = _SIDES.likeness(near[i, edge:-edge, edge:-edge].ravel(), seen)
-        unlike = (variance * (1.0 - like))[:, variance > EVEN**2]
-        fixed[i] = (unlike[0] + _NOISE <= _MOST * unlike[1:].min(axis=0)).all()
+        unlike = variance * (1.0 - like)
+        noise = np.median(unlike[0])  # of both photos
+        here, *others = (unlike - noise)[:, variance > EVEN**2]
+        most = _MOST * np.min(others, axis=0)
+        fixed[i] = (here + _UNSURE * noise + _NOISE <= most).all()
     return fixed

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from uavgram.imaging.matching.patches import Grey
+from uavgram.imaging.patches import Grey, grid, sample, slopes
 from uavgram.model.arrays import Bools, Floats, Ints
 
 CHANGE_SIGMA = 0.05
@@ -178,26 +178,19 @@ def _inverse(system: System, noise: Floats) -> tuple[Floats, Floats]:
 
 
 def _system(fixed: Grey, half: int, middle: Floats, wide: float) -> System:
-    side = np.arange(-half, half + 1.0)
-    grid = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
-    weight: Floats = np.exp(-2.0 * ((grid - middle) ** 2).sum(axis=1) / wide**2)
+    steps = grid(half)
+    weight: Floats = np.exp(-2.0 * ((steps - middle) ** 2).sum(axis=1) / wide**2)
     middle = fixed.shape[1] // 2
     cut = slice(middle - half - 1, middle + half + 2)
     patch = fixed[:, cut, cut].astype(np.float64)
-    slope = np.stack(
-        [
-            0.5 * (patch[:, 1:-1, 2:] - patch[:, 1:-1, :-2]).reshape(len(fixed), -1),
-            0.5 * (patch[:, 2:, 1:-1] - patch[:, :-2, 1:-1]).reshape(len(fixed), -1),
-        ],
-        axis=1,
-    )
+    slope = np.stack(slopes(patch), axis=1).reshape(len(fixed), 2, len(steps))
     value, contrast = _normalised(patch[:, 1:-1, 1:-1].reshape(len(fixed), -1), weight)
     slope /= contrast[:, None, None]
-    by = np.concatenate([slope, *(slope[:, [i], :] * grid.T for i in range(2))], axis=1)
+    by = np.concatenate([slope, *(slope[:, [i]] * steps.T for i in range(2))], axis=1)
     # What brightness and contrast explain says nothing of the place.
     by -= (by @ weight / weight.sum())[..., None]
     by -= (by @ (weight * value)[..., None] / weight.sum()) * value[:, None]
-    return System(grid, weight, value, contrast, by)
+    return System(steps, weight, value, contrast, by)
 
 
 def _sampled(
@@ -205,15 +198,15 @@ def _sampled(
 ) -> tuple[Floats, Floats]:
     """Normalised values of moving windows at mapped grids, and their contrasts."""
     side = moving.shape[1]
-    grid = system.grid @ np.swapaxes(linear[index], 1, 2) + place[index][:, None] + side // 2
-    grid = np.clip(grid, 0.0, side - 1.0)
-    out = np.empty(grid.shape[:2])
+    at = system.grid @ np.swapaxes(linear[index], 1, 2) + place[index][:, None] + side // 2
+    at = np.clip(at, 0.0, side - 1.0)
+    out = np.empty(at.shape[:2])
     block = _MOST_ROWS // side
     for first in range(0, len(index), block):
-        part = grid[first : first + block].astype(np.float32)
-        used = moving[index[first : first + block]].reshape(-1, side)
-        v = part[..., 1] + np.arange(len(part), dtype=np.float32)[:, None] * side
-        out[first : first + block] = cv2.remap(used, part[..., 0], v, cv2.INTER_LANCZOS4)
+        u, v = np.moveaxis(at[first : first + block].astype(np.float32), -1, 0)
+        tall = moving[index[first : first + block]].reshape(-1, side)
+        v = v + np.arange(len(v), dtype=np.float32)[:, None] * side
+        out[first : first + block] = sample(tall, u, v, cv2.INTER_LANCZOS4)
     return _normalised(out, system.weight)
 
 

@@ -11,9 +11,9 @@ from uavgram.imaging.matching.beside import fixed_on_all_sides
 from uavgram.imaging.matching.least_squares import Fitted, fitted
 from uavgram.imaging.matching.matched import Matched, Refused, Sought
 from uavgram.imaging.matching.options import MatchOptions, Patch
-from uavgram.imaging.matching.patches import Frames, Grey, common_frames, window, within
 from uavgram.imaging.matching.search import Peak, best_place
 from uavgram.imaging.matching.sureness import covariance_of, is_sure
+from uavgram.imaging.patches import Frames, Grey, common_frames, window, within
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints, rows_of
 

@@ -17,9 +17,9 @@ from uavgram.imaging.matching.beside import EVEN, SUPPORT, windows_beside
 from uavgram.imaging.matching.least_squares import fitted
 from uavgram.imaging.matching.matched import Refused
 from uavgram.imaging.matching.options import MatchOptions
-from uavgram.imaging.matching.patches import Grey, common_frames, window
 from uavgram.imaging.matching.shared_corner import PHOTOS, Line, corner_along, windows
 from uavgram.imaging.matching.sureness import covariance_of, is_sure
+from uavgram.imaging.patches import Grey, common_frames, window
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats, Ints
 

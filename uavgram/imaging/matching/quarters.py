@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.imaging.matching.patches import common_frames, window
+from uavgram.imaging.patches import common_frames, window
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
 

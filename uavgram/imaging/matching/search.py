@@ -7,7 +7,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from uavgram.imaging.matching.patches import Grey
+from uavgram.imaging.patches import Grey
 from uavgram.model.arrays import Bools, Floats
 
 SAME_PEAK = 4

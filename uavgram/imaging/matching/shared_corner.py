@@ -12,10 +12,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 
-from uavgram.imaging.matching.patches import Grey
+from uavgram.imaging.patches import Grey, grid, sample, slopes
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
 
@@ -45,21 +44,13 @@ PHOTOS = 2
 OFF_PX = 1.2
 """Standard deviation of a corner about the pick that is made of it [px]."""
 
-STRONG = 0.035, 0.135
+STRONG = 0.05, 0.125
 """Least strength of a corner, and what is added over the square of the number of photos that must
 agree but for one: the fewer they are, the more often they agree by chance. Measured on rendered
 streets."""
 
 _REACH = 6
 _SAMPLED = _REACH + 1  # slopes take one more on either side
-_MOST_ROWS = 30000  # of maps that OpenCV resamples by
-
-
-def grid(reach: int) -> Floats:
-    """((2 reach + 1)^2, 2) steps about a pixel."""
-    side = np.arange(-reach, reach + 1.0)
-    return np.asarray(np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2))
-
 
 _INNER: Grey = grid(_REACH).astype(np.float32)
 _BELL: Grey = np.exp(-0.5 * (_INNER**2).sum(axis=1) / ABOUT_PX**2).astype(np.float32)
@@ -146,12 +137,8 @@ def windows(photo: Image, pixel: Floats, affine: Floats, reach: int) -> tuple[In
 
 def _sampled(photo: Image, pixel: Floats, affine: Floats, reach: int) -> Grey:
     """(n, s) grey values about pixels, as of `windows`."""
-    at = (pixel[:, None] + grid(reach) @ np.swapaxes(affine, 1, 2)).astype(np.float32)
-    out = np.empty(at.shape[:2], np.float32)
-    for first in range(0, len(at), _MOST_ROWS):
-        some = slice(first, first + _MOST_ROWS)
-        out[some] = cv2.remap(photo, at[some, :, 0], at[some, :, 1], cv2.INTER_CUBIC)
-    return out
+    u, v = np.moveaxis(pixel[:, None] + grid(reach) @ np.swapaxes(affine, 1, 2), -1, 0)
+    return sample(photo, u, v)
 
 
 def _edges(grey: Grey) -> tuple[Grey, Grey]:
@@ -162,8 +149,7 @@ def _edges(grey: Grey) -> tuple[Grey, Grey]:
     """
     side = 2 * _REACH + 3
     field = grey.reshape(-1, side, side)
-    u = 0.5 * (field[:, 1:-1, 2:] - field[:, 1:-1, :-2]).reshape(len(grey), len(_BELL))
-    v = 0.5 * (field[:, 2:, 1:-1] - field[:, :-2, 1:-1]).reshape(len(grey), len(_BELL))
+    u, v = (one.reshape(len(grey), len(_BELL)) for one in slopes(field))
     square = u**2 + v**2
     weight = 1.0 / np.sqrt(np.maximum(square * (square + EDGE_STEP**2), 1e-12))
     return np.stack([u, v], axis=1), np.stack([(u**2 - v**2) * weight, 2 * u * v * weight], axis=1)

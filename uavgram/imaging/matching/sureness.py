@@ -18,9 +18,8 @@ import numpy as np
 
 from uavgram.imaging.matching.least_squares import CHANGE_SIGMA, OF_MAP, Fitted, remaining
 from uavgram.imaging.matching.options import MatchOptions
+from uavgram.imaging.patch_fit import neighbour_correlation
 from uavgram.model.arrays import Bools, Floats
-
-_MOST_ALIKE = 0.9  # correlation of neighbours
 
 
 def covariance_of(found: Fitted, options: MatchOptions, step: float = 1.0) -> Floats:
@@ -92,14 +91,7 @@ def _spread(gain: Floats, found: Fitted) -> Floats:
     side = round(gain.shape[2] ** 0.5)
     root = np.sqrt(found.fixed.weight).reshape(side, side)
     rest = (found.value - found.fixed.value).reshape(-1, side, side) * root
-    mean = np.maximum((rest**2).sum(axis=(1, 2)), 1e-12) / (root**2).sum()
     apart = np.abs(np.arange(side)[:, None] - np.arange(side))
-
-    def falling(product: Floats, weight: Floats) -> Floats:
-        alike = product.sum(axis=(1, 2)) / (weight.sum() * mean)
-        return np.asarray(alike.clip(0.0, _MOST_ALIKE)[:, None, None, None] ** apart)
-
-    along_rows = falling(rest[:, :, 1:] * rest[:, :, :-1], root[:, 1:] * root[:, :-1])
-    along_columns = falling(rest[:, 1:] * rest[:, :-1], root[1:] * root[:-1])
-    square = gain.reshape(len(gain), 2, side, side)
-    return (along_columns @ square @ along_rows).reshape(gain.shape)
+    alike: Floats = neighbour_correlation(rest, root)[..., None, None, None] ** apart
+    square: Floats = gain.reshape(len(gain), 2, side, side)
+    return np.asarray((alike[1] @ square @ alike[0]).reshape(gain.shape))

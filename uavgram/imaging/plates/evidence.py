@@ -20,7 +20,7 @@ def agreement_at(grey: Image, window: Window, cells: Bools, corner_px: Floats) -
     grey, window, cells, corner_px
         As of `fit_plate`.
     """
-    inside = plate_weights(window, corner_px, len(cells), 1.0, FIRST_BLUR_PX) > 0
+    inside = plate_weights(window, corner_px, len(cells), FIRST_BLUR_PX) > 0
     share = render(cells, corner_px, FIRST_BLUR_PX, window).share[inside]
     values = grey[inside].astype(np.float64)
     if values.size < len(cells) ** 2 or np.ptp(values) == 0 or np.ptp(share) == 0:

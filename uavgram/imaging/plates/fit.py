@@ -2,8 +2,9 @@
 
 The grey value of a pixel is ``black + contrast share`` with `share` of `picture.render`, the
 contrast running evenly over the plate (the sun stands aslant, lenses darken), times a shadow where
-one lies across it. What depends linearly is eliminated in each step (Golub and Pereyra 1973, with
-Kaufman's derivative), so that only corners, blur and the places of shadow edges are sought.
+one lies across it; shadows are sought where a plate does not fit without. What depends linearly is
+eliminated in each step (Golub and Pereyra 1973, with Kaufman's derivative), so that only corners,
+blur and the places of shadow edges are sought.
 """
 
 from __future__ import annotations
@@ -11,8 +12,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.optimize import least_squares
 
+from uavgram.imaging.patch_fit import Fit, fit_windows, neighbour_correlation
 from uavgram.imaging.plates.picture import (
     Picture,
     Window,
@@ -21,15 +22,25 @@ from uavgram.imaging.plates.picture import (
     mapped,
     render,
 )
-from uavgram.imaging.plates.shadow import LOG_SOFT_BOUNDS, Edge, edge_pictures
-from uavgram.model.arrays import Bools, Floats
+from uavgram.imaging.plates.shadow import LOG_SOFT_BOUNDS, Edge, edge_pictures, likeliest_edges
+from uavgram.model.arrays import Bools, Floats, Ints
 
 FIRST_BLUR_PX = 0.8
 _BLUR_BOUNDS_PX = (0.3, 3.0)
 _CLEAR_BLURS = 2.0  # of what lies around the white margin, so much is kept away
+_LEAST_CLEAR = 0.15  # cells
 _OUTLIER = 4.0
-_EVALUATIONS = (8, 12)  # with the weights of the start, and with those of its residuals
+_ROUNDS = (8, 12)  # with the weights of the start, and with those of its residuals
+_FIRST_DAMPING = 1e-4  # derivatives are not exact: steps that are damped more end sooner
 _PLAIN = 5  # linear unknowns without shadows
+
+_RUNS_ON = 0.35
+"""Residuals that go together more than this show something that lies across the plate."""
+
+_BETTER = 0.8
+"""A shadow's edge must make the residuals this much smaller."""
+
+MOST_EDGES = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,60 +89,42 @@ class PlateModel:
         self.root = np.sqrt(weight).ravel()
         away = window.pixels - middle
         self.slope = away / max(window.width, window.height)
-        self._last: tuple[bytes, Floats, Floats] | None = None
 
-    def columns(self, picture: Picture, shade: Floats) -> list[Floats]:
-        """What the grey values are a sum of."""
+    def columns(self, picture: Picture, shade: Floats) -> Floats:
+        """(h, w, m) what the grey values are a sum of."""
         share = picture.share
-        base = [np.ones_like(share), share, share * self.slope[..., 0], share * self.slope[..., 1]]
-        base.append(4.0 * share * (1.0 - share))
-        for one in shade:
-            base += [one, one * share]
-        return base
+        u, v = np.moveaxis(self.slope, -1, 0)
+        plain = np.ones_like(share), share, share * u, share * v, 4.0 * share * (1.0 - share)
+        return np.stack([*plain, *shade, *(shade * share)], axis=-1)
 
-    def _both(self, value: Floats) -> tuple[Floats, Floats]:
-        key = value.tobytes()
-        if self._last is not None and self._last[0] == key:
-            return self._last[1:]
-        result = self._evaluated(value)
-        self._last = (key, *result)
-        return result
-
-    def residual(self, value: Floats) -> Floats:
-        """What the grey values miss, weighted."""
-        return self._both(value)[0]
-
-    def jacobian(self, value: Floats) -> Floats:
-        """Its derivatives."""
-        return self._both(value)[1]
-
-    def _evaluated(self, value: Floats) -> tuple[Floats, Floats]:
+    def residuals(self, state: Floats, _: Ints) -> tuple[Floats, Floats]:
+        """What a picture (1, p) misses of the grey values (1, k), and its derivatives (1, p, k)."""
+        value = state[0]
         picture = render(self.cells, value[:8].reshape(4, 2), float(value[8]), self.window)
         shade, by_edge = edge_pictures(value[9:], self.window)
-        base = np.stack([c.ravel() for c in self.columns(picture, shade)], axis=1)
-        weighted = base * self.root[:, None]
+        base = self.columns(picture, shade)
+        weighted = base.reshape(-1, base.shape[-1]) * self.root[:, None]
         target = self.grey.ravel() * self.root
         q, r = np.linalg.qr(weighted)
         linear = np.linalg.lstsq(r, q.T @ target, rcond=None)[0]
-        residual = weighted @ linear - target
+        black, contrast = linear[_PLAIN:].reshape(2, -1, 1, 1)  # of what the shadows change
         strength = (
             linear[1] + self.slope @ linear[2:4] + 4.0 * linear[4] * (1.0 - 2.0 * picture.share)
         )
-        for k, one in enumerate(shade):
-            strength = strength + linear[_PLAIN + 1 + 2 * k] * one
-        jacobian = np.empty((residual.size, len(value)))
-        jacobian[:, :8] = (picture.by_corner * strength[..., None]).reshape(-1, 8)
-        jacobian[:, 8] = (picture.by_blur * strength).ravel()
-        for k in range(len(shade)):
-            change = linear[_PLAIN + 2 * k] + linear[_PLAIN + 1 + 2 * k] * picture.share
-            place = 9 + by_edge.shape[-1] * k
-            block = by_edge[k] * change[..., None]
-            jacobian[:, place : place + block.shape[-1]] = block.reshape(residual.size, -1)
-        jacobian *= self.root[:, None]
-        jacobian -= q @ (q.T @ jacobian)
+        strength += (contrast * shade).sum(axis=0)
+        by_edge *= (black + contrast * picture.share)[..., None]
+        by = np.concatenate(
+            [
+                picture.by_corner * strength[..., None],
+                (picture.by_blur * strength)[..., None],
+                *by_edge,
+            ],
+            axis=-1,
+        ).reshape(-1, len(value))
+        by *= self.root[:, None]
+        by -= q @ (q.T @ by)
         self.linear = linear
-        self.picture = picture
-        return residual, jacobian
+        return (weighted @ linear - target)[None], by.T[None]
 
 
 def fit_plate(
@@ -139,10 +132,7 @@ def fit_plate(
     window: Window,
     cells: Bools,
     corner_px: Floats,
-    *,
     edges: tuple[Edge, ...] = (),
-    blur_px: float = FIRST_BLUR_PX,
-    margin: float = 1.0,
 ) -> PlateFit | None:
     """Fit a plate to a window of a photo.
 
@@ -158,45 +148,67 @@ def fit_plate(
         (4, 2) first corners, to a pixel or so.
     edges
         Shadow edges that lie across it, roughly.
-    blur_px
-        First blur.
-    margin
-        Width of the white around the black square, in cells.
 
     Returns
     -------
     PlateFit or None
         None where no fit comes to an end near the first corners.
     """
-    value = np.concatenate([corner_px.ravel(), [blur_px], *(edge.values for edge in edges)])
-    weight = plate_weights(window, corner_px, len(cells), margin, blur_px)
-    fitted = None
-    for evaluations in _EVALUATIONS:
-        model = PlateModel(grey, window, cells, weight, corner_px.mean(axis=0))
-        lower, upper = np.full(len(value), -np.inf), np.full(len(value), np.inf)
-        lower[8], upper[8] = _BLUR_BOUNDS_PX
-        lower[11::3], upper[11::3] = LOG_SOFT_BOUNDS
-        value = np.clip(value, lower + 0.01, upper - 0.01)
-        found = least_squares(
-            model.residual,
-            value,
-            model.jacobian,
-            (lower, upper),
-            xtol=1e-6,
-            ftol=1e-8,
-            max_nfev=evaluations,
+    value = np.concatenate([corner_px.ravel(), [FIRST_BLUR_PX], *edges])
+    weight = plate_weights(window, corner_px, len(cells), FIRST_BLUR_PX)
+    lower, upper = np.full(len(value), -np.inf), np.full(len(value), np.inf)
+    lower[8], upper[8] = _BLUR_BOUNDS_PX
+    lower[11::3], upper[11::3] = LOG_SOFT_BOUNDS
+    for rounds in _ROUNDS:
+        used = weight
+        model = PlateModel(grey, window, cells, used, corner_px.mean(axis=0))
+        fit = fit_windows(
+            model.residuals,
+            value[None],
+            bounds=(lower, upper),
+            places=8,
+            damping=_FIRST_DAMPING,
+            rounds=rounds,
         )
-        value = found.x
+        value = fit.state[0]
         corner = value[:8].reshape(4, 2)
         side = np.linalg.norm(np.roll(corner_px, -1, axis=0) - corner_px, axis=1).min()
         if np.abs(corner - corner_px).max() > max(2.0, 0.15 * side):
             return None
-        residual, jacobian = model.residual(value), model.jacobian(value)
-        fitted = _described(model, value, weight, residual, jacobian, edges)
-        raw = _raw(residual, weight)
-        scale = 1.4826 * np.median(np.abs(raw[weight > 0])) + 0.3
-        fresh = plate_weights(window, corner, len(cells), margin, float(value[8]))
+        raw = _raw(fit.residual, used)
+        scale = 1.4826 * np.median(np.abs(raw[used > 0])) + 0.3
+        fresh = plate_weights(window, corner, len(cells), float(value[8]))
         weight = fresh / np.maximum(1.0, np.abs(raw) / (_OUTLIER * scale))
+    return _described(model, fit, used)
+
+
+def fit_with_shadows(
+    grey: Floats, window: Window, cells: Bools, corner_px: Floats
+) -> PlateFit | None:
+    """Fit a plate, and the edges of shadows across it where it does not fit without.
+
+    Parameters
+    ----------
+    grey, window, cells, corner_px
+        As of `fit_plate`.
+    """
+    fitted = fit_plate(grey, window, cells, corner_px)
+    if fitted is None:
+        return None
+    for _ in range(MOST_EDGES):
+        if fitted.runs_on < _RUNS_ON:
+            break
+        picture = render(cells, fitted.corner_px, fitted.blur_px, window)
+        weight = plate_weights(window, fitted.corner_px, len(cells), fitted.blur_px)
+        model = PlateModel(grey, window, cells, weight, corner_px.mean(axis=0))
+        values = np.array(fitted.edges, np.float64).ravel()
+        base = model.columns(picture, edge_pictures(values, window)[0])
+        starts = likeliest_edges(grey, base, picture.share, weight)
+        fits = [fit_plate(grey, window, cells, corner_px, (*fitted.edges, one)) for one in starts]
+        shadowed = min((one for one in fits if one), key=lambda one: one.rms, default=None)
+        if shadowed is None or shadowed.rms > _BETTER * fitted.rms:
+            break
+        fitted = shadowed
     return fitted
 
 
@@ -205,53 +217,32 @@ def _raw(residual: Floats, weight: Floats) -> Floats:
     return np.divide(residual.reshape(weight.shape), root, out=np.zeros_like(root), where=root > 0)
 
 
-def _described(
-    model: PlateModel,
-    value: Floats,
-    weight: Floats,
-    residual: Floats,
-    jacobian: Floats,
-    edges: tuple[Edge, ...],
-) -> PlateFit:
-    count = max(float((weight > 0).sum()) - jacobian.shape[1] - len(model.linear), 1.0)
-    variance = float(residual @ residual) / count
-    normal = jacobian.T @ jacobian
-    covariance = np.linalg.pinv(normal, hermitian=True)[:8, :8] * variance
-    raw = _raw(residual, weight)
+def _described(model: PlateModel, fit: Fit, weight: Floats) -> PlateFit:
+    value = fit.state[0]
+    model.residuals(fit.state, np.zeros(1, np.int64))  # its sum, not that of the last trial
+    count = max(float((weight > 0).sum()) - len(value) - len(model.linear), 1.0)
+    variance = float(fit.cost[0]) / count
+    raw = _raw(fit.residual, weight)
     inside = weight > 0
     grey = model.grey[inside]
     picture = grey + raw[inside]
     agreement = float(np.corrcoef(picture, grey)[0, 1]) if np.ptp(grey) > 0 else 0.0
-    k = len(value[9:]) // max(len(edges), 1)
     return PlateFit(
         corner_px=value[:8].reshape(4, 2),
-        covariance_px2=covariance,
+        covariance_px2=fit.inverse[0, :8, :8] * variance,
         blur_px=float(value[8]),
         contrast=float(model.linear[1]),
         rms=variance**0.5,
-        runs_on=_runs_on(raw, inside),
+        runs_on=float(neighbour_correlation(raw[None], inside.astype(np.float64)).mean()),
         agreement=agreement,
-        edges=tuple(Edge(*value[9 + k * i : 9 + k * i + k]) for i in range(len(edges))),
+        edges=tuple(Edge(*one) for one in value[9:].reshape(-1, 3).tolist()),
         residual=raw,
         weight=weight,
     )
 
 
-def _runs_on(raw: Floats, inside: Bools) -> float:
-    """Mean correlation of residuals with the next ones along rows and columns."""
-    pairs = [
-        (raw[:, :-1], raw[:, 1:], inside[:, :-1] & inside[:, 1:]),
-        (raw[:-1], raw[1:], inside[:-1] & inside[1:]),
-    ]
-    products = sum(float((a * b)[both].sum()) for a, b, both in pairs)
-    squares = sum(float((a * a + b * b)[both].sum()) / 2 for a, b, both in pairs)
-    return products / squares if squares > 0 else 0.0
-
-
-def plate_weights(
-    window: Window, corner_px: Floats, count: int, margin: float, blur_px: float
-) -> Floats:
-    """(h, w) 1 on the plate and its margin, as far as nothing blurs into it from around.
+def plate_weights(window: Window, corner_px: Floats, count: int, blur_px: float) -> Floats:
+    """(h, w) 1 on the plate and the white around it, as far as nothing blurs into it from beyond.
 
     Parameters
     ----------
@@ -259,8 +250,8 @@ def plate_weights(
         As of `fit_plate`.
     count
         Cells along a side.
-    margin, blur_px
-        Width of the white, in cells; the blur.
+    blur_px
+        The blur.
     """
     matrix = inverse_of(homography(corner_px))
     place = count * mapped(matrix, window.pixels)
@@ -268,7 +259,6 @@ def plate_weights(
     ahead = count * mapped(matrix, window.pixels + np.array([0.5, 0.0])) - place
     down = count * mapped(matrix, window.pixels + np.array([0.0, 0.5])) - place
     step = 2.0 * np.hypot(ahead, down)
-    clear = margin - _CLEAR_BLURS * np.hypot(blur_px, 0.3) * step
-    clear = np.maximum(clear, 0.15 * margin)
+    clear = np.maximum(1.0 - _CLEAR_BLURS * np.hypot(blur_px, 0.3) * step, _LEAST_CLEAR)
     outside = np.maximum(-place, place - count)
     return np.asarray((outside <= clear).all(axis=-1), np.float64)

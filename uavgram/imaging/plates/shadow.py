@@ -30,11 +30,6 @@ class Edge(NamedTuple):
     away_px: float
     log_soft: float
 
-    @property
-    def values(self) -> Floats:
-        """(3,) of them."""
-        return np.array(self)
-
 
 def edge_pictures(values: Floats, window: Window) -> tuple[Floats, Floats]:
     """How much of each pixel lies behind each edge.

@@ -11,9 +11,8 @@ import numpy as np
 from uavgram.imaging.plates.evidence import agreement_at, wrong_cells
 from uavgram.imaging.plates.families import cells_of
 from uavgram.imaging.plates.find import Candidate, candidates
-from uavgram.imaging.plates.fit import PlateFit
+from uavgram.imaging.plates.fit import PlateFit, fit_with_shadows
 from uavgram.imaging.plates.picture import UNIT_SQUARE, Window, homography, mapped
-from uavgram.imaging.plates.shadowed_fit import fit_with_shadows
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.plates import LeftOut, SeenPlate

@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 
 from uavgram.imaging.raster import Image
+from uavgram.imaging.targets.gradient import search_corners
 from uavgram.imaging.targets.sighting import FARTHEST_MOVE, grid_axes, mean_of_known
-from uavgram.imaging.targets.sub_pixel import search_corners
 from uavgram.model.arrays import Bools, Floats
 
 CORE = 3

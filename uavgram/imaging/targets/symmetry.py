@@ -9,23 +9,21 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import cv2
 import numpy as np
-from scipy.interpolate import BSpline
 from scipy.ndimage import spline_filter
 
+from uavgram.imaging.patch_fit import Fit, fit_windows, growth, neighbour_correlation
+from uavgram.imaging.patches import slopes
 from uavgram.imaging.raster import Image
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Bools, Floats, Ints
 
 OF_CAMERAS_PX = 0.03
 """What real cameras add to the noise: blur that is not the same on all sides, sharpening, colours
 put together from their neighbours. Inner corners of OpenCV's chessboard photos scatter by 0.048 px,
 where noise alone explains 0.038 px; in rendered photos it is less than 0.005 px."""
 
-_ROUNDS = 15
-_CONVERGED_PX = 1e-3
 _LEAST_NOISE = 0.3  # of rounding to whole grey values: 1 / sqrt(12)
-_MOST_CORRELATION = 0.9
-_BELL = BSpline.basis_element(np.arange(-2.0, 3.0), extrapolate=False)
 _RING = 4  # pixels beyond what is asked for: the spline's end is not felt there
 
 
@@ -68,28 +66,30 @@ def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centr
     v, u = np.mgrid[-half : half + 1, -half : half + 1].astype(np.float64)
     inside = ((np.linalg.inv(axes_px) @ np.stack([u.ravel(), v.ravel()])) ** 2).sum(axis=0) <= 1.0
     weight = inside.reshape(u.shape)
-    center = np.asarray(start_px, np.float64)
-    surface = _Surface(photo, center, half + 1 + half // 2)
-    for _ in range(_ROUNDS):
-        around = surface.window(center, half + 1)
-        if around is None or np.abs(center - start_px).max() > 0.5 * half:
-            return None
-        value = around[1:-1, 1:-1]
-        slope = np.stack(
-            [around[1:-1, 2:] - around[1:-1, :-2], around[2:, 1:-1] - around[:-2, 1:-1]]
-        )
-        odd = value - value[::-1, ::-1]
+    start = np.array(start_px, np.float64)[None]
+    surface = _Surface(photo, start[0], half + 1 + half // 2)
+
+    def model(center: Floats, _: Ints) -> tuple[Floats, Floats]:
+        around = surface.window(center[0], half + 1)
+        if around is None:
+            return np.full((1, inside.size), np.nan), np.zeros((1, 2, inside.size))
+        odd = (around - around[::-1, ::-1])[1:-1, 1:-1]
+        slope = np.stack(slopes(around[None]), axis=1)
         # d/dc of I(c + d) - I(c - d); where both halves are alike, twice the slope
-        change = 0.5 * (slope - slope[:, ::-1, ::-1])
-        normal = np.einsum("ivu,jvu,vu->ij", change, change, weight)
-        if np.linalg.eigvalsh(normal)[0] <= 0:
-            return None
-        step = -np.linalg.solve(normal, np.einsum("ivu,vu,vu->i", change, odd, weight))
-        center = center + step.clip(-2.0, 2.0)
-        if np.abs(step).max() < _CONVERGED_PX:
-            break
-    least = float(np.sqrt(np.linalg.eigvalsh(normal)[0] / weight.sum()))
-    return Centre(center, _covariance(change, odd, weight), _likeness(value, weight), least)
+        change = (slope - slope[..., ::-1, ::-1]) * weight
+        return (odd * weight).reshape(1, -1), change.reshape(1, 2, -1)
+
+    # no damping: differences over two pixels are not quite the residuals' own derivatives
+    fit = fit_windows(model, start, damping=0.0)
+    center = fit.state[0]
+    value = surface.window(center, half)
+    if value is None or not np.isfinite(fit.cost[0]):
+        return None
+    least = float(np.linalg.eigvalsh(fit.normal[0])[0])
+    if least <= 0 or np.abs(center - start).max() > 0.5 * half:
+        return None
+    slope = float(np.sqrt(least / weight.sum()))
+    return Centre(center, _covariance(fit, weight), _likeness(value, weight), slope)
 
 
 def likeness_about(photo: Image, center_px: Floats, radius_px: int) -> float:
@@ -111,26 +111,17 @@ def likeness_about(photo: Image, center_px: Floats, radius_px: int) -> float:
     return _likeness(value, u**2 + v**2 <= radius_px**2)
 
 
-def _covariance(change: Floats, odd: Floats, weight: Bools) -> Floats:
+def _covariance(fit: Fit, weight: Bools) -> Floats:
     """Of the centre, by the differences of both halves.
 
     The sums go over both halves, so every difference is in them twice: with the variance q of the
     differences it is 2 q N^-1. What runs on from pixel to pixel (JPEG, texture of what lies
     around) counts for fewer.
     """
-    used = np.where(weight, odd, 0.0)
-    count = weight.sum()
-    variance = max(float((used**2).sum() / max(count - 4.0, 1.0)), 2 * _LEAST_NOISE**2)
-    total = max(float((used**2).mean() * used.size / count), 1e-9)
-    growth = 1.0
-    for pair, both in (
-        (used[:, 1:] * used[:, :-1], weight[:, 1:] & weight[:, :-1]),
-        (used[1:] * used[:-1], weight[1:] & weight[:-1]),
-    ):
-        one = np.clip(pair.sum() / max(both.sum(), 1) / total, 0.0, _MOST_CORRELATION)
-        growth *= (1.0 + one) / (1.0 - one)
-    normal = np.einsum("ivu,jvu,vu->ij", change, change, weight)
-    return np.asarray(2.0 * variance * growth * np.linalg.inv(normal))
+    variance = max(fit.cost[0] / max(weight.sum() - 4.0, 1.0), 2 * _LEAST_NOISE**2)
+    odd = fit.residual.reshape(1, *weight.shape)
+    more = growth(neighbour_correlation(odd, weight.astype(np.float64)))
+    return np.asarray(2.0 * variance * more * fit.inverse[0])
 
 
 def _likeness(value: Floats, weight: Bools) -> float:
@@ -168,18 +159,19 @@ class _Surface:
 
     def window(self, center_px: Floats, half: int) -> Floats | None:
         """(2 half + 1, 2 half + 1) values about a place; None where they are not all in it."""
-        at = (center_px - self._first)[:, None] + np.arange(-half, half + 1)
-        if (at[:, 0] < 2).any() or (at[:, -1] > self._size - 3).any():
+        first = center_px - self._first - half
+        if not ((first >= 2) & (first + 2 * half <= self._size - 3)).all():
             return None
-        across, down = (_weights(row, int(size)) for row, size in zip(at, self._size, strict=True))
-        return np.asarray(down @ self._knots @ across.T)
+        u, v = np.floor(first).astype(int).tolist()
+        side = 2 * half + 1
+        knots = self._knots[v - 1 : v + side + 2, u - 1 : u + side + 2]
+        across, down = (_knot_weights(float(share)) for share in first - [u, v])
+        values = cv2.sepFilter2D(knots, -1, across, down, anchor=(0, 0))
+        return np.asarray(values[:side, :side])
 
 
-def _weights(at: Floats, size: int) -> Floats:
-    """(n, size) of each knot of a cubic spline in its values at n evenly spaced places."""
-    share = at[0] - np.floor(at[0])
-    four = _BELL(share - np.arange(-1, 3))
-    first = np.arange(len(at))[:, None] + int(np.floor(at[0])) + np.arange(-1, 3)
-    weights = np.zeros((len(at), size))
-    np.put_along_axis(weights, first, np.nan_to_num(four)[None].repeat(len(at), axis=0), axis=1)
-    return weights
+def _knot_weights(share: float) -> Floats:
+    """(4,) of the knots about a place in a cubic spline; from the second on it is a share away."""
+    rest = 1.0 - share
+    inner = [4.0 - 6.0 * s**2 + 3.0 * s**3 for s in (share, rest)]
+    return np.array([rest**3, *inner, share**3]) / 6.0

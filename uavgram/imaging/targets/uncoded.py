@@ -13,6 +13,7 @@ from enum import Enum
 import cv2
 import numpy as np
 
+from uavgram.imaging.patches import sample
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.symmetry import Centre, centre_of_symmetry
 from uavgram.model.arrays import Bools, Floats
@@ -129,10 +130,8 @@ def _rings(photo: Image, center_px: Floats) -> Floats:
     """(radii 1 px, 2 px, ...; 64) grey values on rings about a place."""
     angle = 2 * np.pi * np.arange(_ANGLES) / _ANGLES
     radius = np.arange(1.0, _LARGEST_PX + 1)[:, None]
-    u = (center_px[0] + radius * np.cos(angle)).astype(np.float32)
-    v = (center_px[1] + radius * np.sin(angle)).astype(np.float32)
-    smooth = cv2.remap(photo, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return smooth.astype(np.float64)
+    u, v = center_px[0] + radius * np.cos(angle), center_px[1] + radius * np.sin(angle)
+    return sample(photo, u, v, cv2.INTER_LINEAR).astype(np.float64)
 
 
 def _bright(ring: Floats) -> Bools | None:

@@ -131,13 +131,6 @@ class Base:
         free = picks.is_free | np.isin(picks.label, list(labels))
         return replace(self, inputs=replace(self.inputs, picks=replace(picks, is_free=free)))
 
-    def with_heights_of(self, other: Base, labels: Collection[str]) -> Base:
-        """With the heights of some labels as known, or unknown, as before."""
-        picks = self.inputs.picks
-        own = np.isin(picks.label, list(labels))
-        free = np.where(own, other.inputs.picks.is_free, picks.is_free)
-        return replace(self, inputs=replace(self.inputs, picks=replace(picks, is_free=free)))
-
     def of_unknown_height(self, survey: Survey) -> Bools:
         """(K,) labels of a survey off the ground, anywhere, which one photo alone shows."""
         picks = self.inputs.picks

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
-from uavgram.imaging.matching.matched import REASON, Refused
 from uavgram.model.arrays import Bools
 from uavgram.model.naming import listed
 from uavgram.model.survey.observations import SAME_PLACE_PX, Picks
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.stages.match.found import Pair, Record
+from uavgram.stages.match.found import Pair
 
 
 @dataclass(frozen=True)
@@ -39,46 +38,46 @@ def earlier(picks: Picks, asked: Asked) -> Bools:
     return picks.of_source("match") & again
 
 
-MISSED = 0.2
-"""Most of the photos that may not show a point where it would be on the ground. On rendered streets
-natural points are missed so in 1 of 30, and corners of cars in 5 of 6."""
+MISSED = 1.0 / 30.0, 5.0 / 6.0
+"""Share of the photos that do not show a label where it would be on the ground: of points on it,
+and of corners of cars and walls. Measured on rendered streets."""
+
+EVEN_ODDS = 1.0
+"""Odds that a label without a height is on the ground, where nobody knows what it is."""
 
 
-def may_be_raised(picks: Picks, found: Iterable[Pair], missed: Iterable[Pair]) -> set[str]:
-    """Labels that too many photos do not show on the ground, and of which no height is stated.
+def may_be_raised(
+    picks: Picks, found: Iterable[Pair], missed: Iterable[Pair], odds: float = EVEN_ODDS
+) -> set[str]:
+    """Find labels without a height that are more likely off the ground than on it.
+
+    Bayes' rule on how many photos show a label where it would be on the ground, and how many do
+    not.
 
     Parameters
     ----------
     picks
-        All that there are.
+        All that there are; the first of a label shows it wherever it is.
     found, missed
         What else is shown where it would be on the ground, and what was looked for in vain.
+    odds
+        That a label is on the ground, before any other photo is looked at.
     """
     shown = Counter([*picks.label, *(label for _, label in found)])
+    not_there = Counter(without_height(picks, missed))
+    of_ground, of_raised = MISSED
+    if_shown, if_missed = (1.0 - of_ground) / (1.0 - of_raised), of_ground / of_raised
+    return {
+        label
+        for label, count in not_there.items()
+        if odds * if_shown ** (shown[label] - 1) * if_missed**count < 1.0
+    }
+
+
+def without_height(picks: Picks, pairs: Iterable[Pair]) -> list[str]:
+    """List the labels of pairs whose height is neither stated nor free."""
     stated = set(np.array(picks.label)[picks.is_free | ~np.isnan(picks.height_m)].tolist())
-    not_there = Counter(label for _, label in missed if label not in stated)
-    return {label for label, n in not_there.items() if n > MISSED * (n + shown[label])}
-
-
-def rather_on_ground(on_ground: Record, raised: Record) -> set[str]:
-    """Find labels that are rather on the ground: seen there as often as not, and nowhere above.
-
-    One photo that does not show a point, as something covers it or has moved, is a large share of
-    a few photos. Where no photo shows it above the ground either, the others show where it is.
-
-    Parameters
-    ----------
-    on_ground
-        What was found of labels that may be off the ground while they were looked for on it.
-    raised
-        What was found at last.
-    """
-    elsewhere = {label for _, label in raised.found}
-    shown = Counter(label for _, label in on_ground.found if label not in elsewhere)
-    missed = Counter(
-        label for (_, label), why in on_ground.in_vain.items() if why != REASON[Refused.OUTSIDE]
-    )
-    return {label for label, count in shown.items() if count >= missed[label]}
+    return [label for _, label in pairs if label not in stated]
 
 
 def still_founded(picks: Picks) -> Bools:

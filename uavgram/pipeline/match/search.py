@@ -13,7 +13,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.matched import REASON, Refused, Sought
 from uavgram.model.arrays import Floats, Ints
 from uavgram.pipeline.match.adjusting import Base
-from uavgram.pipeline.match.asked import may_be_raised, rather_on_ground
+from uavgram.pipeline.match.asked import EVEN_ODDS, may_be_raised, without_height
 from uavgram.pipeline.match.looking import Photos, look, reason, tasks
 from uavgram.pipeline.match.raised import look_up
 from uavgram.pipeline.progress import Progress, silent
@@ -40,7 +40,11 @@ class Search(NamedTuple):
 
 
 def searched(
-    base: Base, photos: Photos, wanted: Callable[[Pair], bool], progress: Progress = silent
+    base: Base,
+    photos: Photos,
+    wanted: Callable[[Pair], bool],
+    progress: Progress = silent,
+    on_ground: float = EVEN_ODDS,
 ) -> Search:
     """Look for picks in all photos until there is nothing left to try.
 
@@ -54,20 +58,21 @@ def searched(
         Whether a label is to be looked for in a photo.
     progress
         Shows long loops.
+    on_ground
+        Odds that a label without a height is on the ground.
     """
-    given, on_ground = base, Record()
     adjustment, record = _agreeing(base, Record())
     for left in reversed(range(MOST_ROUNDS)):
         candidates = _candidates(base, adjustment)
         asked = np.array([wanted(pair) for pair in candidates.pair], dtype=np.bool_)
         rows, lines = next_places(candidates, asked, record), lines_left(candidates, asked, record)
-        missed = [pair for pair, why in record.in_vain.items() if why != REASON[Refused.OUTSIDE]]
+        missed = record.in_vain.keys() - _silent(candidates, record)
         off = np.array(adjustment.survey.label)[adjustment.survey.is_free].tolist()
         as_ground = [pair for pair in record.found if pair[1] in off]  # its patch errs
-        unshown = may_be_raised(base.inputs.picks, record.found, missed)
-        raised = unshown or may_be_raised(base.inputs.picks, (), as_ground)
-        if raised and (not rows.size or left == LINES_BEFORE + 1):  # along their lines, or not
-            on_ground = on_ground.with_labels_of(record, unshown)
+        raised = may_be_raised(base.inputs.picks, record.found, missed, on_ground)
+        raised = raised or set(without_height(base.inputs.picks, as_ground))
+        is_over = candidates.is_raised[rows].all()  # with what is on the ground
+        if raised and (is_over or left == LINES_BEFORE + 1):  # along their lines, or not
             base, record = base.with_free(raised), record.without_labels(raised)
             adjustment, record = _agreeing(base, record)
             continue
@@ -82,9 +87,6 @@ def searched(
         before, record = record, record.with_results(looked)
         if record.found != before.found:
             adjustment, record = _agreeing(base, record)
-    if lowered := rather_on_ground(on_ground, record):
-        base = base.with_heights_of(given, lowered)
-        adjustment, record = _agreeing(base, record.with_labels_of(on_ground, lowered))
     return Search(record, adjustment)
 
 
@@ -92,6 +94,24 @@ def _agreeing(base: Base, record: Record) -> tuple[Adjustment, Record]:
     """The adjustment with what was found, and the record without what it contradicts."""
     adjustment, wrong = base.adjusted(record.found)
     return adjustment, record.without(wrong)
+
+
+def _silent(candidates: Candidates, record: Record) -> set[Pair]:
+    """What was missed and says nothing of a height: the photo ends, or the point has moved.
+
+    What moved is beside its line of sight; what is along it may be the point at another height.
+    """
+    silent = {pair for pair, why in record.in_vain.items() if why == REASON[Refused.OUTSIDE]}
+    places = candidates.places
+    for row, pair in enumerate(candidates.pair):
+        for missed in record.missed.get(pair, ()):
+            if missed.pixel_px is not None and missed.pick == candidates.pick[row]:
+                across = np.array([-1.0, 1.0]) * places.rise[row, ::-1]
+                off = across @ (np.array(missed.pixel_px) - places.pixel_px[row])
+                spread = places.covariance_px2[row] + LEAST_PX**2 * np.eye(2)
+                if off**2 > REGION * (across @ spread @ across):
+                    silent.add(pair)
+    return silent
 
 
 def _candidates(base: Base, adjustment: Adjustment) -> Candidates:
@@ -145,8 +165,7 @@ def _agreeing_in_photos(
         off = np.array([one.pixel_px for one in own.values()]) - candidates.places.pixel_px[some]
         sigma = np.hypot([one.sigma_px for one in own.values()], LEAST_PX)
         for row in some[contradicted(off, joint, sigma)].tolist():
-            one = own[row]
-            results[candidates.pair[row]] = Missed(one.pick, one.radius_px, CONTRADICTED)
+            results[candidates.pair[row]] = own[row].missed(CONTRADICTED)
     return results
 
 
@@ -173,7 +192,7 @@ def _not_again(
             off = np.array(one.pixel_px) - places.pixel_px[row]
             spread = places.covariance_px2[row] + one.sigma_px**2 * np.eye(2)
             if off @ np.linalg.solve(spread, off) > REGION:
-                results[pair] = Missed(one.pick, one.radius_px, CONTRADICTED)
+                results[pair] = one.missed(CONTRADICTED)
     return results
 
 

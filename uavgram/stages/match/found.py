@@ -57,14 +57,29 @@ class Found:
     score: float
     radius_px: float
 
+    def missed(self, why: str) -> Missed:
+        """The same, taken back."""
+        return Missed(self.pick, self.radius_px, why, self.pixel_px)
+
 
 @dataclass(frozen=True)
 class Missed:
-    """A label that was looked for in a photo in vain: from which pick, how far, and why not."""
+    """A label that was looked for in a photo in vain.
+
+    Attributes
+    ----------
+    pick, radius_px
+        As of `Found`.
+    why
+        Why not, in words.
+    pixel_px
+        (u, v) of what looks like it, where the others contradict that.
+    """
 
     pick: int
     radius_px: float
     why: str
+    pixel_px: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -94,10 +109,7 @@ class Record:
 
     def without(self, pairs: Mapping[Pair, str]) -> Record:
         """The record with some finds taken back, and why."""
-        out = {
-            pair: Missed(self.found[pair].pick, self.found[pair].radius_px, why)
-            for pair, why in pairs.items()
-        }
+        out = {pair: self.found[pair].missed(why) for pair, why in pairs.items()}
         rest = {pair: one for pair, one in self.found.items() if pair not in pairs}
         return replace(self, found=rest).with_results(out)
 
@@ -106,13 +118,6 @@ class Record:
         found = {pair: one for pair, one in self.found.items() if pair[1] not in labels}
         missed = {pair: all_ for pair, all_ in self.missed.items() if pair[1] not in labels}
         return Record(found, missed)
-
-    def with_labels_of(self, other: Record, labels: Collection[str]) -> Record:
-        """The record with some labels as another one has them."""
-        rest = self.without_labels(labels)
-        found = {pair: one for pair, one in other.found.items() if pair[1] in labels}
-        missed = {pair: all_ for pair, all_ in other.missed.items() if pair[1] in labels}
-        return Record({**rest.found, **found}, {**rest.missed, **missed})
 
     @property
     def in_vain(self) -> dict[Pair, str]:

@@ -10,10 +10,9 @@ import pytest
 
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.chessboard import sight_chessboard
-from uavgram.imaging.targets.gradient import gradient_corners
+from uavgram.imaging.targets.gradient import gradient_corners, search_corners
 from uavgram.imaging.targets.grid_growth import grow_grid
 from uavgram.imaging.targets.saddle import cut_windows
-from uavgram.imaging.targets.sub_pixel import search_corners
 from uavgram.io.photos.board_photos import read_grey
 from uavgram.model.camera.board import flat_board
 

@@ -1,13 +1,14 @@
-"""Windows of two photos resampled to one geometry, so that they can be compared pixel by pixel.
+"""Small parts of photos: resampled, and their slopes.
 
-The axes are those in which one photo is a stretched picture of the other (the singular vectors of
-the affine map), and along each axis the steps are the pixels of the coarser photo: nothing is
-made up between coarse pixels, and the finer photo is smoothed before pixels are left out.
+Parts of two photos that are compared pixel by pixel are resampled to one geometry. Its axes are
+those in which one photo is a stretched picture of the other (the singular vectors of the affine
+map), and along each axis the steps are the pixels of the coarser photo: nothing is made up between
+coarse pixels, and the finer photo is smoothed before pixels are left out.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import cv2
 import numpy as np
@@ -17,9 +18,46 @@ from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats
 
 Grey = NDArray[np.float32]
+Real = TypeVar("Real", np.float32, np.float64)
 
 _BLUR_PX = 0.7  # of a photo: lens, pixel and demosaicing together
 _FINE_ENOUGH = 1.15  # steps up to this are taken without smoothing
+_MOST_ROWS = 30000  # of maps that OpenCV resamples by
+
+
+def grid(reach: int) -> Floats:
+    """((2 reach + 1)^2, 2) steps about a pixel."""
+    side = np.arange(-reach, reach + 1.0)
+    return np.asarray(np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2))
+
+
+def sample(
+    photo: Image | Grey, u_px: Floats | Grey, v_px: Floats | Grey, kernel: int = cv2.INTER_CUBIC
+) -> Grey:
+    """(n, k) grey values at places, to 1/32 px; outside the photo its edge goes on.
+
+    Parameters
+    ----------
+    photo
+        (height, width).
+    u_px, v_px
+        (n, k).
+    kernel
+        OpenCV's.
+    """
+    u, v = (np.ascontiguousarray(one, np.float32) for one in (u_px, v_px))
+    out = np.empty(u.shape, photo.dtype)
+    for first in range(0, len(u), _MOST_ROWS):
+        some = slice(first, first + _MOST_ROWS)
+        cv2.remap(photo, u[some], v[some], kernel, out[some], cv2.BORDER_REPLICATE)
+    return out.astype(np.float32, copy=False)
+
+
+def slopes(grey: NDArray[Real]) -> tuple[NDArray[Real], NDArray[Real]]:
+    """(n, h - 2, w - 2) each, of grey values (n, h, w) along u and along v: central differences."""
+    across = 0.5 * (grey[:, 1:-1, 2:] - grey[:, 1:-1, :-2])
+    down = 0.5 * (grey[:, 2:, 1:-1] - grey[:, :-2, 1:-1])
+    return across, down
 
 
 class Frames(NamedTuple):
@@ -108,10 +146,10 @@ def window(
     u = (at[0] + f[0, 0] * x) + f[0, 1] * y[:, None]
     v = (at[1] + f[1, 0] * x) + f[1, 1] * y[:, None]
     kernel = cv2.INTER_LANCZOS4 if exact else cv2.INTER_LINEAR
-    dense = cv2.remap(part, u, v, kernel, borderMode=cv2.BORDER_REPLICATE)
+    dense = sample(part, u, v, kernel)
     if (parts > 1).any():
         bells = [_bell(s, int(w)) for s, w in zip(spread, wide, strict=True)]
-        dense = cv2.sepFilter2D(dense, -1, bells[0], bells[1])
+        dense = np.asarray(cv2.sepFilter2D(dense, -1, bells[0], bells[1]), np.float32)
         dense = dense[wide[1] : dense.shape[0] - wide[1], wide[0] : dense.shape[1] - wide[0]]
     return np.ascontiguousarray(dense[:: parts[1], :: parts[0]], np.float32)
 

@@ -1,0 +1,47 @@
+"""What a photo that does not show a point says of the point's height."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from uavgram.imaging.matching.matched import REASON, Refused
+from uavgram.model.arrays import Floats
+from uavgram.pipeline.match.search import _silent
+from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record
+from uavgram.stages.match.plan import Candidates
+
+PAIR = ("b.jpg", "CORNER")
+PREDICTED, RISE = np.array([200.0, 100.0]), np.array([3.0, 4.0])
+ALONG, ACROSS = np.array([0.6, 0.8]), np.array([-0.8, 0.6])
+
+
+def silent(missed: Missed) -> set[Pair]:
+    """Of one place, predicted to 1 px."""
+    places: Any = SimpleNamespace(
+        rise=RISE[None], pixel_px=PREDICTED[None], covariance_px2=np.eye(2)[None]
+    )
+    none = np.zeros(1, np.bool_)
+    candidates = Candidates(places, (PAIR,), np.zeros(1, np.int64), none, none)
+    return _silent(candidates, Record({}, {PAIR: (missed,)}))
+
+
+@pytest.mark.parametrize(
+    ("way", "expected"),
+    [(12.0 * ACROSS, {PAIR}), (12.0 * ALONG, set()), (2.0 * ACROSS, set())],
+)
+def test_what_moved_beside_its_line_of_sight_says_nothing_of_a_height(
+    way: Floats, expected: set[Pair]
+) -> None:
+    u, v = (PREDICTED + way).tolist()
+    found = Found(0, (u, v), 0.1, 0.9, 8.0)
+
+    assert silent(found.missed(CONTRADICTED)) == expected
+
+
+def test_the_end_of_a_photo_says_nothing_and_another_thing_there_does() -> None:
+    assert silent(Missed(0, 8.0, REASON[Refused.OUTSIDE])) == {PAIR}
+    assert silent(Missed(0, 8.0, REASON[Refused.NOT_LIKE])) == set()
