@@ -137,7 +137,7 @@ class Table(Generic[Owner]):
     def dump(self, table: Owner) -> list[Record]:
         """Records, one for each row."""
         columns: dict[str, list[Json]] = {}
-        for name in self._names():
+        for name in self.names():
             key, values = self.keys.get(name, name), encode(getattr(table, name))
             if isinstance(key, tuple):
                 columns |= {part: [row[k] for row in values] for k, part in enumerate(key)}
@@ -149,7 +149,7 @@ class Table(Generic[Owner]):
         """Inverse of `dump`; `given` are the fields `elsewhere`."""
         hints, n = _hints(cast("Hashable", self.owner)), len(records)
         read: dict[str, object] = {}
-        for name in self._names():
+        for name in self.names():
             key, hint = self.keys.get(name, name), hints[name]
             if isinstance(key, tuple):
                 read[name] = numbers([[row[part] for part in key] for row in records], n, len(key))
@@ -162,7 +162,8 @@ class Table(Generic[Owner]):
                 read[name] = decode(hint, [row[key] for row in records])
         return self.owner(**read, **given)
 
-    def _names(self) -> list[str]:
+    def names(self) -> list[str]:
+        """Return the fields of the class that are in these records."""
         return [name for name in _hints(cast("Hashable", self.owner)) if name not in self.elsewhere]
 
 

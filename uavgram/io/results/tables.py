@@ -31,22 +31,22 @@ from uavgram.model.result.tables import (
 )
 
 _ELLIPSE = ("ellipse_95_m", "ellipse_azimuth_rad")
-_FRAMES = Table(
+FRAMES = Table(
     FrameResults,
     keys={"sweep": "moved_while_read"},
     shape={"sweep": (6,)},
     elsewhere=("seed", "refined"),
 )
-_POSES = Table(
+POSES = Table(
     PoseTable,
     shape={"center_world_m": (3,), "world_from_camera": (3, 3), "covariance": (6, 6)},
 )
-_POINTS = Table(
+POINTS = Table(
     PointResults,
     shape={"position_world_m": (3,), "covariance_m2": (2, 2), "covariance_m3": (3, 3)},
     elsewhere=(*_ELLIPSE, "relative"),
 )
-_RELATIVE = Table(
+RELATIVE = Table(
     PlanarUncertainty,
     shape={"covariance_m2": (2, 2), "covariance_m3": (3, 3)},
     elsewhere=_ELLIPSE,
@@ -65,14 +65,14 @@ PROFILES = Table(
 )
 POINT_CHECKS = Table(PointChecks, shape={"error_m": (3,), "sigma_m": (3,)})
 LINE_CHECKS = Table(LineChecks)
-_PRIORS = Table(
+PRIORS = Table(
     PriorResults, keys={"residual": "residual_sigmas", "bias": "mdb"}, elsewhere=("effects",)
 )
-_EFFECTS = Table(
+EFFECTS = Table(
     Effects, keys={"on": "external_on", "change": "external", "sigmas": "external_sigmas"}
 )
-_WEAKEST = Table(WeakestLinks, keys={"bias": "mdb"})
-_SECOND_ORDER = Table(
+WEAKEST = Table(WeakestLinks, keys={"bias": "mdb"})
+SECOND_ORDER = Table(
     SecondOrder,
     keys={"bias": "second_order_bias", "sigma": "second_order_sigma", "off": "first_order_off"},
 )
@@ -82,34 +82,34 @@ def dump_frames(frames: FrameResults) -> list[Record]:
     """Frames; a pose that a frame does not have is null."""
     seed, refined = _dump_poses(frames.seed), _dump_poses(frames.refined)
     poses = [{"seed": a, "refined": b} for a, b in zip(seed, refined, strict=True)]
-    return joined(_FRAMES.dump(frames), poses)
+    return joined(FRAMES.dump(frames), poses)
 
 
 def load_frames(records: Sequence[Record]) -> FrameResults:
     """Inverse of `dump_frames`."""
-    return _FRAMES.load(
+    return FRAMES.load(
         records, **{key: _load_poses([row[key] for row in records]) for key in ("seed", "refined")}
     )
 
 
 def _dump_poses(poses: PoseTable) -> list[Record | None]:
     present = [bool(np.isfinite(center).any()) for center in poses.center_world_m]
-    return [row if there else None for there, row in zip(present, _POSES.dump(poses), strict=True)]
+    return [row if there else None for there, row in zip(present, POSES.dump(poses), strict=True)]
 
 
 def _load_poses(rows: Sequence[Record | None]) -> PoseTable:
-    absent = {key: encode(np.full(shape, np.nan)) for key, shape in _POSES.shape.items()}
-    return _POSES.load([row or absent for row in rows])
+    absent = {key: encode(np.full(shape, np.nan)) for key, shape in POSES.shape.items()}
+    return POSES.load([row or absent for row in rows])
 
 
 def dump_points(points: PointResults) -> list[Record]:
     """Ground points; degrees for people, and the radians that they are made of."""
-    relative = joined(_RELATIVE.dump(points.relative), _dump_ellipses(points.relative))
+    relative = joined(RELATIVE.dump(points.relative), _dump_ellipses(points.relative))
     for row, off_ground in zip(relative, points.is_off_ground, strict=True):
         if not off_ground:
             del row["covariance_m3"]
     return joined(
-        _POINTS.dump(points), _dump_ellipses(points), [{"relative": row} for row in relative]
+        POINTS.dump(points), _dump_ellipses(points), [{"relative": row} for row in relative]
     )
 
 
@@ -117,10 +117,10 @@ def load_points(records: Sequence[Record]) -> PointResults:
     """Inverse of `dump_points`."""
     nothing = {"covariance_m3": [[None] * 3] * 3}  # left out of points on the ground
     relative = [nothing | row["relative"] for row in records]
-    return _POINTS.load(
+    return POINTS.load(
         records,
         **_load_ellipses(records),
-        relative=_RELATIVE.load(relative, **_load_ellipses(relative)),
+        relative=RELATIVE.load(relative, **_load_ellipses(relative)),
     )
 
 
@@ -153,14 +153,14 @@ def load_measurements(records: Sequence[Record], correlation: Json) -> Measureme
 def with_evidence(result: Result, content: Record) -> Record:
     """What is known of the reliability of lengths, picks, priors and measurements, row by row."""
     if (evidence := result.evidence) is not None:
-        content["lines"] = joined(content["lines"], _EFFECTS.dump(evidence.lines))
-        content["picks"] = joined(content["picks"], _EFFECTS.dump(evidence.picks))
+        content["lines"] = joined(content["lines"], EFFECTS.dump(evidence.lines))
+        content["picks"] = joined(content["picks"], EFFECTS.dump(evidence.picks))
         content["measurements"] = joined(content["measurements"], _dump_weakest(evidence.weakest))
         priors = evidence.priors
-        content["priors"] = joined(_PRIORS.dump(priors), _EFFECTS.dump(priors.effects))
+        content["priors"] = joined(PRIORS.dump(priors), EFFECTS.dump(priors.effects))
     if result.second_order is not None:
         content["measurements"] = joined(
-            content["measurements"], _SECOND_ORDER.dump(result.second_order)
+            content["measurements"], SECOND_ORDER.dump(result.second_order)
         )
     return content
 
@@ -171,9 +171,9 @@ def load_evidence(content: Record) -> Evidence | None:
         return None
     priors = content["priors"]
     return Evidence(
-        lines=_EFFECTS.load(content["lines"]),
-        picks=_EFFECTS.load(content["picks"]),
-        priors=_PRIORS.load(priors, effects=_EFFECTS.load(priors)),
+        lines=EFFECTS.load(content["lines"]),
+        picks=EFFECTS.load(content["picks"]),
+        priors=PRIORS.load(priors, effects=EFFECTS.load(priors)),
         weakest=_load_weakest(content["measurements"]),
     )
 
@@ -182,11 +182,11 @@ def load_second_order(records: Sequence[Record]) -> SecondOrder | None:
     """Second-order terms of the measurements; None where there are none."""
     if not records or "second_order_sigma" not in records[0]:
         return None
-    return _SECOND_ORDER.load(records)
+    return SECOND_ORDER.load(records)
 
 
 def _dump_weakest(weakest: WeakestLinks) -> list[Record]:
-    rows = _WEAKEST.dump(weakest)
+    rows = WEAKEST.dump(weakest)
     unchecked = [row.pop("unchecked") for row in rows]
     return [
         {"weakest": row if row["what"] else None, "unchecked": names}
@@ -196,6 +196,6 @@ def _dump_weakest(weakest: WeakestLinks) -> list[Record]:
 
 def _load_weakest(records: Sequence[Record]) -> WeakestLinks:
     none = {"what": "", "mdb": None, "unit": "", "change": None}
-    return _WEAKEST.load(
+    return WEAKEST.load(
         [(row["weakest"] or none) | {"unchecked": row["unchecked"]} for row in records]
     )
