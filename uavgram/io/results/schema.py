@@ -25,7 +25,7 @@ from typing import (
 
 from uavgram.io.results import tables
 from uavgram.io.results.codec import Record, Table
-from uavgram.io.results.results_json import SCHEMA
+from uavgram.io.results.results_json import LEARNT_KEYS, SCHEMA
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import NUMBERS, SUBJECTS, Message
@@ -150,13 +150,14 @@ def schema_of(hint: Any) -> Record:  # noqa: ANN401
     raise TypeError(f"{hint!r} has no form in JSON")
 
 
-def _annotated(kind: Any, marks: Sequence[int | str]) -> Record:  # noqa: ANN401
+def _annotated(kind: Any, marks: Sequence[object]) -> Record:  # noqa: ANN401
     """Return the schema of an array by its shape, or of a tuple."""
     item = next((item for one, item in _ITEMS if one == kind), None)
     if item is None:
         return schema_of(kind)
     item = dict(_NUMBER if NAN_IS_NONE in marks else item)
-    for size in reversed([mark for mark in marks if mark != NAN_IS_NONE]):
+    sizes = [mark for mark in marks if isinstance(mark, int | str) and mark != NAN_IS_NONE]
+    for size in reversed(sizes):
         item = _array(item, size if isinstance(size, int) else None)
     return item
 
@@ -185,11 +186,11 @@ def _row(table: Table[Any]) -> dict[str, Record]:
     found: dict[str, Record] = {}
     for name in table.names():
         column = schema_of(hints[name])
-        key, one = table.keys.get(name, name), column["items"]
-        if isinstance(key, tuple):
-            found |= {part: _described(one["items"], about.get(name)) for part in key}
+        names, one = table.column(name), column["items"]
+        if names.keys:
+            found |= {key: _described(one["items"], about.get(name)) for key in names.keys}
         else:
-            found[key] = _described(one, about.get(name))
+            found[names.key or name] = _described(one, about.get(name))
     return found
 
 
@@ -236,7 +237,6 @@ def _estimate(numbers: int) -> Record:
 
 def _shared() -> Record:
     learnt = _properties(LearntCamera)
-    keys = {"ratio": "sigma_ratio", "shift": "shift_prior_sigmas"}
     return _object(
         {
             **{
@@ -247,7 +247,7 @@ def _shared() -> Record:
             "readout_s": _or_null(_estimate(1)),
             "plane": _object(_plane()),
             "tape_scale": _by_name(_estimate(1)),
-            "intrinsics": _object({keys.get(key, key): one for key, one in learnt.items()}),
+            "intrinsics": _object({LEARNT_KEYS.get(key, key): one for key, one in learnt.items()}),
         }
     )
 

@@ -1,4 +1,4 @@
-"""The tables of a result in results.json: which field of a row stands under which key."""
+"""The tables of a result in results.json; their data classes name the keys (`Column`)."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from uavgram.io.results.codec import Json, Record, Table, encode, joined, numbers
+from uavgram.model.result.columns import row_shapes
 from uavgram.model.result.control_lines import ControlLineResults
 from uavgram.model.result.known import KnownResults
-from uavgram.model.result.profiles import COLUMNS, ProfileResults
+from uavgram.model.result.profiles import ProfileResults
 from uavgram.model.result.reliability import (
     Effects,
     Evidence,
@@ -31,51 +32,22 @@ from uavgram.model.result.tables import (
 )
 
 _ELLIPSE = ("ellipse_95_m", "ellipse_azimuth_rad")
-FRAMES = Table(
-    FrameResults,
-    keys={"sweep": "moved_while_read"},
-    shape={"sweep": (6,)},
-    elsewhere=("seed", "refined"),
-)
-POSES = Table(
-    PoseTable,
-    shape={"center_world_m": (3,), "world_from_camera": (3, 3), "covariance": (6, 6)},
-)
-POINTS = Table(
-    PointResults,
-    shape={"position_world_m": (3,), "covariance_m2": (2, 2), "covariance_m3": (3, 3)},
-    elsewhere=(*_ELLIPSE, "relative"),
-)
-RELATIVE = Table(
-    PlanarUncertainty,
-    shape={"covariance_m2": (2, 2), "covariance_m3": (3, 3)},
-    elsewhere=_ELLIPSE,
-)
-LINES = Table(LineResults, keys={"start": "from", "end": "to"})
+FRAMES = Table(FrameResults, elsewhere=("seed", "refined"))
+POSES = Table(PoseTable)
+POINTS = Table(PointResults, elsewhere=(*_ELLIPSE, "relative"))
+RELATIVE = Table(PlanarUncertainty, elsewhere=_ELLIPSE)
+LINES = Table(LineResults)
 KNOWN = Table(KnownResults)
-CONTROL_LINES = Table(ControlLineResults, shape={"start_world_m": (3,), "end_world_m": (3,)})
-PICKS = Table(PickResults, keys={"pixel_px": ("u_px", "v_px")}, shape={"residual_px": (2,)})
-MEASUREMENTS = Table(MeasurementResults, shape={"interval_95": (2,)}, elsewhere=("correlation",))
-PROFILES = Table(
-    ProfileResults,
-    keys={
-        "place_m": tuple(f"{name}_m" for name in COLUMNS),
-        "sigma_m": tuple(f"{name}_sigma_m" for name in COLUMNS),
-    },
-)
-POINT_CHECKS = Table(PointChecks, shape={"error_m": (3,), "sigma_m": (3,)})
+CONTROL_LINES = Table(ControlLineResults)
+PICKS = Table(PickResults)
+MEASUREMENTS = Table(MeasurementResults, elsewhere=("correlation",))
+PROFILES = Table(ProfileResults)
+POINT_CHECKS = Table(PointChecks)
 LINE_CHECKS = Table(LineChecks)
-PRIORS = Table(
-    PriorResults, keys={"residual": "residual_sigmas", "bias": "mdb"}, elsewhere=("effects",)
-)
-EFFECTS = Table(
-    Effects, keys={"on": "external_on", "change": "external", "sigmas": "external_sigmas"}
-)
-WEAKEST = Table(WeakestLinks, keys={"bias": "mdb"})
-SECOND_ORDER = Table(
-    SecondOrder,
-    keys={"bias": "second_order_bias", "sigma": "second_order_sigma", "off": "first_order_off"},
-)
+PRIORS = Table(PriorResults, elsewhere=("effects",))
+EFFECTS = Table(Effects)
+WEAKEST = Table(WeakestLinks)
+SECOND_ORDER = Table(SecondOrder)
 
 
 def dump_frames(frames: FrameResults) -> list[Record]:
@@ -98,7 +70,8 @@ def _dump_poses(poses: PoseTable) -> list[Record | None]:
 
 
 def _load_poses(rows: Sequence[Record | None]) -> PoseTable:
-    absent = {key: encode(np.full(shape, np.nan)) for key, shape in POSES.shape.items()}
+    shapes = row_shapes(PoseTable).items()
+    absent = {key: encode(np.full(shape, np.nan)) for key, shape in shapes}
     return POSES.load([row or absent for row in rows])
 
 
