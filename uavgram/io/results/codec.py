@@ -16,7 +16,7 @@ from typing import Any, Generic, TypeVar, Union, cast, get_args, get_origin, get
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.result.columns import Column, columns_of, row_shapes
+from uavgram.model.columns import Column, columns_of, row_shapes
 
 Json = Any
 Record = dict[str, Json]
@@ -150,7 +150,7 @@ class Table(Generic[Owner]):
                 entries = [[row[part] for part in column.keys] for row in records]
                 read[name] = numbers(entries, n, len(column.keys))
             elif hint == Floats:
-                shape = cast("tuple[int, ...]", row_shapes(cast("Hashable", self.owner))[name])
+                shape = row_shapes(self.owner)[name]
                 read[name] = numbers([row[key] for row in records], n, *shape)
             elif hint in (Bools, Ints):
                 kind = bool if hint == Bools else int
@@ -161,7 +161,7 @@ class Table(Generic[Owner]):
 
     def column(self, name: str) -> Column:
         """Return the names of a field in the records."""
-        return columns_of(cast("Hashable", self.owner))[name]
+        return columns_of(self.owner)[name]
 
     def names(self) -> list[str]:
         """Return the fields of the class that are in these records."""

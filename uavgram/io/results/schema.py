@@ -69,7 +69,7 @@ def dump_schema() -> str:
 def results_schema() -> Record:
     """Return the JSON Schema of the files that `dump_results` writes."""
     place = dict.fromkeys(Geodetic._fields, _NUMBER)
-    effects, weakest = _row(tables.EFFECTS), _row(tables.WEAKEST)
+    effects, weakest = row_schema(tables.EFFECTS), row_schema(tables.WEAKEST)
     unchecked = weakest.pop("unchecked")
     links = {"weakest": _or_null(_object(weakest)), "unchecked": unchecked}
     sections: dict[str, Record] = {
@@ -89,23 +89,25 @@ def results_schema() -> Record:
         ),
         "shared": _shared(),
         "areas": _array(_object({"name": _TEXT} | _plane())),
-        "frames": _array(_object(_row(tables.FRAMES) | _poses())),
-        "points": _array(_object(_row(tables.POINTS) | _ellipse() | {"relative": _relative()})),
-        "lines": _array(_object(_row(tables.LINES) | effects, optional=effects)),
-        "known": _array(_object(_row(tables.KNOWN))),
-        "control_lines": _array(_object(_row(tables.CONTROL_LINES))),
-        "picks": _array(_object(_row(tables.PICKS) | effects, optional=effects)),
+        "frames": _array(_object(row_schema(tables.FRAMES) | _poses())),
+        "points": _array(
+            _object(row_schema(tables.POINTS) | _ellipse() | {"relative": _relative()})
+        ),
+        "lines": _array(_object(row_schema(tables.LINES) | effects, optional=effects)),
+        "known": _array(_object(row_schema(tables.KNOWN))),
+        "control_lines": _array(_object(row_schema(tables.CONTROL_LINES))),
+        "picks": _array(_object(row_schema(tables.PICKS) | effects, optional=effects)),
         "measurements": _measurements(links),
         "measurement_correlation": _array(_array(_NUMBER)),
-        "profiles": _array(_object(_row(tables.PROFILES))),
+        "profiles": _array(_object(row_schema(tables.PROFILES))),
         "monte_carlo": _or_null(_record(MonteCarloResults)),
         "removals": _array(_object({"step": _WHOLE} | _properties(RemovalRecord))),
         "checks_overall": _or_null(_record(ChecksOverall)),
         "checks": _array(
             {
                 "oneOf": [
-                    _object(_row(tables.POINT_CHECKS)),
-                    _object(_row(tables.LINE_CHECKS)),
+                    _object(row_schema(tables.POINT_CHECKS)),
+                    _object(row_schema(tables.LINE_CHECKS)),
                 ]
             }
         ),
@@ -115,7 +117,7 @@ def results_schema() -> Record:
         "ties": _or_null(_record(TieSummary)),
         "messages": _array(_message()),
         "error_budget": _object({"sources": _array(_TEXT), "shares": _array(_array(_NUMBER))}),
-        "priors": _array(_object(_row(tables.PRIORS) | effects)),
+        "priors": _array(_object(row_schema(tables.PRIORS) | effects)),
     }
     optional = ("error_budget", "priors")
     return {
@@ -163,23 +165,21 @@ def _annotated(kind: Any, marks: Sequence[object]) -> Record:  # noqa: ANN401
 
 
 def _properties(
-    owner: type[Any], without: Sequence[str] = (), **given: Record
+    owner: type[Any], given: Mapping[str, Record] | None = None, without: Sequence[str] = ()
 ) -> dict[str, Record]:
     """Return the schema of each field of a data class; `given` replace those of their fields."""
     hints = get_type_hints(owner, include_extras=True)
     about = _descriptions(owner)
     names = [one.name for one in fields(owner) if one.name not in without]
-    return {
-        name: _described(given.get(name) or schema_of(hints[name]), about.get(name))
-        for name in names
-    }
+    schemas = {name: (given or {}).get(name) or schema_of(hints[name]) for name in names}
+    return {name: _described(schema, about.get(name)) for name, schema in schemas.items()}
 
 
-def _record(owner: type[Any], **given: Record) -> Record:
-    return _object(_properties(owner, **given))
+def _record(owner: type[Any], /, **given: Record) -> Record:
+    return _object(_properties(owner, given))
 
 
-def _row(table: Table[Any]) -> dict[str, Record]:
+def row_schema(table: Table[Any]) -> dict[str, Record]:
     """Return the schema of each key of a row of a table."""
     hints = get_type_hints(table.owner, include_extras=True)
     about = _descriptions(table.owner)
@@ -257,7 +257,7 @@ def _plane() -> dict[str, Record]:
 
 
 def _poses() -> dict[str, Record]:
-    pose = _or_null(_object(_row(tables.POSES)))
+    pose = _or_null(_object(row_schema(tables.POSES)))
     return {"seed": pose, "refined": pose}
 
 
@@ -267,12 +267,14 @@ def _ellipse() -> dict[str, Record]:
 
 
 def _relative() -> Record:
-    return _object(_row(tables.RELATIVE) | _ellipse(), optional=("covariance_m3",))
+    return _object(row_schema(tables.RELATIVE) | _ellipse(), optional=("covariance_m3",))
 
 
 def _measurements(links: dict[str, Record]) -> Record:
-    second = _row(tables.SECOND_ORDER)
-    return _array(_object(_row(tables.MEASUREMENTS) | links | second, optional=links | second))
+    second = row_schema(tables.SECOND_ORDER)
+    return _array(
+        _object(row_schema(tables.MEASUREMENTS) | links | second, optional=links | second)
+    )
 
 
 def _noise() -> Record:
@@ -297,7 +299,7 @@ def _reason() -> Record:
     correction = _properties(Correction)
     change = _object(correction, optional=[key for key in correction if key != "action"])
     remedy = _record(Remedy, corrections=_array(change))
-    reason = _properties(Reason, mend=remedy, instead=_array(remedy))
+    reason = _properties(Reason, {"mend": remedy, "instead": _array(remedy)})
     return _object(reason, optional=("plain", "mend", "instead"))
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from uavgram.io.results.codec import Json, Record, Table, encode, joined, numbers
-from uavgram.model.result.columns import row_shapes
+from uavgram.model.columns import row_shapes
 from uavgram.model.result.control_lines import ControlLineResults
 from uavgram.model.result.known import KnownResults
 from uavgram.model.result.profiles import ProfileResults

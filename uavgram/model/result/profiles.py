@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from uavgram.model.arrays import Floats, FrozenArrays, Ints
-from uavgram.model.result.columns import Column
+from uavgram.model.columns import Column
 
 COLUMNS = ("station", "offset", "height", "ground")
 """What is told of each point of a profile."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays
-from uavgram.model.result.columns import Column
+from uavgram.model.columns import Column
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

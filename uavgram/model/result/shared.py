@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from uavgram.model.arrays import Floats, FrozenArrays
-from uavgram.model.result.columns import Column
+from uavgram.model.columns import Column
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints, freeze
-from uavgram.model.result.columns import POSE_AXES, Column
+from uavgram.model.columns import POSE_AXES, Column
 from uavgram.model.result.verdict import MeasurementStatus
 from uavgram.model.survey.observations import Source
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.model.result.columns import Column, columns_of
+from uavgram.model.columns import Column, columns_of
 from uavgram.model.result.reliability import Evidence
 from uavgram.model.result.result import Result
 from uavgram.views.notebook.estimates import camera_rows, orientation_rows, shared_rows
@@ -119,8 +119,8 @@ def to_pandas(result: Result, table: TableName) -> pd.DataFrame:
         return _indexed(_pandas().DataFrame([_record(one) for one in _RECORDS[table](result)]))
     if table in _EVIDENCE:
         found = _EVIDENCE[table](result.evidence) if result.evidence else None
-        return _pandas().DataFrame({} if found is None else dict(_columns(found)))
-    return _indexed(_pandas().DataFrame(dict(_columns(getattr(result, table)))))
+        return _pandas().DataFrame({} if found is None else dict(columns(found)))
+    return _indexed(_pandas().DataFrame(dict(columns(getattr(result, table)))))
 
 
 def _pandas() -> Any:  # noqa: ANN401
@@ -149,15 +149,15 @@ def _of_measurements(result: Result, table: str) -> pd.DataFrame:
         found: object = result.evidence.weakest if result.evidence else None
     else:
         found = getattr(result, table)
-    return frame() if found is None else frame(dict(_columns(found)), index=names)
+    return frame() if found is None else frame(dict(columns(found)), index=names)
 
 
-def _columns(table: object, before: str = "") -> Iterator[tuple[str, object]]:
+def columns(table: object, before: str = "") -> Iterator[tuple[str, object]]:
     """Column names and columns of a table."""
     for field in dataclasses.fields(table):  # type: ignore[arg-type]
         value = getattr(table, field.name)
         if dataclasses.is_dataclass(value):
-            yield from _columns(value, f"{before}{field.name}_")
+            yield from columns(value, f"{before}{field.name}_")
         elif isinstance(value, np.ndarray) and value.ndim > 1:
             yield from _split(value, field.name, columns_of(type(table))[field.name], before)
         elif isinstance(value, (np.ndarray, tuple)):

@@ -1,4 +1,4 @@
-"""Names of the columns of a result's tables: in results.json, in its schema and in data frames."""
+"""Names of the columns of tables: in results.json, in its schema and in data frames."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ from collections.abc import Hashable
 from dataclasses import dataclass, fields
 from functools import cache
 from typing import Annotated, Any, cast, get_args, get_origin, get_type_hints
-
-from uavgram.model.arrays import NAN_IS_NONE
 
 EAST_NORTH_UP = ("east", "north", "up")
 POSE_AXES = ("east", "north", "up", "x", "y", "z")
@@ -39,9 +37,18 @@ class Column:
     unit: str | None = None
 
 
-@cache
-def columns_of(owner: Hashable) -> dict[str, Column]:
+def columns_of(owner: type[Any]) -> dict[str, Column]:
     """Return the column of each field of a data class."""
+    return _columns_of(cast("Hashable", owner))
+
+
+def row_shapes(owner: type[Any]) -> dict[str, tuple[int, ...]]:
+    """Return the fixed sizes in the annotation of each array: the shape of one of its rows."""
+    return _row_shapes(cast("Hashable", owner))
+
+
+@cache
+def _columns_of(owner: Hashable) -> dict[str, Column]:
     hints = get_type_hints(cast("type", owner), include_extras=True)
     found = {}
     for field in fields(cast("Any", owner)):
@@ -51,15 +58,10 @@ def columns_of(owner: Hashable) -> dict[str, Column]:
 
 
 @cache
-def row_shapes(owner: Hashable) -> dict[str, tuple[int | str, ...]]:
-    """Return the shape of a row of each field that its annotation has a shape for."""
+def _row_shapes(owner: Hashable) -> dict[str, tuple[int, ...]]:
     hints = get_type_hints(cast("type", owner), include_extras=True)
-    marks = {
-        name: [mark for mark in get_args(hint)[1:] if isinstance(mark, int | str)]
+    return {
+        name: tuple(mark for mark in get_args(hint)[1:] if isinstance(mark, int))
         for name, hint in hints.items()
         if get_origin(hint) is Annotated
-    }
-    return {
-        name: tuple(mark for mark in sizes if mark != NAN_IS_NONE)[1:]
-        for name, sizes in marks.items()
     }
