@@ -1,4 +1,4 @@
-"""docs/messages.md has a section for each code of a message, and no other.
+"""The catalogue has an entry for each code of a message, and no other; docs/messages.md shows it.
 
 The codes are read from the source: of every `Message(...)` in the package, what stands as its code.
 Literals, constants, loops over literals and parameters of a helper are followed; what is put
@@ -18,8 +18,10 @@ import pytest
 
 from uavgram.estimation.survey.adjustment import Removal
 from uavgram.estimation.survey.observations.kinds import KINDS
+from uavgram.model.catalogue.catalogue import CATALOGUE, SUBJECTS
+from uavgram.model.catalogue.entry import Effect
 from uavgram.model.flight.second_opinions import FaultKind
-from uavgram.stages.messages import CAUSES, CONSEQUENCES
+from uavgram.views.explanations import page
 
 KINDS_REMOVED = set(get_args(get_type_hints(Removal)["kind"])) - {"mend"}
 """A mend has the code of the cause that it mends."""
@@ -33,15 +35,7 @@ MADE = {
 }
 """Codes that no rule below finds: where, and all that it can be."""
 
-COMING: set[str] = set()
-"""Explained before the program says them: none of these is in the source."""
-
 CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)+|misfit")
-SECTION = re.compile(
-    r"^### (\S+)\n\n\*(Error|Warning|Note)( or (warning|note))?\.\* ", re.MULTILINE
-)
-LEVELS = {"Error": "error", "Warning": "warning", "Note": "info", "warning": "warning"}
-LEVELS |= {"note": "info"}
 
 
 @dataclass(frozen=True)
@@ -172,11 +166,6 @@ def messages_of(package: Path) -> Iterator[tuple[str, set[str], str]]:
 
 
 @pytest.fixture
-def page(repository: Path) -> str:
-    return (repository / "docs" / "messages.md").read_text(encoding="utf-8")
-
-
-@pytest.fixture
 def said(repository: Path) -> list[tuple[str, set[str], str]]:
     return list(messages_of(repository / "uavgram"))
 
@@ -195,46 +184,46 @@ def test_every_code_in_the_source_is_found(said: list[tuple[str, set[str], str]]
     assert [code for code in codes if not CODE.fullmatch(code)] == []
 
 
-def test_the_page_explains_every_code_and_no_other(
-    page: str, said: list[tuple[str, set[str], str]]
+def test_the_catalogue_has_an_entry_for_every_code_and_no_other(
+    said: list[tuple[str, set[str], str]],
 ) -> None:
-    sections = re.findall(r"^### (.+)$", page, flags=re.MULTILINE)
-    codes = all_codes(said)
+    entries = [entry.code for subject in SUBJECTS for entry in subject.entries]
 
-    assert COMING - codes == COMING  # what is said now is no longer coming: take it out there
-    assert (codes | COMING) - set(sections) == set()
-    assert set(sections) - (codes | COMING) == set()
-    assert len(sections) == len(set(sections))
+    assert all_codes(said) - set(entries) == set()
+    assert set(entries) - all_codes(said) == set()
+    assert len(entries) == len(set(entries))
 
 
-def test_each_section_begins_with_its_level(
-    page: str, said: list[tuple[str, set[str], str]]
-) -> None:
-    stated = {
-        match[1]: {LEVELS[word] for word in (match[2], match[4]) if word}
-        for match in SECTION.finditer(page)
-    }
-    assert stated.keys() == all_codes(said) | COMING
+def test_each_entry_has_the_levels_of_its_messages(said: list[tuple[str, set[str], str]]) -> None:
     of_code: dict[str, set[str]] = {}
     for where, codes, level in said:
         for code in (codes or MADE[where]) - {""}:
             of_code.setdefault(code, set()).add(level)
     for code, levels in of_code.items():
         if "" not in levels:  # a level that depends on something
-            assert stated[code] == levels, code
+            assert set(CATALOGUE[code].levels) == levels, code
 
 
-def test_the_index_leads_to_every_subject(page: str) -> None:
-    subjects = re.findall(r"^## (.+)$", page, flags=re.MULTILINE)
+def test_the_page_is_that_of_the_catalogue(repository: Path) -> None:
+    written = (repository / "docs" / "messages.md").read_text(encoding="utf-8")
+
+    assert written == page()  # else: uavgram explain --markdown > docs/messages.md
+    subjects = re.findall(r"^## (.+)$", written, flags=re.MULTILINE)
     anchors = [re.sub(r"[^\w\- ]", "", one.lower()).replace(" ", "-") for one in subjects]
+    assert re.findall(r"^- \[.+\]\(#(.+)\)", written, flags=re.MULTILINE) == anchors
+    assert re.findall(r"^### (.+)$", written, flags=re.MULTILINE) == list(CATALOGUE)
 
-    assert re.findall(r"^- \[.+\]\(#(.+)\)", page, flags=re.MULTILINE) == anchors
+
+def test_every_entry_is_in_whole_sentences_with_an_action_where_one_is_due() -> None:
+    for entry in CATALOGUE.values():
+        for text in (entry.finding, entry.consequence, entry.action):
+            assert text == "" or re.fullmatch(r"[A-Z`](?!.*  ).*[.)]", text)
+        assert entry.finding, entry.code
+        assert entry.action or entry.levels == ("info",), entry.code
 
 
-def test_the_order_of_messages_names_codes_that_exist(
-    said: list[tuple[str, set[str], str]],
-) -> None:
-    ranked = [code for codes in (*CAUSES, *CONSEQUENCES) for code in codes]
-
-    assert set(ranked) - all_codes(said) - COMING == set()
-    assert len(ranked) == len(set(ranked))
+def test_what_an_entry_refers_to_exists() -> None:
+    for entry in CATALOGUE.values():
+        assert entry.part_of == "" or CATALOGUE[entry.part_of].effect is not Effect.NONE
+        assert entry.effect is Effect.NONE or entry.levels != ("info",), entry.code
+        assert entry.one or not entry.several, entry.code

@@ -123,6 +123,7 @@ def test_no_command_calls_anybody(repository: Path, data_dir: Path, tmp_path: Pa
         ["run", survey],
         ["rectify", survey, "--frame", "IMG_0043.jpg", "--pixel-size", "0.2"],
         ["geotag", survey],
+        ["explain", "pick-suspect"],
         ["demo", "--scenario", str(small_demo(tmp_path / "configs", tmp_path))],
         ["new", str(tmp_path / "others")],
         ["log", str(tmp_path / "logs" / "twin_short.BIN")],

@@ -14,6 +14,7 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
     camera,
     check,
     demo,
+    explain,
     geotag,
     log,
     new,

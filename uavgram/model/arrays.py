@@ -101,12 +101,18 @@ def _array_fields(owner: Hashable) -> tuple[_ArrayField, ...]:
         _ArrayField(
             name,
             next((dtype for kind, dtype in _DTYPES if kind == get_args(hint)[0]), None),
-            tuple(mark for mark in get_args(hint)[1:] if mark != NAN_IS_NONE),
+            dimensions,
             NAN_IS_NONE in get_args(hint),
         )
         for name, hint in get_type_hints(cast("type", owner), include_extras=True).items()
-        if get_origin(hint) is Annotated
+        if get_origin(hint) is Annotated and (dimensions := _dimensions(hint))
     )
+
+
+def _dimensions(hint: Any) -> tuple[int | str, ...]:
+    """Return the shape in an annotation, which may have marks of other kinds beside it."""
+    marks = (mark for mark in get_args(hint)[1:] if isinstance(mark, int | str))
+    return tuple(mark for mark in marks if mark != NAN_IS_NONE)
 
 
 def _check_shape(

@@ -7,6 +7,7 @@ from dataclasses import replace
 from itertools import chain
 from typing import Any
 
+from uavgram.model.catalogue.catalogue import entry_of
 from uavgram.model.message import NUMBERS, SUBJECTS, Message, Several
 from uavgram.model.remedy import Remedy
 from uavgram.model.remedy import together as mended_together
@@ -16,60 +17,6 @@ MOST_LISTED = 5
 """Things that a sentence lists; the message names all of them as data."""
 
 LEVELS = ("error", "warning", "info")
-
-IDENTIFIED = (
-    (
-        *("lengths-wrong-unit", "lengths-factor", "lengths-offset", "lengths-level"),
-        *("labels-swapped-everywhere", "control-shifted", "other-zoom"),
-        *("photos-mirrored",),
-        *("mount-turned", "gimbal-off", "heights-off", "clock-off"),
-    ),
-    (
-        *("other-camera", "photo-elsewhere", "photo-mirrored", "photo-turned"),
-        *("labels-swapped", "label-elsewhere"),
-        *("line-wrong-unit", "line-wrong-digit", "line-other-ends", "lines-exchanged"),
-    ),
-)
-"""Codes of causes that were found and explain the rest: what spoils everything first, then what
-spoils one photo, label or length."""
-
-CAUSES = (
-    *IDENTIFIED,
-    ("lengths-offset-possible", "lengths-level-possible"),
-    ("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
-    ("log-position-gap", "log-attitude-gap", "log-gimbal-gap", "log-receiver-apart"),
-    ("line-left-out", "known-left-out", "control-left-out", "height-left-out", "point-off-ground"),
-    ("photo-duplicate", "pick-duplicate", "line-duplicate", "known-duplicate"),
-    ("line-removed", "known-removed", "pick-removed", "blunder-not-located", "blunder-kept"),
-    (
-        *("pick-suspect", "picks-contradict", "line-suspect", "known-suspect", "control-suspect"),
-        *("telemetry-strained", "prior-strained"),
-    ),
-    ("check-suspect", "lengths-contradict", "odd-height"),
-    ("misfit",),
-    ("ground-not-plane", "picks-less-exact", "lengths-less-exact", "identification-less-exact"),
-    ("ambiguous-pose", "three-lengths", "three-known"),
-    ("nothing-checks",),
-)
-"""Codes of what explains other messages, what explains most of them first."""
-
-CONSEQUENCES = (
-    ("frame-left-out", "pick-left-out"),
-    ("many-suspects", "group-misfit", "checks-misfit"),
-    ("first-order-doubtful", "first-order-off", "monte-carlo-null", "monte-carlo-failed"),
-)
-"""Codes of what another message explains, where there is one; shown last."""
-
-_RANK = {code: k - len(CAUSES) for k, codes in enumerate(CAUSES) for code in codes} | {
-    code: 1 + k for k, codes in enumerate(CONSEQUENCES) for code in codes
-}
-
-
-ACCUSING = (
-    *("line-left-out", "line-suspect", "line-removed", "lengths-contradict"),
-    *("pick-suspect", "picks-contradict", "pick-left-out", "pick-removed", "frame-left-out"),
-)
-"""Codes of messages that accuse an observation."""
 
 
 def without_the_innocent(messages: Iterable[Message], causes: Sequence[Cause]) -> Iterator[Message]:
@@ -95,7 +42,7 @@ def without_the_innocent(messages: Iterable[Message], causes: Sequence[Cause]) -
         named = {*message.lengths} if message.lengths else {*message.frames}
         pairs = {(f, label) for f in message.frames for label in message.labels}
         innocent = (bool(named) and named <= settled) or (bool(pairs) and pairs <= picks)
-        if message.code in ACCUSING and innocent and id(message) not in own:
+        if entry_of(message.code).accuses and innocent and id(message) not in own:
             yield replace(message, level="info")
         else:
             yield message
@@ -119,14 +66,15 @@ def in_order(*messages: Message) -> tuple[Message, ...]:
     for message in dict.fromkeys(messages):
         groups.setdefault(_kind(message), []).append(message)
     joined = [_joined(group) for group in groups.values()]
-    joined.sort(key=lambda m: (_level(m), _RANK.get(m.code, 0)))
+    joined.sort(key=_place)
     return tuple(joined)
 
 
-def _level(message: Message) -> int:
-    """Of what is told first: a cause that was found stands before the errors that it makes."""
-    found = message.level == "warning" and any(message.code in codes for codes in IDENTIFIED)
-    return 0 if found else 1 + LEVELS.index(message.level)
+def _place(message: Message) -> tuple[int, int]:
+    """Return the place in the order: a warning of a found cause precedes the errors it explains."""
+    order = entry_of(message.code).order
+    is_cause = message.level == "warning" and order.is_found_cause
+    return 0 if is_cause else 1 + LEVELS.index(message.level), order
 
 
 def _kind(message: Message) -> object:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from uavgram.model.catalogue.catalogue import entry_of
 from uavgram.model.flight.frames import Frames, Photos
 from uavgram.model.flight.geotag import GeoTags
 from uavgram.model.flight.pairing import Pairing
@@ -34,10 +35,6 @@ HEADER = (
     "status",
 )
 RIGHT_ALIGNED = (3, 4, 5, 6)
-DETAILS = {("info", "camera-learnt"), ("info", "camera-not-learnt"), ("info", "scale-basis")}
-"""Messages of every run that few need, or that stand elsewhere on the screen: results.json and the
-report have them."""
-
 OTHERS = "fits as well"
 
 
@@ -99,12 +96,12 @@ def unshown_rows(result: Result, most: int, folder: Path) -> list[str]:
 
 
 def message_lines(messages: Sequence[Message], *, verbose: bool = True) -> list[str]:
-    """One line per message: errors first, then warnings, then the choices that were made.
+    """Return one line per message: errors first, then warnings, then notes.
 
-    Each ends with its code, which docs/messages.md explains. Without `verbose`, nothing of what
-    only says how the program came to its numbers.
+    Each ends with its code, which `uavgram explain` explains. Without `verbose`, details are left
+    out: they are in results.json and in the report.
     """
-    shown = [m for m in messages if verbose or (m.level, m.code) not in DETAILS]
+    shown = [m for m in messages if verbose or not entry_of(m.code).is_detail]
     ordered = sorted(shown, key=lambda message: LEVEL_RANK[message.level])
     return [f"{message.level}: {message.text} [{message.code}]" for message in ordered]
 

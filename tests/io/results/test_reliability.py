@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from schema_faults import faults_of
 
 from uavgram.errors import InputError
 from uavgram.io.results.results_json import dump_results, load_results
@@ -106,6 +107,7 @@ def test_what_is_known_of_the_reliability_comes_back(judged: Result, tmp_path: P
         same(getattr(judged, name), getattr(back, name))
     same(judged.removals[0], back.removals[0])
     assert dump_results(back) == dump_results(judged)
+    assert faults_of(dump_results(judged)) == []
 
 
 def test_it_stands_with_the_rows_that_it_is_of(judged: Result) -> None:

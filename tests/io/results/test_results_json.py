@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import pytest
+from schema_faults import faults_of
 
 from uavgram.errors import InputError
 from uavgram.io.results.results_json import dump_results, load_results, write_results
@@ -96,6 +97,7 @@ def test_a_result_without_any_row_comes_back_as_the_same_object(
     write_results(result, tmp_path / "results.json")
 
     assert_same(result, load_results(tmp_path / "results.json"))
+    assert faults_of((tmp_path / "results.json").read_text(encoding="utf-8")) == []
 
 
 def test_the_comparison_above_sees_a_last_bit(sample_result: Result) -> None:

@@ -9,14 +9,18 @@ from pathlib import Path
 import numpy as np
 from pyproj import Geod
 
-from uavgram.geometry.earth.geodesy import EARTH_RADIUS_M, geodetic_from_enu
+from uavgram.geometry.earth.geodesy import EARTH_RADIUS_M
 from uavgram.io.outputs import replace_text
 from uavgram.io.results.codec import Record, records
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.model.result.sources import sources_behind
 from uavgram.model.result.tables import PointResults
-from uavgram.model.survey.world import World
+from uavgram.stages.products.columns import (
+    MEASUREMENTS,
+    POINTS,
+    heights_above_datum,
+    listed_columns,
+)
 
 Geometry = Record | None
 
@@ -70,7 +74,7 @@ def dump_geojson(result: Result) -> str:
     if result.world.gauge == "plane" or result.world.origin is None:
         members["message"] = _NO_PLACE
     else:
-        place = _places(result.points, result.world)
+        place = _places(result)
         if place.shape[1] < 3:
             members["message"] = _NO_ELLIPSOID
         features = _points(result, place) + _ellipses(result.points, place)
@@ -90,32 +94,10 @@ def _features(what: str, geometries: Iterable[Geometry], /, **columns: object) -
 
 
 def _points(result: Result, place: Floats) -> list[Record]:
-    points, world = result.points, result.world
-    east_m, north_m, up_m = points.position_world_m.T
-    sigma_east_m, sigma_north_m = np.sqrt(np.diagonal(points.covariance_m2, axis1=1, axis2=2)).T
     return _features(
         "point",
         ({"type": "Point", "coordinates": each} for each in place.tolist()),
-        label=points.label,
-        east_m=east_m,
-        north_m=north_m,
-        up_m=up_m,
-        sigma_east_m=sigma_east_m,
-        sigma_north_m=sigma_north_m,
-        covariance_m2=points.covariance_m2,
-        sigma_up_m=np.sqrt(points.covariance_m3[:, 2, 2]),
-        covariance_m3=points.covariance_m3,
-        neighbour_sigma_m=points.neighbour_sigma_m,
-        height_above_ground_m=points.height_above_ground_m,
-        height_sigma_m=points.height_sigma_m,
-        height_source=points.height_source,
-        height_m=_heights(points, world),
-        height_datum=(world.height_datum,) * len(place),
-        semi_major_95_m=points.ellipse_95_m[:, 0],
-        semi_minor_95_m=points.ellipse_95_m[:, 1],
-        azimuth_deg=np.rad2deg(points.ellipse_azimuth_rad),
-        frames=points.frames,
-        picked_by=sources_behind(result.picks, [(label,) for label in points.label]),
+        **listed_columns(POINTS, result),
     )
 
 
@@ -159,17 +141,7 @@ def _measurements(result: Result, place: Floats) -> list[Record]:
     return _features(
         "measurement",
         (_geometry(kind, [place_of.get(label) for label in labels]) for kind, labels in shapes),
-        name=measurements.name,
-        kind=measurements.kind,
-        points=measurements.points,
-        value=measurements.value,
-        sigma=measurements.sigma,
-        unit=measurements.unit,
-        lower_95=measurements.interval_95[:, 0],
-        upper_95=measurements.interval_95[:, 1],
-        alternative_values=measurements.alternative_values,
-        status=measurements.status,
-        picked_by=sources_behind(result.picks, measurements.points),
+        **listed_columns(MEASUREMENTS, result),
     )
 
 
@@ -211,16 +183,9 @@ def _lonlat(points: PointResults) -> Floats:
     return np.stack([points.longitude_deg, points.latitude_deg], axis=1)
 
 
-def _heights(points: PointResults, world: World) -> Floats:
-    """(K,) above the datum of the world."""
-    if world.origin is None:
-        return np.full(len(points.label), np.nan)
-    return geodetic_from_enu(points.position_world_m, world.origin)[2]
-
-
-def _places(points: PointResults, world: World) -> Floats:
+def _places(result: Result) -> Floats:
     """(K, 3) longitude, latitude, height above the ellipsoid; (K, 2) where that is not known."""
-    shift = world.ellipsoid_shift_m
+    shift, lonlat = result.world.ellipsoid_shift_m, _lonlat(result.points)
     if shift is None:
-        return _lonlat(points)
-    return np.column_stack([_lonlat(points), _heights(points, world) + shift])
+        return lonlat
+    return np.column_stack([lonlat, heights_above_datum(result) + shift])

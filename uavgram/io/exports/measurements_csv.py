@@ -9,27 +9,12 @@ from uavgram.io.outputs import replace_text
 from uavgram.io.tables.csv_rows import csv_text
 from uavgram.io.tables.spreadsheet_cells import guarded
 from uavgram.model.result.result import Result
-from uavgram.model.result.sources import sources_behind
+from uavgram.stages.products.columns import MEASUREMENTS
 
 DIGITS = 4
 """Of sigma: the two that it deserves, and two more."""
 
-HEADER = (
-    "name",
-    "kind",
-    "points",
-    "value",
-    "sigma",
-    "unit",
-    "lower_95",
-    "upper_95",
-    "alternatives",
-    "shift_relief_10cm",
-    "shift_tape_1pct",
-    "sigma_stated",
-    "status",
-    "picked_by",
-)
+COLUMNS = [one for one in MEASUREMENTS if "csv" in one.files]
 
 
 def write_measurements_csv(result: Result, path: str | Path) -> None:
@@ -57,24 +42,22 @@ def dump_measurements_csv(result: Result) -> str:
     how far the value can be trusted: ok, not-checked, doubtful or contradicted. ``picked_by`` says
     who made the picks of its points: hand, match or target.
     """
-    made = sources_behind(result.picks, result.measurements.points)
-    rows = result.measurements
-    cells = []
-    for i, sigma in enumerate(rows.sigma):
-        value, own, low, high, *others = (
-            rounded(number, float(sigma))
-            for number in (rows.value[i], sigma, *rows.interval_95[i], *rows.alternative_values[i])
-        )
-        name, points = guarded(rows.name[i]), guarded(";".join(rows.points[i]))
-        alternatives, unit = ";".join(others), rows.unit[i]
-        shifts = (
-            rounded(float(shift), abs(float(shift)))  # four digits
-            for shift in (rows.shift_relief_10cm[i], rows.shift_tape_1pct[i])
-        )
-        stated = rounded(rows.sigma_stated[i], float(sigma))
-        known = (name, rows.kind[i], points, value, own, unit, low, high, alternatives)
-        cells.append((*known, *shifts, stated, rows.status[i], ";".join(made[i])))
-    return csv_text(HEADER, cells)
+    columns = [one.values(result) for one in COLUMNS]
+    cells = [
+        [
+            _cell(value, abs(value) if one.has_own_digits else float(sigma))
+            for one, value in zip(COLUMNS, row, strict=True)
+        ]
+        for sigma, *row in zip(result.measurements.sigma, *columns, strict=True)
+    ]
+    return csv_text([one.name for one in COLUMNS], cells)
+
+
+def _cell(value: str | float | tuple[str | float, ...], sigma: float) -> str:
+    """Return the text of a value, of a list its entries; numbers with the digits of a sigma."""
+    if isinstance(value, tuple):
+        return ";".join(_cell(one, sigma) for one in value)
+    return guarded(value) if isinstance(value, str) else rounded(value, sigma)
 
 
 def rounded(number: float, sigma: float) -> str:

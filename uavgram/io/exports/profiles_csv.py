@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from pathlib import Path
 
 from uavgram.io.exports.measurements_csv import rounded
 from uavgram.io.outputs import replace_text
 from uavgram.io.tables.csv_rows import csv_text
 from uavgram.io.tables.spreadsheet_cells import guarded
-from uavgram.model.result.profiles import COLUMNS
+from uavgram.model.result.profiles import PLACE_KEYS, SIGMA_KEYS
 from uavgram.model.result.result import Result
 
 HEADER = (
     "profile",
     "label",
-    *(column for name in COLUMNS for column in (f"{name}_m", f"{name}_sigma_m")),
+    *chain.from_iterable(zip(PLACE_KEYS, SIGMA_KEYS, strict=True)),
 )
 
 

@@ -11,22 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.io.outputs import replace_text
-from uavgram.io.results.codec import Record, Table, encode, joined
+from uavgram.io.results.codec import Record, Table, encode, joined, records
 from uavgram.io.results.results_json import dump_inputs, one_record_a_line
 from uavgram.model.camera.calibration_account import CalibrationAccount, LengthUncertainty
 from uavgram.model.camera.calibration_result import CalibrationResult, CornerResults, PhotoResults
-from uavgram.model.flight.pose import Poses
 
 SCHEMA = 1
 
 _PHOTOS = Table(PhotoResults, elsewhere=("poses", "unusable"))
-_POSES = Table(
-    Poses,
-    keys={"center_world_m": "center_board_m", "world_from_camera": "board_from_camera"},
-    elsewhere=("frame_id",),
-)
 _CORNERS = Table(CornerResults)
-_LENGTHS = Table(LengthUncertainty, keys={"pixel_px": "ends_px", "length": "length_in_heights"})
+_LENGTHS = Table(LengthUncertainty)
 
 
 def write_calibration(account: CalibrationAccount, path: str | Path) -> None:
@@ -99,5 +93,10 @@ def _camera(result: CalibrationResult) -> Record:
 
 def _photos(result: CalibrationResult) -> list[Record]:
     corners = np.bincount(result.corners.photo, minlength=len(result.photos.file)).tolist()
-    rows = joined(_PHOTOS.dump(result.photos), _POSES.dump(result.photos.poses))
+    poses = records(  # their world is the board
+        center_board_m=result.photos.poses.center_world_m,
+        board_from_camera=result.photos.poses.world_from_camera,
+        covariance=result.photos.poses.covariance,
+    )
+    rows = joined(_PHOTOS.dump(result.photos), poses)
     return [row | {"corners": count} for row, count in zip(rows, corners, strict=True)]

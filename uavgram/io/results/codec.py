@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from types import UnionType
 from typing import Any, Generic, TypeVar, Union, cast, get_args, get_origin, get_type_hints
@@ -16,6 +16,7 @@ from typing import Any, Generic, TypeVar, Union, cast, get_args, get_origin, get
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.columns import Column, columns_of, row_shapes
 
 Json = Any
 Record = dict[str, Json]
@@ -120,41 +121,37 @@ class Table(Generic[Owner]):
     ----------
     owner
         The class; its fields are columns of N values: arrays (N, ...) or tuples.
-    keys
-        Key of a field in the records, where it is another than its name; several keys for the
-        columns of an (N, k) array.
-    shape
-        Of one row, for arrays of more than one number a row.
     elsewhere
         Fields that do not stand in these records.
     """
 
     owner: type[Owner]
-    keys: Mapping[str, str | tuple[str, ...]] = field(default_factory=dict)
-    shape: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     elsewhere: tuple[str, ...] = ()
 
     def dump(self, table: Owner) -> list[Record]:
         """Records, one for each row."""
         columns: dict[str, list[Json]] = {}
-        for name in self._names():
-            key, values = self.keys.get(name, name), encode(getattr(table, name))
-            if isinstance(key, tuple):
-                columns |= {part: [row[k] for row in values] for k, part in enumerate(key)}
+        for name in self.names():
+            column, values = self.column(name), encode(getattr(table, name))
+            if column.keys:
+                columns |= {key: [row[k] for row in values] for k, key in enumerate(column.keys)}
             else:
-                columns[key] = values
+                columns[column.key or name] = values
         return _rows(columns)
 
     def load(self, records: Sequence[Record], **given: object) -> Owner:
         """Inverse of `dump`; `given` are the fields `elsewhere`."""
         hints, n = _hints(cast("Hashable", self.owner)), len(records)
         read: dict[str, object] = {}
-        for name in self._names():
-            key, hint = self.keys.get(name, name), hints[name]
-            if isinstance(key, tuple):
-                read[name] = numbers([[row[part] for part in key] for row in records], n, len(key))
+        for name in self.names():
+            column, hint = self.column(name), hints[name]
+            key = column.key or name
+            if column.keys:
+                entries = [[row[part] for part in column.keys] for row in records]
+                read[name] = numbers(entries, n, len(column.keys))
             elif hint == Floats:
-                read[name] = numbers([row[key] for row in records], n, *self.shape.get(name, ()))
+                shape = row_shapes(self.owner)[name]
+                read[name] = numbers([row[key] for row in records], n, *shape)
             elif hint in (Bools, Ints):
                 kind = bool if hint == Bools else int
                 read[name] = np.array([decode(kind, row[key]) for row in records], dtype=kind)
@@ -162,7 +159,12 @@ class Table(Generic[Owner]):
                 read[name] = decode(hint, [row[key] for row in records])
         return self.owner(**read, **given)
 
-    def _names(self) -> list[str]:
+    def column(self, name: str) -> Column:
+        """Return the names of a field in the records."""
+        return columns_of(self.owner)[name]
+
+    def names(self) -> list[str]:
+        """Return the fields of the class that are in these records."""
         return [name for name in _hints(cast("Hashable", self.owner)) if name not in self.elsewhere]
 
 

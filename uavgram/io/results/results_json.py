@@ -242,7 +242,7 @@ def _frozen(value: Json) -> Any:  # noqa: ANN401
     return tuple(_frozen(item) for item in value) if isinstance(value, list) else value
 
 
-_LEARNT_KEYS = {"ratio": "sigma_ratio", "shift": "shift_prior_sigmas"}
+LEARNT_KEYS = {"ratio": "sigma_ratio", "shift": "shift_prior_sigmas"}
 _TELEMETRY = ("boresight_deg", "lever_arm_m", "position_bias_m", "heading_bias_deg")
 
 
@@ -290,7 +290,7 @@ def _dump_shared(result: Result) -> Record:
         "readout_s": _dump_estimate(shared.readout_s),
         "plane": _dump_plane(result.plane),
         "tape_scale": {name: _dump_estimate(one) for name, one in shared.tape_scale.items()},
-        "intrinsics": {_LEARNT_KEYS.get(key, key): value for key, value in encode(learnt).items()},
+        "intrinsics": {LEARNT_KEYS.get(key, key): value for key, value in encode(learnt).items()},
     }
 
 

@@ -1,4 +1,4 @@
-"""The tables of a result in results.json: which field of a row stands under which key."""
+"""The tables of a result in results.json; their data classes name the keys (`Column`)."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from uavgram.io.results.codec import Json, Record, Table, encode, joined, numbers
+from uavgram.model.columns import row_shapes
 from uavgram.model.result.control_lines import ControlLineResults
 from uavgram.model.result.known import KnownResults
-from uavgram.model.result.profiles import COLUMNS, ProfileResults
+from uavgram.model.result.profiles import ProfileResults
 from uavgram.model.result.reliability import (
     Effects,
     Evidence,
@@ -31,85 +32,57 @@ from uavgram.model.result.tables import (
 )
 
 _ELLIPSE = ("ellipse_95_m", "ellipse_azimuth_rad")
-_FRAMES = Table(
-    FrameResults,
-    keys={"sweep": "moved_while_read"},
-    shape={"sweep": (6,)},
-    elsewhere=("seed", "refined"),
-)
-_POSES = Table(
-    PoseTable,
-    shape={"center_world_m": (3,), "world_from_camera": (3, 3), "covariance": (6, 6)},
-)
-_POINTS = Table(
-    PointResults,
-    shape={"position_world_m": (3,), "covariance_m2": (2, 2), "covariance_m3": (3, 3)},
-    elsewhere=(*_ELLIPSE, "relative"),
-)
-_RELATIVE = Table(
-    PlanarUncertainty,
-    shape={"covariance_m2": (2, 2), "covariance_m3": (3, 3)},
-    elsewhere=_ELLIPSE,
-)
-LINES = Table(LineResults, keys={"start": "from", "end": "to"})
+FRAMES = Table(FrameResults, elsewhere=("seed", "refined"))
+POSES = Table(PoseTable)
+POINTS = Table(PointResults, elsewhere=(*_ELLIPSE, "relative"))
+RELATIVE = Table(PlanarUncertainty, elsewhere=_ELLIPSE)
+LINES = Table(LineResults)
 KNOWN = Table(KnownResults)
-CONTROL_LINES = Table(ControlLineResults, shape={"start_world_m": (3,), "end_world_m": (3,)})
-PICKS = Table(PickResults, keys={"pixel_px": ("u_px", "v_px")}, shape={"residual_px": (2,)})
-MEASUREMENTS = Table(MeasurementResults, shape={"interval_95": (2,)}, elsewhere=("correlation",))
-PROFILES = Table(
-    ProfileResults,
-    keys={
-        "place_m": tuple(f"{name}_m" for name in COLUMNS),
-        "sigma_m": tuple(f"{name}_sigma_m" for name in COLUMNS),
-    },
-)
-POINT_CHECKS = Table(PointChecks, shape={"error_m": (3,), "sigma_m": (3,)})
+CONTROL_LINES = Table(ControlLineResults)
+PICKS = Table(PickResults)
+MEASUREMENTS = Table(MeasurementResults, elsewhere=("correlation",))
+PROFILES = Table(ProfileResults)
+POINT_CHECKS = Table(PointChecks)
 LINE_CHECKS = Table(LineChecks)
-_PRIORS = Table(
-    PriorResults, keys={"residual": "residual_sigmas", "bias": "mdb"}, elsewhere=("effects",)
-)
-_EFFECTS = Table(
-    Effects, keys={"on": "external_on", "change": "external", "sigmas": "external_sigmas"}
-)
-_WEAKEST = Table(WeakestLinks, keys={"bias": "mdb"})
-_SECOND_ORDER = Table(
-    SecondOrder,
-    keys={"bias": "second_order_bias", "sigma": "second_order_sigma", "off": "first_order_off"},
-)
+PRIORS = Table(PriorResults, elsewhere=("effects",))
+EFFECTS = Table(Effects)
+WEAKEST = Table(WeakestLinks)
+SECOND_ORDER = Table(SecondOrder)
 
 
 def dump_frames(frames: FrameResults) -> list[Record]:
     """Frames; a pose that a frame does not have is null."""
     seed, refined = _dump_poses(frames.seed), _dump_poses(frames.refined)
     poses = [{"seed": a, "refined": b} for a, b in zip(seed, refined, strict=True)]
-    return joined(_FRAMES.dump(frames), poses)
+    return joined(FRAMES.dump(frames), poses)
 
 
 def load_frames(records: Sequence[Record]) -> FrameResults:
     """Inverse of `dump_frames`."""
-    return _FRAMES.load(
+    return FRAMES.load(
         records, **{key: _load_poses([row[key] for row in records]) for key in ("seed", "refined")}
     )
 
 
 def _dump_poses(poses: PoseTable) -> list[Record | None]:
     present = [bool(np.isfinite(center).any()) for center in poses.center_world_m]
-    return [row if there else None for there, row in zip(present, _POSES.dump(poses), strict=True)]
+    return [row if there else None for there, row in zip(present, POSES.dump(poses), strict=True)]
 
 
 def _load_poses(rows: Sequence[Record | None]) -> PoseTable:
-    absent = {key: encode(np.full(shape, np.nan)) for key, shape in _POSES.shape.items()}
-    return _POSES.load([row or absent for row in rows])
+    shapes = row_shapes(PoseTable).items()
+    absent = {key: encode(np.full(shape, np.nan)) for key, shape in shapes}
+    return POSES.load([row or absent for row in rows])
 
 
 def dump_points(points: PointResults) -> list[Record]:
     """Ground points; degrees for people, and the radians that they are made of."""
-    relative = joined(_RELATIVE.dump(points.relative), _dump_ellipses(points.relative))
+    relative = joined(RELATIVE.dump(points.relative), _dump_ellipses(points.relative))
     for row, off_ground in zip(relative, points.is_off_ground, strict=True):
         if not off_ground:
             del row["covariance_m3"]
     return joined(
-        _POINTS.dump(points), _dump_ellipses(points), [{"relative": row} for row in relative]
+        POINTS.dump(points), _dump_ellipses(points), [{"relative": row} for row in relative]
     )
 
 
@@ -117,10 +90,10 @@ def load_points(records: Sequence[Record]) -> PointResults:
     """Inverse of `dump_points`."""
     nothing = {"covariance_m3": [[None] * 3] * 3}  # left out of points on the ground
     relative = [nothing | row["relative"] for row in records]
-    return _POINTS.load(
+    return POINTS.load(
         records,
         **_load_ellipses(records),
-        relative=_RELATIVE.load(relative, **_load_ellipses(relative)),
+        relative=RELATIVE.load(relative, **_load_ellipses(relative)),
     )
 
 
@@ -153,14 +126,14 @@ def load_measurements(records: Sequence[Record], correlation: Json) -> Measureme
 def with_evidence(result: Result, content: Record) -> Record:
     """What is known of the reliability of lengths, picks, priors and measurements, row by row."""
     if (evidence := result.evidence) is not None:
-        content["lines"] = joined(content["lines"], _EFFECTS.dump(evidence.lines))
-        content["picks"] = joined(content["picks"], _EFFECTS.dump(evidence.picks))
+        content["lines"] = joined(content["lines"], EFFECTS.dump(evidence.lines))
+        content["picks"] = joined(content["picks"], EFFECTS.dump(evidence.picks))
         content["measurements"] = joined(content["measurements"], _dump_weakest(evidence.weakest))
         priors = evidence.priors
-        content["priors"] = joined(_PRIORS.dump(priors), _EFFECTS.dump(priors.effects))
+        content["priors"] = joined(PRIORS.dump(priors), EFFECTS.dump(priors.effects))
     if result.second_order is not None:
         content["measurements"] = joined(
-            content["measurements"], _SECOND_ORDER.dump(result.second_order)
+            content["measurements"], SECOND_ORDER.dump(result.second_order)
         )
     return content
 
@@ -171,9 +144,9 @@ def load_evidence(content: Record) -> Evidence | None:
         return None
     priors = content["priors"]
     return Evidence(
-        lines=_EFFECTS.load(content["lines"]),
-        picks=_EFFECTS.load(content["picks"]),
-        priors=_PRIORS.load(priors, effects=_EFFECTS.load(priors)),
+        lines=EFFECTS.load(content["lines"]),
+        picks=EFFECTS.load(content["picks"]),
+        priors=PRIORS.load(priors, effects=EFFECTS.load(priors)),
         weakest=_load_weakest(content["measurements"]),
     )
 
@@ -182,11 +155,11 @@ def load_second_order(records: Sequence[Record]) -> SecondOrder | None:
     """Second-order terms of the measurements; None where there are none."""
     if not records or "second_order_sigma" not in records[0]:
         return None
-    return _SECOND_ORDER.load(records)
+    return SECOND_ORDER.load(records)
 
 
 def _dump_weakest(weakest: WeakestLinks) -> list[Record]:
-    rows = _WEAKEST.dump(weakest)
+    rows = WEAKEST.dump(weakest)
     unchecked = [row.pop("unchecked") for row in rows]
     return [
         {"weakest": row if row["what"] else None, "unchecked": names}
@@ -196,6 +169,6 @@ def _dump_weakest(weakest: WeakestLinks) -> list[Record]:
 
 def _load_weakest(records: Sequence[Record]) -> WeakestLinks:
     none = {"what": "", "mdb": None, "unit": "", "change": None}
-    return _WEAKEST.load(
+    return WEAKEST.load(
         [(row["weakest"] or none) | {"unchecked": row["unchecked"]} for row in records]
     )

@@ -10,6 +10,7 @@ import numpy as np
 from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.model.camera.provenance import CameraProvenance
+from uavgram.model.columns import Column
 from uavgram.model.message import Message
 
 
@@ -30,8 +31,8 @@ class LengthUncertainty(FrozenArrays):
         lengths fix pose and scale.
     """
 
-    pixel_px: Annotated[Floats, "n", 2, 2]
-    length: Annotated[Floats, "n"]
+    pixel_px: Annotated[Floats, "n", 2, 2, Column("ends_px")]
+    length: Annotated[Floats, "n", Column("length_in_heights")]
     pose_known: Annotated[Floats, "n"]
     pose_fitted: Annotated[Floats, "n"]
 

@@ -9,9 +9,12 @@ from typing import Annotated
 import numpy as np
 
 from uavgram.model.arrays import Floats, FrozenArrays, Ints
+from uavgram.model.columns import Column
 
 COLUMNS = ("station", "offset", "height", "ground")
 """What is told of each point of a profile."""
+PLACE_KEYS = tuple(f"{name}_m" for name in COLUMNS)
+SIGMA_KEYS = tuple(f"{name}_sigma_m" for name in COLUMNS)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -35,8 +38,8 @@ class ProfileResults(FrozenArrays):
 
     profile: Annotated[tuple[str, ...], "n"]
     label: tuple[str, ...]
-    place_m: Annotated[Floats, "n", 4]
-    sigma_m: Annotated[Floats, "n", 4]
+    place_m: Annotated[Floats, "n", 4, Column(keys=PLACE_KEYS, axes=COLUMNS, stem="")]
+    sigma_m: Annotated[Floats, "n", 4, Column(keys=SIGMA_KEYS, axes=COLUMNS)]
 
     def each(self) -> Iterator[tuple[str, Ints]]:
         """Name of every profile, and the rows of its points."""

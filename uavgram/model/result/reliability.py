@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays
+from uavgram.model.columns import Column
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,9 +29,9 @@ class Effects(FrozenArrays):
         (n,) the same in the measurement's sigmas, not signed.
     """
 
-    on: Annotated[tuple[str, ...], "n"]
-    change: Annotated[Floats, "n", NAN_IS_NONE]
-    sigmas: Annotated[Floats, "n", NAN_IS_NONE]
+    on: Annotated[tuple[str, ...], "n", Column("external_on")]
+    change: Annotated[Floats, "n", NAN_IS_NONE, Column("external")]
+    sigmas: Annotated[Floats, "n", NAN_IS_NONE, Column("external_sigmas")]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,7 +52,7 @@ class WeakestLinks(FrozenArrays):
     """
 
     what: Annotated[tuple[str, ...], "n"]
-    bias: Annotated[Floats, "n", NAN_IS_NONE]
+    bias: Annotated[Floats, "n", NAN_IS_NONE, Column("mdb")]
     unit: tuple[str, ...]
     change: Annotated[Floats, "n", NAN_IS_NONE]
     unchecked: tuple[tuple[str, ...], ...]
@@ -81,10 +82,10 @@ class PriorResults(FrozenArrays):
     name: Annotated[tuple[str, ...], "n"]
     frame_id: tuple[str, ...]
     unit: tuple[str, ...]
-    residual: Annotated[Floats, "n"]
+    residual: Annotated[Floats, "n", Column("residual_sigmas")]
     w: Annotated[Floats, "n"]
     redundancy: Annotated[Floats, "n"]
-    bias: Annotated[Floats, "n", NAN_IS_NONE]
+    bias: Annotated[Floats, "n", NAN_IS_NONE, Column("mdb")]
     effects: Effects
 
 
@@ -115,10 +116,10 @@ class SecondOrder(FrozenArrays):
         (M,) whether first order is not good enough.
     """
 
-    bias: Annotated[Floats, "n", NAN_IS_NONE]
-    sigma: Annotated[Floats, "n", NAN_IS_NONE]
+    bias: Annotated[Floats, "n", NAN_IS_NONE, Column("second_order_bias")]
+    sigma: Annotated[Floats, "n", NAN_IS_NONE, Column("second_order_sigma")]
     curvature: Annotated[Floats, "n", NAN_IS_NONE]
-    off: Annotated[Bools, "n"]
+    off: Annotated[Bools, "n", Column("first_order_off")]
 
 
 @dataclass(frozen=True, kw_only=True)

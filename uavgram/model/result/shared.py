@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from uavgram.model.arrays import Floats, FrozenArrays
+from uavgram.model.columns import Column
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,7 +68,7 @@ class AreaPlane(FrozenArrays):
 
     name: str
     height_m: Estimate
-    slope_deg: Estimate
+    slope_deg: Annotated[Estimate, Column(axes=("east", "north"))]
     pivot_m: Annotated[Floats, 2]
 
     @property

@@ -12,6 +12,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints, freeze
+from uavgram.model.columns import POSE_AXES, Column
 from uavgram.model.result.verdict import MeasurementStatus
 from uavgram.model.survey.observations import Source
 
@@ -21,14 +22,17 @@ PickStatus = Literal["used", "suspect", "removed", "unused"]
 HeightSource = Literal["ground", "stated", "free", "found"]
 """Where a point's height over the ground is from."""
 
+IN_SPACE = Column(stem="space_covariance", unit="m2")
+INTERVAL = Column(axes=("lower", "upper"), stem="bound_95")
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PoseTable(FrozenArrays):
     """F poses, NaN in all of a row where a frame has none; conventions as in `Poses`."""
 
     center_world_m: Annotated[Floats, "n", 3, NAN_IS_NONE]
-    world_from_camera: Annotated[Floats, "n", 3, 3, NAN_IS_NONE]
-    covariance: Annotated[Floats, "n", 6, 6, NAN_IS_NONE]
+    world_from_camera: Annotated[Floats, "n", 3, 3, NAN_IS_NONE, Column(axes=("x", "y", "z"))]
+    covariance: Annotated[Floats, "n", 6, 6, NAN_IS_NONE, Column(axes=POSE_AXES)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,7 +65,9 @@ class FrameResults(FrozenArrays):
     reason: tuple[str, ...]
     seed: PoseTable
     refined: PoseTable
-    sweep: Annotated[Floats, "n", 6] = field(default_factory=lambda: np.zeros((0, 6)))
+    sweep: Annotated[Floats, "n", 6, Column("moved_while_read", axes=POSE_AXES)] = field(
+        default_factory=lambda: np.zeros((0, 6))
+    )
     ties: Annotated[Ints, "n"] = field(default_factory=lambda: np.zeros(0, np.int64))
     ties_rms_px: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=lambda: np.zeros(0))
 
@@ -95,9 +101,9 @@ class PlanarUncertainty(FrozenArrays):
     """
 
     covariance_m2: Annotated[Floats, "n", 2, 2]
-    ellipse_95_m: Annotated[Floats, "n", 2]
+    ellipse_95_m: Annotated[Floats, "n", 2, Column(axes=("major", "minor"))]
     ellipse_azimuth_rad: Annotated[Floats, "n"]
-    covariance_m3: Annotated[Floats, "n", 3, 3, NAN_IS_NONE] = field(
+    covariance_m3: Annotated[Floats, "n", 3, 3, NAN_IS_NONE, IN_SPACE] = field(
         default_factory=lambda: np.zeros((0, 3, 3))
     )
 
@@ -150,16 +156,16 @@ class PointResults(FrozenArrays):
     """
 
     label: Annotated[tuple[str, ...], "n"]
-    position_world_m: Annotated[Floats, "n", 3]
+    position_world_m: Annotated[Floats, "n", 3, Column(stem="")]
     covariance_m2: Annotated[Floats, "n", 2, 2]
-    ellipse_95_m: Annotated[Floats, "n", 2]
+    ellipse_95_m: Annotated[Floats, "n", 2, Column(axes=("major", "minor"))]
     ellipse_azimuth_rad: Annotated[Floats, "n"]
     relative: PlanarUncertainty
     departure_m: Annotated[Floats, "n"]
     departure_sigma_m: Annotated[Floats, "n"]
     height_above_ground_m: Annotated[Floats, "n"]
     height_sigma_m: Annotated[Floats, "n"]
-    covariance_m3: Annotated[Floats, "n", 3, 3]
+    covariance_m3: Annotated[Floats, "n", 3, 3, IN_SPACE]
     latitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     longitude_deg: Annotated[Floats, "n", NAN_IS_NONE]
     frames: tuple[tuple[str, ...], ...]
@@ -207,8 +213,8 @@ class LineResults(FrozenArrays):
     """
 
     name: Annotated[tuple[str, ...], "n"]
-    start: tuple[str, ...]
-    end: tuple[str, ...]
+    start: Annotated[tuple[str, ...], "n", Column("from")]
+    end: Annotated[tuple[str, ...], "n", Column("to")]
     length_m: Annotated[Floats, "n"]
     sigma_m: Annotated[Floats, "n"]
     adjusted_m: Annotated[Floats, "n", NAN_IS_NONE]
@@ -245,9 +251,9 @@ class PickResults(FrozenArrays):
 
     image: Annotated[tuple[str, ...], "n"]
     label: tuple[str, ...]
-    pixel_px: Annotated[Floats, "n", 2]
+    pixel_px: Annotated[Floats, "n", 2, Column(keys=("u_px", "v_px"), axes=("u", "v"), stem="")]
     sigma_px: Annotated[Floats, "n"]
-    residual_px: Annotated[Floats, "n", 2, NAN_IS_NONE]
+    residual_px: Annotated[Floats, "n", 2, NAN_IS_NONE, Column(axes=("u", "v"))]
     w: Annotated[Floats, "n", NAN_IS_NONE]
     redundancy: Annotated[Floats, "n", NAN_IS_NONE]
     status: tuple[PickStatus, ...]
@@ -311,7 +317,7 @@ class MeasurementResults:
     value: Annotated[Floats, "n", NAN_IS_NONE]
     sigma: Annotated[Floats, "n", NAN_IS_NONE]
     unit: tuple[str, ...]
-    interval_95: Annotated[Floats, "n", 2, NAN_IS_NONE]
+    interval_95: Annotated[Floats, "n", 2, NAN_IS_NONE, INTERVAL]
     correlation: Annotated[Floats, "n", "n", NAN_IS_NONE]
     alternative_values: Annotated[tuple[tuple[float, ...], ...], "n"] = ()
     sigma_stated: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=_none)
@@ -369,7 +375,7 @@ class MonteCarloResults(FrozenArrays):
 
     mean: Annotated[Floats, "n", NAN_IS_NONE]
     sigma: Annotated[Floats, "n", NAN_IS_NONE]
-    interval_95: Annotated[Floats, "n", 2, NAN_IS_NONE]
+    interval_95: Annotated[Floats, "n", 2, NAN_IS_NONE, INTERVAL]
     samples: int
     failed: int
     seed: int

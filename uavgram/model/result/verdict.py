@@ -24,7 +24,7 @@ class Reason:
     Attributes
     ----------
     cause
-        Code of the message that tells it at length (docs/messages.md).
+        Code of the message that explains it (`uavgram explain`).
     text
         One plain sentence, and what to do.
     frames, labels, lengths, measurements

@@ -12,6 +12,8 @@ from uavgram.geometry.camera.facts import camera_facts
 from uavgram.imaging.photos.tiles import level_count
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.provenance import CameraProvenance
+from uavgram.model.catalogue.camera import CAMERA
+from uavgram.model.catalogue.catalogue import entry_of
 from uavgram.model.message import Message
 from uavgram.picking.protocol.encode_places import Json, number, numbers
 from uavgram.picking.protocol.encode_survey import messages_json
@@ -24,9 +26,6 @@ from uavgram.pipeline.sample_scene import PAINTED, TAPED, is_sample
 from uavgram.stages.camera.assume import UNKNOWN_CAMERA
 from uavgram.views.calibration.camera_text import fact_lines, parameter_cells, provenance_lines
 from uavgram.views.calibration.verdict import GOOD_FOCAL, focal_share, percent
-
-CAMERA_CODES = ("lens-", "camera-")
-"""Beginnings of the codes of messages that are about the camera."""
 
 CENTRE_SIGMA_SHARE = 0.01
 """Of the image's width: a principal point known worse than that tilts every single photo."""
@@ -171,7 +170,7 @@ def _source(inputs: Inputs) -> list[str]:
 
 
 def _about_camera(inputs: Inputs) -> list[Message]:
-    messages = [message for message in inputs.messages if message.code.startswith(CAMERA_CODES)]
+    messages = [message for message in inputs.messages if entry_of(message.code) in CAMERA]
     return messages if _is_unknown(inputs) else [*messages, *_judged(inputs.calibration)]
 
 

@@ -7,59 +7,21 @@ measurement there is nothing to predict, and no verdict.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Sequence
 
-from uavgram.model.message import Message
+from uavgram.model.catalogue.catalogue import entry_of
+from uavgram.model.catalogue.entry import Effect
+from uavgram.model.message import SUBJECTS, Message
+from uavgram.model.naming import listed, listed_photos
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.stages.judge.fit import CONTRADICTED, Fit
-from uavgram.stages.judge.plain import plain_sentence
 from uavgram.stages.judge.statuses import statuses
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
-CONTRADICTING = frozenset(
-    {
-        *("not-converged", "many-suspects", "too-many-blunders", "lengths-contradict"),
-        *("labels-swapped-everywhere", "mount-turned"),
-        *("lengths-factor", "lengths-offset", "lengths-wrong-unit", "lengths-level"),
-        *("control-shifted", "photos-mirrored"),
-    }
-)
-"""Codes of what contradicts everything: nothing is to be used."""
-
-TAKING_PART = frozenset(
-    {
-        *("pick-suspect", "line-suspect", "known-suspect", "control-suspect", "prior-strained"),
-        *("telemetry-strained", "check-suspect", "blunder-not-located", "blunder-kept"),
-        *("labels-swapped", "label-elsewhere", "line-wrong-unit", "line-wrong-digit"),
-        *("line-other-ends", "lines-exchanged", "other-camera", "photo-mirrored", "photo-turned"),
-        *("photo-elsewhere", "picks-contradict"),
-        *("lengths-offset-possible", "lengths-level-possible"),
-    }
-)
-"""Codes of what does not fit and still takes part: what is measured at its labels is in doubt."""
-
-NOT_FITTING = frozenset(
-    {
-        *("line-left-out", "known-left-out", "control-left-out", "pick-left-out"),
-        "height-left-out",
-        *("frame-left-out", "line-removed", "known-removed", "pick-removed"),
-        *("group-misfit", "checks-misfit", "misfit", "identification-less-exact"),
-        *("camera-contradicted", "point-off-ground", "other-zoom", "readout-left-out"),
-        *("clock-off", "gimbal-off", "heights-off", "clock-jumps", "log-of-another-day"),
-        *("line-unseen", "known-unseen", "odd-height"),
-        *("log-position-jump", "log-attitude-jump", "log-position-frozen", "log-attitude-frozen"),
-    }
-)
-"""Codes of what does not fit, and was dealt with or is no single observation."""
-
-UNCHECKED = frozenset(
-    {
-        *("nothing-checks", "ambiguous-pose", "three-lengths", "three-known"),
-        *("measurement-null", "measurement-unknown"),
-    }
-)
-"""Codes of what nothing decides or checks: reasons where a measurement is not in order."""
+_STATISTICS = re.compile(r": | \(|\. ")
+"""Ends of what a message states in plain words; numbers of tests come behind."""
 
 
 def pass_verdict(
@@ -85,29 +47,36 @@ def pass_verdict(
         Codes of causes that bend the result, or measurements of it, no longer: it was mended.
     """
     still = [m for m in messages if m.code not in put_right]
-    bent = fit.core < CONTRADICTED or any(m.code in CONTRADICTING for m in still)
+    bent = fit.core < CONTRADICTED or any(_effect(m) is Effect.RED for m in still)
     status = statuses(
         table,
         examined,
         is_contradicted=bent,
         contradicted=fit.check_labels,
-        in_doubt={label for m in still if m.code in TAKING_PART for label in m.labels},
+        in_doubt={label for m in still if _effect(m) is Effect.DOUBTFUL for label in m.labels},
     )
     is_ok = all(one == "ok" for one in status)
-    codes = CONTRADICTING | TAKING_PART | NOT_FITTING
-    codes |= UNCHECKED if not is_ok else frozenset()
-    if any(m.code == "misfit" for m in messages):
-        codes -= {"group-misfit"}  # the same, of parts of it
-    # What a cause explains is reported as information, and is no reason of its own.
-    reasons = [reason_of(m) for m in messages if m.code in codes and m.level != "info"]
-    reasons.sort(key=lambda one: one.cause in UNCHECKED)  # a misfit comes before what is unchecked
+    without = {Effect.NONE, Effect.UNCHECKED} if is_ok else {Effect.NONE}
+    codes = {m.code for m in messages}
+    # A message that a cause explains is a note, and no reason of its own.
+    because = [
+        m
+        for m in messages
+        if m.level != "info" and _effect(m) not in without and entry_of(m.code).part_of not in codes
+    ]
+    because.sort(key=lambda m: _effect(m) is Effect.UNCHECKED)  # misfits first
+    reasons = tuple(map(reason_of, because))
     level: VerdictLevel | None = "amber" if reasons or not is_ok else "green"
     if bent or fit.checks < CONTRADICTED:
         level = "red"
         status = tuple("doubtful" if one == "ok" else one for one in status)
     if not status:
         level = None
-    return Verdict(level=level, reasons=tuple(reasons)), status
+    return Verdict(level=level, reasons=reasons), status
+
+
+def _effect(message: Message) -> Effect:
+    return entry_of(message.code).effect
 
 
 def reason_of(message: Message) -> Reason:
@@ -129,3 +98,23 @@ def first_sentences(text: str, count: int = 2) -> str:
     """As much of a message as says what is wrong, and what to do."""
     parts = text.split(". ")
     return text if len(parts) <= count else ". ".join(parts[:count]) + "."
+
+
+def plain_sentence(message: Message) -> str:
+    """Return one plain sentence of a message: the wrong objects, without numbers of tests.
+
+    Without a sentence in the catalogue, the beginning of the message's text up to a colon or a
+    bracket.
+    """
+    if message.plain:
+        return message.plain
+    entry = entry_of(message.code)
+    size = {what: len(getattr(message, what)) for what in SUBJECTS if f"{{{what}}}" in entry.one}
+    if not entry.one or not all(size.values()):
+        return f"{_STATISTICS.split(message.text, maxsplit=1)[0].removesuffix('.')}."
+    of_one = {"labels": entry.labels_of_one}
+    is_several = any(count > of_one.get(what, 1) for what, count in size.items())
+    form = entry.several if is_several and entry.several else entry.one
+    names = {what: listed(getattr(message, what)) for what in SUBJECTS}
+    names["frames"] = listed_photos(message.frames)
+    return form.format(count=len(message.labels), **names)

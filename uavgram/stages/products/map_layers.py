@@ -10,11 +10,10 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.pose import Poses
 from uavgram.model.maps.layers import Features, Layer
 from uavgram.model.result.result import Result
-from uavgram.model.result.sources import sources_behind
 from uavgram.model.result.tables import PlanarUncertainty, PointResults
+from uavgram.stages.products.columns import MEASUREMENTS, POINTS, attributes
 from uavgram.stages.products.measured_shapes import ENCLOSED, counterclockwise, shape
 from uavgram.stages.products.off_ground import (
-    HEIGHT_COLUMNS,
     ground_below,
     over_ground,
     verticals,
@@ -56,7 +55,7 @@ def features_of(result: Result, crs: str | None, unit_m: float = 1.0) -> Feature
             _measured("measured_areas", "polygon", result),
             _measured("measured_lines", "line", result),
             *([verticals(points)] if points.is_off_ground.any() else []),
-            _points(result, "" if world.origin is None else world.height_datum),
+            _points(result),
         ),
         origin=world.origin,
         height_datum=world.height_datum,
@@ -179,34 +178,13 @@ def _columns(values: Floats, *names: str) -> dict[str, tuple[float, ...]]:
     return {name: _column(column) for name, column in zip(names, values.T, strict=True)}
 
 
-def _points(result: Result, datum: str) -> Layer:
-    """All points; `datum` is what their heights on the map are above, empty without a map."""
+def _points(result: Result) -> Layer:
     points = result.points
-    made = sources_behind(result.picks, [(label,) for label in points.label])
-    sigma = np.sqrt(np.diagonal(points.covariance_m2, axis1=1, axis2=2))
-    joint = points.covariance_m3
-    within = points.relative
     return Layer(
         name="points",
         kind="point",
-        vertices_m=tuple(points.position_world_m[k : k + 1].copy() for k in range(len(sigma))),
-        attributes={
-            "label": points.label,
-            **_columns(points.position_world_m, "east_m", "north_m", "up_m"),
-            **_columns(sigma, "sigma_east_m", "sigma_north_m"),
-            "covariance_east_north_m2": _column(points.covariance_m2[:, 0, 1]),
-            "sigma_up_m": _column(np.sqrt(joint[:, 2, 2])),
-            "covariance_east_up_m2": _column(joint[:, 0, 2]),
-            "covariance_north_up_m2": _column(joint[:, 1, 2]),
-            **{name: _column(getattr(points, name)) for name in HEIGHT_COLUMNS},
-            "height_source": points.height_source,
-            "height_datum": (datum,) * len(sigma),
-            **_columns(points.ellipse_95_m, "semi_major_95_m", "semi_minor_95_m"),
-            "azimuth_deg": _column(np.rad2deg(points.ellipse_azimuth_rad)),
-            "semi_major_95_within_survey_m": _column(within.ellipse_95_m[:, 0]),
-            "frames": tuple("; ".join(names) for names in points.frames),
-            "picked_by": tuple(map("; ".join, made)),
-        },
+        vertices_m=tuple(one.copy() for one in points.position_world_m[:, None]),
+        attributes=attributes(POINTS, result),
         above_ground_m=over_ground(
             points,
             list(points.position_world_m[:, None]),
@@ -281,7 +259,6 @@ def _measured(name: str, kind: str, result: Result) -> Layer:
     is_area = np.array([k in ENCLOSED for k in measured.kind], dtype=bool)
     is_line = ~is_area & np.array([k != "coordinate" for k in measured.kind], dtype=bool)
     rows = np.flatnonzero(is_area if kind == "polygon" else is_line)
-    made = sources_behind(result.picks, measured.points)
     vertices = []
     for i in rows:
         strip = strips[int(i)][0] if strips.get(int(i)) else np.empty((0, 3))
@@ -291,20 +268,7 @@ def _measured(name: str, kind: str, result: Result) -> Layer:
         kind="polygon" if kind == "polygon" else "line",
         vertices_m=tuple(vertices),
         above_ground_m=over_ground(result.points, vertices, [measured.outlines[i] for i in rows]),
-        attributes={
-            "name": tuple(measured.name[i] for i in rows),
-            "kind": tuple(measured.kind[i] for i in rows),
-            "points": tuple(";".join(measured.points[i]) for i in rows),
-            "value": _column(measured.value[rows]),
-            "sigma": _column(measured.sigma[rows]),
-            "unit": tuple(measured.unit[i] for i in rows),
-            **_columns(measured.interval_95[rows], "lower_95", "upper_95"),
-            "alternatives": tuple(
-                ";".join(f"{value:.4f}" for value in measured.alternative_values[i]) for i in rows
-            ),
-            "status": tuple(measured.status[i] for i in rows),
-            "picked_by": tuple("; ".join(made[i]) for i in rows),
-        },
+        attributes=attributes(MEASUREMENTS, result, rows.tolist()),
     )
 
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import numpy as np
 
 from uavgram.errors import UavgramError
+from uavgram.model.columns import Column, columns_of
 from uavgram.model.result.reliability import Evidence
 from uavgram.model.result.result import Result
 from uavgram.views.notebook.estimates import camera_rows, orientation_rows, shared_rows
@@ -85,25 +86,6 @@ _KEYS = ("name", "label", "frame_id")
 
 _UNITS = ("m", "m2", "px", "deg", "rad", "s", "percent")
 
-_STEMS = {"position_world": "", "pixel": "", "place": "", "interval_95": "bound_95"}
-"""Fields whose columns are called otherwise than the field."""
-
-_AXES: Mapping[str, tuple[str, ...]] = {
-    "pixel": ("u", "v"),
-    "residual": ("u", "v"),
-    "ellipse_95": ("major", "minor"),
-    "interval_95": ("lower", "upper"),
-    "slope": ("east", "north"),
-    "sweep": ("east", "north", "up", "x", "y", "z"),
-    "covariance": ("east", "north", "up", "x", "y", "z"),
-    "space_covariance": ("east", "north", "up"),
-    "world_from_camera": ("x", "y", "z"),
-    "place": ("station", "offset", "height", "ground"),
-}
-"""Names of the entries of a row, by field; else east, north, up. Turns: the camera's axes."""
-
-_PLACE = ("east", "north", "up")
-
 
 def to_pandas(result: Result, table: TableName) -> pd.DataFrame:
     """One table of a result as a data frame: a row for each measurement, point, photo...
@@ -137,8 +119,8 @@ def to_pandas(result: Result, table: TableName) -> pd.DataFrame:
         return _indexed(_pandas().DataFrame([_record(one) for one in _RECORDS[table](result)]))
     if table in _EVIDENCE:
         found = _EVIDENCE[table](result.evidence) if result.evidence else None
-        return _pandas().DataFrame({} if found is None else dict(_columns(found)))
-    return _indexed(_pandas().DataFrame(dict(_columns(getattr(result, table)))))
+        return _pandas().DataFrame({} if found is None else dict(columns(found)))
+    return _indexed(_pandas().DataFrame(dict(columns(getattr(result, table)))))
 
 
 def _pandas() -> Any:  # noqa: ANN401
@@ -167,35 +149,36 @@ def _of_measurements(result: Result, table: str) -> pd.DataFrame:
         found: object = result.evidence.weakest if result.evidence else None
     else:
         found = getattr(result, table)
-    return frame() if found is None else frame(dict(_columns(found)), index=names)
+    return frame() if found is None else frame(dict(columns(found)), index=names)
 
 
-def _columns(table: object, before: str = "") -> Iterator[tuple[str, object]]:
+def columns(table: object, before: str = "") -> Iterator[tuple[str, object]]:
     """Column names and columns of a table."""
     for field in dataclasses.fields(table):  # type: ignore[arg-type]
         value = getattr(table, field.name)
         if dataclasses.is_dataclass(value):
-            yield from _columns(value, f"{before}{field.name}_")
+            yield from columns(value, f"{before}{field.name}_")
         elif isinstance(value, np.ndarray) and value.ndim > 1:
-            yield from _split(value, field.name, before)
+            yield from _split(value, field.name, columns_of(type(table))[field.name], before)
         elif isinstance(value, (np.ndarray, tuple)):
             yield before + field.name, list(value) if isinstance(value, tuple) else value
         else:
             yield before + field.name, value  # one number for all rows
 
 
-def _split(value: np.ndarray[Any, Any], name: str, before: str) -> Iterator[tuple[str, object]]:
-    """A column for each number of a row; of a symmetric matrix each once."""
+def _split(
+    value: np.ndarray[Any, Any], name: str, column: Column, before: str
+) -> Iterator[tuple[str, object]]:
+    """Name a column for each number of a row; of a symmetric matrix each once."""
     if name == "correlation":
         return  # a table of its own
-    # "m3" says there that it is of three coordinates
-    stem, unit = ("space_covariance", "m2") if name == "covariance_m3" else _unit_of(name)
-    axes = _AXES.get(stem, _AXES["place"] if value.shape[1] == len(_AXES["place"]) else _PLACE)
-    stem = _STEMS.get(stem, stem)
+    stem, unit = _unit_of(name)
+    stem = stem if column.stem is None else column.stem
+    unit = unit if column.unit is None else column.unit
     for index in np.ndindex(value.shape[1:]):
         if len(index) > 1 and stem.endswith("covariance") and index[0] > index[1]:
             continue
-        words = (before.rstrip("_"), stem, *(axes[k] for k in index), unit)
+        words = (before.rstrip("_"), stem, *(column.axes[k] for k in index), unit)
         yield "_".join(filter(None, words)), value[(slice(None), *index)]
 
 
@@ -213,20 +196,22 @@ def _record(one: object) -> dict[str, object]:
     for field in dataclasses.fields(one):  # type: ignore[arg-type]
         value = getattr(one, field.name)
         if field.compare or isinstance(value, (str, int, float, tuple)):
-            row |= _cells(field.name, value)
+            row |= _cells(field.name, value, columns_of(type(one))[field.name].axes)
     return row
 
 
-def _cells(name: str, value: object) -> dict[str, object]:
+def _cells(name: str, value: object, axes: Sequence[str]) -> dict[str, object]:
     stem, unit = _unit_of(name)
     if dataclasses.is_dataclass(value):  # an estimate
         parts = {part.name: getattr(value, part.name) for part in dataclasses.fields(value)}
         named = {(stem if part == "value" else f"{stem}_{part}"): v for part, v in parts.items()}
-        return {k: v for s, one in named.items() for k, v in _cells(f"{s}_{unit}", one).items()}
+        return {
+            k: v for s, one in named.items() for k, v in _cells(f"{s}_{unit}", one, axes).items()
+        }
     if isinstance(value, np.ndarray):
         if value.size == 1:
             return {name: float(value.ravel()[0])}
         base = stem.removesuffix("_sigma")
-        axes, sigma = _AXES.get(base, _PLACE), "_sigma" if base != stem else ""
+        sigma = "_sigma" if base != stem else ""
         return {f"{base}_{axes[k]}{sigma}_{unit}": float(v) for k, v in enumerate(value)}
     return {name: value}

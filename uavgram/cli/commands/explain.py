@@ -1,0 +1,26 @@
+"""`uavgram explain`."""
+
+from __future__ import annotations
+
+from uavgram.cli.application import DONE, Flag, app
+from uavgram.cli.terminal import say_as_is
+
+
+@app.command
+def explain(code: str | None = None, /, *, markdown: Flag = False) -> int:
+    """Explain a message: the finding, its consequence, its effect on the verdict, and the action.
+
+    Parameters
+    ----------
+    code
+        Behind the message, such as pick-suspect. Without it, all codes are listed.
+    markdown
+        Print all entries as a page in Markdown.
+    """
+    from uavgram.views.explanations import explanation, overview, page
+
+    if markdown:
+        say_as_is(page().removesuffix("\n"))
+    else:
+        say_as_is(*(overview() if code is None else explanation(code)))
+    return DONE

@@ -1,0 +1,57 @@
+"""The catalogue of messages: one entry for each code, by subject."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from uavgram.model.catalogue.calibration import CALIBRATION
+from uavgram.model.catalogue.camera import CAMERA
+from uavgram.model.catalogue.causes import FOUND_CAUSES
+from uavgram.model.catalogue.entry import Entry, Subject
+from uavgram.model.catalogue.flight_log import FLIGHT_LOG
+from uavgram.model.catalogue.left_out import EXCLUDED, UNUSED
+from uavgram.model.catalogue.misfits import MISFITS
+from uavgram.model.catalogue.photos import POSES, TIMES
+from uavgram.model.catalogue.planning import PLANNING
+from uavgram.model.catalogue.projects import IMPORTS, NEW_PROJECT, PRODUCTS, TARGETS, TIES
+from uavgram.model.catalogue.trust import GROUND, TRUST
+
+SUBJECTS = (
+    Subject(
+        "Causes that were found",
+        FOUND_CAUSES,
+        "Each cause explains why other observations do not fit. With `outliers: remove` the "
+        "program corrects many of them and reports the values before and after. With "
+        "`outliers: report` it changes nothing and marks the measurements that are affected.",
+    ),
+    Subject("What does not fit", MISFITS),
+    Subject("What was left out or removed", EXCLUDED),
+    Subject("Data that is not used", UNUSED),
+    Subject("How far the result can be trusted", TRUST),
+    Subject("Ground and heights", GROUND),
+    Subject("The camera", CAMERA),
+    Subject("The flight log", FLIGHT_LOG),
+    Subject("Photos and their times", TIMES),
+    Subject("Where photos were taken", POSES),
+    Subject("A new project", NEW_PROJECT),
+    Subject("Tie points", TIES),
+    Subject("Products", PRODUCTS),
+    Subject("Importing picks", IMPORTS),
+    Subject("Finding targets", TARGETS),
+    Subject("Calibrating a camera", CALIBRATION),
+    Subject(
+        "Planning a flight",
+        PLANNING,
+        "These messages are of `uavgram plan`: on screen and in `plan.json`.",
+    ),
+)
+
+CATALOGUE: Mapping[str, Entry] = MappingProxyType(
+    {entry.code: entry for subject in SUBJECTS for entry in subject.entries}
+)
+
+
+def entry_of(code: str) -> Entry:
+    """Return the entry of a code; of an unknown one (a result of another version) an empty one."""
+    return CATALOGUE.get(code) or Entry(code, ("info", "warning", "error"), finding="")

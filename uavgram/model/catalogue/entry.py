@@ -1,0 +1,123 @@
+"""An entry of the catalogue of messages, and the values that it can have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum, IntEnum, auto
+
+from uavgram.model.message import Level
+
+ERROR: tuple[Level, ...] = ("error",)
+WARNING: tuple[Level, ...] = ("warning",)
+NOTE: tuple[Level, ...] = ("info",)
+WARNING_OR_NOTE: tuple[Level, ...] = ("warning", "info")
+
+
+class Order(IntEnum):
+    """Place of a message among those of its level: causes first, their consequences last."""
+
+    CAUSE_OF_ALL = auto()
+    """Found, and explains misfits of the whole survey; before errors."""
+    CAUSE_OF_ONE = auto()
+    """Found, and explains the misfit of one photo, label or length; before errors."""
+    POSSIBLE_CAUSE = auto()
+    LOG_FAULT = auto()
+    LOG_GAP = auto()
+    LEFT_OUT = auto()
+    DUPLICATE = auto()
+    REMOVED = auto()
+    SUSPECT = auto()
+    CONTRADICTION = auto()
+    MISFIT = auto()
+    NOISE = auto()
+    AMBIGUITY = auto()
+    UNCHECKED = auto()
+    OTHER = auto()
+    EXCLUDED = auto()
+    """Photos and picks without a part in the result, which another message explains."""
+    GROUP = auto()
+    """Sums of what other messages name one by one."""
+    APPROXIMATION = auto()
+
+    @property
+    def is_found_cause(self) -> bool:
+        """Whether a warning of this kind explains errors, and comes before them."""
+        return self <= Order.CAUSE_OF_ONE
+
+
+class Effect(Enum):
+    """Effect of a warning or error on the verdict; its value states it for people."""
+
+    NONE = ""
+    AMBER = "At best amber: something does not fit."
+    DOUBTFUL = "At best amber. Measurements at the points that the message names are doubtful."
+    UNCHECKED = "Amber, if a measurement depends on it."
+    RED = "Red: do not use the numbers."
+
+
+@dataclass(frozen=True)
+class Entry:
+    """All that is fixed about the messages of one code.
+
+    Attributes
+    ----------
+    code
+        Of the message, kebab-case; never renamed.
+    levels
+        That its messages can have. A message that a cause explains is ``info`` besides.
+    finding
+        What was found.
+    consequence
+        For the numbers, beside the effect on the verdict; empty where there is none.
+    action
+        What the reader should do; empty where nothing has to be done.
+    effect
+        On the verdict.
+    order
+        Place in the list of messages.
+    one, several
+        The reason of a verdict in one sentence, of one object and of several (empty: the same
+        sentence), with ``{labels}``, ``{frames}``, ``{lengths}``, ``{measurements}`` and
+        ``{count}``. Without it, the reason is the beginning of the message's own text.
+    labels_of_one
+        Labels that a message names of one object.
+    accuses
+        Whether it accuses an observation. It becomes a note where a cause explains the misfit.
+    part_of
+        Code of a message that contains this one as a reason of the verdict.
+    is_detail
+        Whether the terminal shows it only with ``--verbose``.
+    """
+
+    code: str
+    levels: tuple[Level, ...]
+    finding: str
+    consequence: str = ""
+    action: str = ""
+    effect: Effect = Effect.NONE
+    order: Order = Order.OTHER
+    one: str = ""
+    several: str = ""
+    labels_of_one: int = 1
+    accuses: bool = False
+    part_of: str = ""
+    is_detail: bool = False
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Entries of one subject.
+
+    Attributes
+    ----------
+    title
+        Of its section.
+    entries
+        In the order of the section.
+    introduction
+        Before the entries; may be empty.
+    """
+
+    title: str
+    entries: tuple[Entry, ...]
+    introduction: str = ""

@@ -1,0 +1,285 @@
+"""A new project, tie points, products, imports and targets."""
+
+from __future__ import annotations
+
+from uavgram.model.catalogue.entry import NOTE, WARNING, Entry
+
+NEW_PROJECT = (
+    Entry(
+        "nothing-picked",
+        WARNING,
+        finding="No point is picked yet.",
+        consequence="Nothing can be computed.",
+        action="Pick points with `uavgram pick`.",
+    ),
+    Entry(
+        "nothing-to-measure",
+        NOTE,
+        finding="The project asks for no measurement yet.",
+        action="Add measurements on the picking page, or in `measure`.",
+    ),
+    Entry(
+        "no-scale",
+        WARNING,
+        finding="No log, pose or length determines the scale.",
+        action="Tape at least four lengths on the ground.",
+    ),
+    Entry(
+        "no-known-length",
+        NOTE,
+        finding="No length is known, so the log alone determines the scale.",
+        action="Tape a few lengths: they make the results far better.",
+    ),
+    Entry(
+        "gcp-list-found",
+        NOTE,
+        finding=(
+            "The folder contains a gcp_list.txt of another program. The project uses it: "
+            "`picks.csv` and `control.csv` have a header only."
+        ),
+        action="Run the command in the message, which fills them.",
+    ),
+    Entry(
+        "files-passed-over",
+        NOTE,
+        finding=(
+            "The folder contains files that the project does not use. The message lists their "
+            "kinds and numbers."
+        ),
+        action=(
+            "For videos, subtitles, HEIC and raw photos and pointers of Git LFS, the message "
+            "states how to convert them."
+        ),
+    ),
+    Entry(
+        "camera-passed-over",
+        WARNING,
+        finding=(
+            "A camera file in the folder is not used: it has another image size, or cannot be read."
+        ),
+        action="Name another file with `--camera`.",
+    ),
+    Entry(
+        "poses-found",
+        NOTE,
+        finding="The photos state where they were taken. The new project uses it.",
+    ),
+    Entry(
+        "poses-unusable",
+        WARNING,
+        finding=(
+            "The photos state where they were taken, but this cannot be used, for the reason in "
+            "the message."
+        ),
+        action="Correct that, or tape lengths.",
+    ),
+    Entry(
+        "not-posed",
+        WARNING,
+        finding="The photos cannot be placed yet, for the reason in the message.",
+        action="Correct that, or tape lengths.",
+    ),
+    Entry(
+        "ground-assumed",
+        WARNING,
+        finding=(
+            "The height of the photos above the ground is unknown. The program assumes an ordinary "
+            "one."
+        ),
+        action=(
+            "Write the height of the ground in `world.origin`, and its sigma in "
+            "`ground.height_sigma_m`."
+        ),
+    ),
+    Entry(
+        "pick-recovered",
+        WARNING,
+        finding="An earlier session ended without saving. Its confirmed changes were taken over.",
+        action="To go back to the tables, use Undo.",
+    ),
+    Entry(
+        "pick-not-recovered",
+        WARNING,
+        finding="An earlier session ended without saving, and its changes do not fit the tables.",
+        consequence="They are kept in the file that the message names.",
+        action="Compare that file with the tables, and repeat the missing changes.",
+    ),
+)
+
+TIES = (
+    Entry(
+        "ties-found",
+        NOTE,
+        finding=(
+            "States how many tie points were found, in how many photos. They tie the photos to "
+            "each other without a click. The adjustment leaves out those that do not fit."
+        ),
+    ),
+    Entry(
+        "ties-none",
+        WARNING,
+        finding="The program found no two photos that show the same ground.",
+        consequence="The numbers are as without tie points.",
+        action=(
+            "Check whether the photos are of one place, overlap and are sharp, and whether the "
+            "camera file belongs to them."
+        ),
+    ),
+    Entry(
+        "ties-unused",
+        NOTE,
+        finding="Tie points were written to a table that the project does not name yet.",
+        action="Write `ties: ties.csv` in the project.",
+    ),
+    Entry(
+        "ties-apart",
+        NOTE,
+        finding="The photos form groups that no tie point connects.",
+        consequence="Only the log, and points picked in both groups, connect them.",
+    ),
+    Entry(
+        "photo-untied",
+        NOTE,
+        finding=(
+            "The program found nothing in a photo that another photo shows. It may be blurred, "
+            "show another place, or only water or leaves."
+        ),
+        consequence="Tie points do not help to place it.",
+    ),
+)
+
+PRODUCTS = (
+    Entry(
+        "recording-thinned",
+        NOTE,
+        finding=(
+            "The survey has more than 5,000 photos. The recording contains an even selection of "
+            "them, because with all of them it would be too large to open."
+        ),
+        consequence=(
+            "All frames, picks and points are in it, and all photos were used for the picture of "
+            "the ground."
+        ),
+        action="To look at a photo that is missing, pick in it, or run a part of the survey.",
+    ),
+    Entry(
+        "geotag-without-pose",
+        WARNING,
+        finding="Photos without a pose were left out.",
+        action="Run `uavgram check` for the reason.",
+    ),
+    Entry(
+        "geotag-seeds",
+        WARNING,
+        finding="Photos without picks were not adjusted.",
+        consequence="Their positions are those of the log, with its errors.",
+        action="Pick points in them.",
+    ),
+    Entry(
+        "rectified-on-one-plane",
+        WARNING,
+        finding="The top view shows everything on one plane.",
+        consequence=(
+            "Objects above it, and other areas of ground, appear displaced. Distances there are "
+            "wrong."
+        ),
+        action="Measure such distances with picks in the photos.",
+    ),
+    Entry(
+        "rectified-brightened",
+        NOTE,
+        finding=(
+            "The photos are dark or have little contrast. `rectified.png` is brightened for "
+            "viewing. `rectified.tif` keeps the brightness of the photos."
+        ),
+        action="To see more in `rectified.tif`, stretch its contrast in your program.",
+    ),
+)
+
+IMPORTS = (
+    Entry(
+        "gcp-without-labels",
+        NOTE,
+        finding="Picks without a name were named by their coordinates: gcp-1, gcp-2 and so on.",
+    ),
+    Entry(
+        "gcp-two-heights",
+        WARNING,
+        finding="A gcp_list.txt has one place at two heights, under two labels or none.",
+        consequence="Its picks belong to two points, and nothing ties them together.",
+        action="If it is one point, correct its height and give it one label.",
+    ),
+    Entry(
+        "gcp-zero-heights",
+        WARNING,
+        finding="Points have the height 0, which programs write for an unknown height.",
+        consequence="These heights are not used.",
+        action=(
+            "If they are true, state `--control-sigma-up-m`. Otherwise write the heights in the "
+            "table."
+        ),
+    ),
+    Entry(
+        "shapes-left-out",
+        NOTE,
+        finding="Shapes other than points were not imported.",
+    ),
+    Entry(
+        "photo-not-beside",
+        WARNING,
+        finding=(
+            "The photo is not beside its LabelMe file, so the program cannot check whether it was "
+            "turned when it was picked."
+        ),
+        action="Put the photo there, and import again.",
+    ),
+)
+
+TARGETS = (
+    Entry(
+        "no-target",
+        WARNING,
+        finding="No photo shows a plate of the family that the project names.",
+        action=(
+            "Compare the name with the print on the plates. To be found for certain, the black "
+            "square must be at least 16 pixels wide in a photo."
+        ),
+    ),
+    Entry(
+        "target-left-out",
+        WARNING,
+        finding=(
+            "A plate was recognised in a photo, but its corners are not used there: a shadow, dirt "
+            "or a wheel covers a part of it, it is too small or too faint, or its number occurs "
+            "twice."
+        ),
+        consequence="Other photos of the same plate are not affected.",
+        action="Look at the plate in that photo.",
+    ),
+    Entry(
+        "target-by-hand",
+        NOTE,
+        finding=(
+            "You picked corners of plates by hand. Your picks stay, and the program adds none "
+            "beside them."
+        ),
+    ),
+    Entry(
+        "target-not-sought",
+        WARNING,
+        finding=(
+            "You picked chequers, crosses or discs, but the relation between the photos is not "
+            "known yet, so the program does not know where to search for them."
+        ),
+        action="Add what the message names as missing, and run the search again.",
+    ),
+    Entry(
+        "target-not-found",
+        NOTE,
+        finding=(
+            "A chequer, cross or disc was searched for in the photos that are named and is not "
+            "picked there, for the reason in brackets."
+        ),
+        action="Pick it there by hand where you see it.",
+    ),
+)
