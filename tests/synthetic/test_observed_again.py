@@ -17,7 +17,7 @@ from uavgram.model.survey.ties import TiePicks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.synthetic.inputs import inputs_of
-from uavgram.synthetic.resurvey import ProjectWorld, picked_again, project_world
+from uavgram.synthetic.resurvey import ProjectWorld, project_world
 from uavgram.synthetic.scenario import RepeatedSurvey, Scenario
 from uavgram.synthetic.survey import simulate
 
@@ -101,8 +101,10 @@ def survey() -> tuple[Inputs, int]:
 def world() -> ProjectWorld:
     inputs, matches = survey()
     made = project_world(RepeatedSurvey(name="again"), inputs, None)
-    assert len(made.truth.match_row) == matches + 1  # and the pick that they were found from
-    assert len(made.truth.tie_row) > 0.9 * len(inputs.ties.tie)
+    assert (
+        len(made.problem.survey.matches.row) == matches + 1
+    )  # and the pick that they were found from
+    assert len(made.problem.survey.ties.row) > 0.9 * len(inputs.ties.tie)
     return made
 
 
@@ -111,8 +113,8 @@ def test_without_errors_the_truth_comes_out_again(world: ProjectWorld) -> None:
     exact = world.exact()
     found = compute(exact.inputs, posed=exact.posed, curved=False)
     table, survey = found.result.measurements, found.refined.adjustment.survey
-    assert len(survey.matches.row) == len(world.truth.match_row)
-    assert len(survey.ties.row) == len(world.truth.tie_row)
+    assert len(survey.matches.row) == len(world.problem.survey.matches.row)
+    assert len(survey.ties.row) == len(world.problem.survey.ties.row)
     assert len(survey.known) == 2
     row = [table.name.index(name) for name in exact.name]
     off = (table.value[row] - exact.true) / table.sigma[row]
@@ -127,7 +129,7 @@ def test_each_observation_has_the_error_that_is_stated_of_it(world: ProjectWorld
     squares = np.sum((known / [KNOWN_M, AZIMUTH_DEG]) ** 2, axis=0)
     assert np.all((chi2.ppf(0.001, 60) < squares) & (squares < chi2.ppf(0.999, 60)))
     raised = exact.picks.label.index(RAISED)
-    heights = np.array([one.picks.height_m[raised] - world.truth.height_m.max() for one in draws])
+    heights = np.array([one.picks.height_m[raised] - exact.picks.height_m[raised] for one in draws])
     assert heights.std() == pytest.approx(HEIGHT_M, rel=0.4)
     # All picks of a label state the same height.
     same = np.array(draws[0].picks.label) == RAISED
@@ -157,7 +159,7 @@ def test_a_match_repeats_the_error_of_its_pick(world: ProjectWorld) -> None:
 def test_hand_picks_are_beside_what_is_meant_alike_in_all_photos(world: ProjectWorld) -> None:
     inputs = world.inputs
     far = replace(inputs, project=replace(inputs.project, picks_identification_sigma_m=0.5))
-    apart = [picked_again(given, world.truth, np.random.default_rng(3)) for given in (far, inputs)]
+    apart = [replace(world, inputs=given).drawn(3).inputs.picks for given in (far, inputs)]
     moved = apart[0].pixel_px - apart[1].pixel_px
     label, source = np.array(apart[0].label), np.array(apart[0].source)
     own = moved[(label == "P6") & (source == "hand")]

@@ -12,6 +12,7 @@ from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
@@ -20,7 +21,7 @@ from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.model.target_families import CORNERS, corner_label
-from uavgram.stages.assemble import Observations, assemble
+from uavgram.stages.assemble import assemble
 from uavgram.stages.plate_sides import OWN_SHARE, SIDES, SQUARE, TAPE, own_scale
 from uavgram.stages.seed.poses import seed
 from uavgram.synthetic.plan.cameras import Cameras, Seen, large_enough, seen
