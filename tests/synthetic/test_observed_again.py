@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -101,10 +102,8 @@ def survey() -> tuple[Inputs, int]:
 def world() -> ProjectWorld:
     inputs, matches = survey()
     made = project_world(RepeatedSurvey(name="again"), inputs, None)
-    assert (
-        len(made.problem.survey.matches.row) == matches + 1
-    )  # and the pick that they were found from
-    assert len(made.problem.survey.ties.row) > 0.9 * len(inputs.ties.tie)
+    assert len(made.survey.matches.row) == matches + 1  # and the pick that they were found from
+    assert len(made.survey.ties.row) > 0.9 * len(inputs.ties.tie)
     return made
 
 
@@ -113,12 +112,19 @@ def test_without_errors_the_truth_comes_out_again(world: ProjectWorld) -> None:
     exact = world.exact()
     found = compute(exact.inputs, posed=exact.posed, curved=False)
     table, survey = found.result.measurements, found.refined.adjustment.survey
-    assert len(survey.matches.row) == len(world.problem.survey.matches.row)
-    assert len(survey.ties.row) == len(world.problem.survey.ties.row)
+    assert len(survey.matches.row) == len(world.survey.matches.row)
+    assert len(survey.ties.row) == len(world.survey.ties.row)
     assert len(survey.known) == 2
     row = [table.name.index(name) for name in exact.name]
     off = (table.value[row] - exact.true) / table.sigma[row]
     assert np.abs(off).max() < 1e-2
+
+
+def test_other_processes_draw_the_same(world: ProjectWorld) -> None:
+    there = pickle.loads(pickle.dumps(world))  # noqa: S301  (our own)
+    here, again = world.drawn(2).inputs, there.drawn(2).inputs
+    assert np.array_equal(here.picks.pixel_px, again.picks.pixel_px)
+    assert np.array_equal(here.lines.length_m, again.lines.length_m)
 
 
 def test_each_observation_has_the_error_that_is_stated_of_it(world: ProjectWorld) -> None:

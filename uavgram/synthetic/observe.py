@@ -6,12 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.survey.observations import KnownLines, KnownPoints, Picks
-from uavgram.model.target_families import CORNERS, FOUND_PX
+from uavgram.model.target_families import CORNERS
 from uavgram.synthetic.scenario import Scenario
 from uavgram.synthetic.scene import Surface
+from uavgram.synthetic.sight import inside, large_plates
 from uavgram.synthetic.truth import SurveyTruth, rolled_pixels
 
 
@@ -45,7 +46,6 @@ class Still(np.random.Generator):
         return np.array(mean, dtype=np.float64)
 
 
-PICK_MARGIN_PX = 12.0  # nobody picks a mark that is cut off by the image's edge
 TAIL = 5.0  # of a pick with a heavy tail, times as bad
 
 
@@ -100,10 +100,10 @@ def pick(
     """
     habits, corners = scenario.habits, len(scenario.plates.labels)
     sigmas = np.repeat([scenario.errors.pick_px, scenario.plates.corner_px], _counts(scenario))
-    limit = np.array([calibration.width_px, calibration.height_px]) - 1.0 - PICK_MARGIN_PX
-    inside = np.all((pixel_px > PICK_MARGIN_PX) & (pixel_px < limit), axis=-1)
-    inside[:, len(scenario.points) :] &= _is_found(pixel_px, inside, len(scenario.points))
-    frame, point = np.nonzero(inside)
+    shown, first = inside(calibration, pixel_px), len(scenario.points)
+    whole = shown[:, first:].reshape(len(shown), -1, CORNERS).all(axis=2)
+    shown[:, first:] = np.repeat(whole, CORNERS, axis=1) & large_plates(pixel_px[:, first:])
+    frame, point = np.nonzero(shown)
     sigma = sigmas[point]
     noise = sigma[:, None] * rngs[0].standard_normal((len(frame), 2))
     if habits.heavy_tails:
@@ -121,21 +121,12 @@ def pick(
     return Picks(
         image=tuple(truth.frame_id[i] for i in frame),
         label=tuple(label),
-        pixel_px=pixel_px[inside] + habits.pick_factor * noise,
+        pixel_px=pixel_px[shown] + habits.pick_factor * noise,
         sigma_px=sigma,
         height_m=np.where(stated[at] != 0.0, stated[at], np.nan),
         is_free=free[at],
         source=tuple("target" if i >= len(points) else "hand" for i in point) if corners else (),
     )
-
-
-def _is_found(pixel_px: Floats, inside: Bools, first: int) -> Bools:
-    """(F, 4N) which corners of plates, from `first` on, are of a whole and large enough one."""
-    corner = pixel_px[:, first:].reshape(len(pixel_px), -1, CORNERS, 2)
-    whole = inside[:, first:].reshape(corner.shape[:3]).all(axis=2)
-    side = np.linalg.norm(np.roll(corner, -1, axis=2) - corner, axis=-1).min(axis=2)
-    with np.errstate(invalid="ignore"):
-        return np.repeat(whole & (side >= FOUND_PX), CORNERS, axis=1)
 
 
 def _counts(scenario: Scenario) -> tuple[int, int]:

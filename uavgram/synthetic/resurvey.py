@@ -17,12 +17,13 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import OBSERVATIONS
 from uavgram.estimation.survey.observed import Truth
 from uavgram.estimation.survey.unknowns import State
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.survey.observations import (
     KnownLines,
     KnownPoints,
     KnownWorldPoints,
 )
+from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.compute import compute, stated_observations
 from uavgram.pipeline.measure.inputs import NO_POINTS, Inputs, read_inputs
 from uavgram.pipeline.measure.plates import with_sides
@@ -39,12 +40,18 @@ STILL_KINDS = frozenset({"skid_speed", "speed"})
 
 @dataclass(frozen=True)
 class ProjectWorld:
-    """Repetitions of a real survey: name, unit and true value (M,) of what is measured."""
+    """Repetitions of a real survey: name, unit and true value (M,) of what is measured.
+
+    `survey`, `pivot_m` and `line_used` make its likelihood, which itself cannot be sent to other
+    processes.
+    """
 
     spec: RepeatedSurvey
     inputs: Inputs
     posed: Posed
-    problem: SurveyProblem
+    survey: Survey
+    pivot_m: Floats
+    line_used: Bools
     state: State
     name: tuple[str, ...]
     unit: tuple[str, ...]
@@ -73,8 +80,9 @@ class ProjectWorld:
             label=control.label, world_m=control.coordinates, sigma_m=control.sigma_m
         )
         observed = stated_observations(inputs, self.posed, placed)
+        problem = SurveyProblem(self.survey, self.pivot_m, self.line_used)
         for kind, rng in zip(OBSERVATIONS, rngs, strict=True):
-            observed = kind.draw(observed, Truth(self.problem, self.state, rng))
+            observed = kind.draw(observed, Truth(problem, self.state, rng))
         placed = observed.control
         again = replace(
             inputs,
@@ -157,7 +165,9 @@ def project_world(spec: RepeatedSurvey, inputs: Inputs, scenario: Path | None) -
         spec,
         inputs,
         _only(posed, adjustment.survey.frame_id),
-        adjustment.problem,
+        adjustment.survey,
+        adjustment.problem.pivot_m,
+        np.isin(np.arange(len(adjustment.survey.line_start)), adjustment.problem.line_index),
         adjustment.state,
         tuple(table.name[i] for i in kept),
         tuple(table.unit[i] for i in kept),

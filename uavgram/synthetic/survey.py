@@ -8,7 +8,6 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.simulated_log import SimulatedLog
@@ -19,6 +18,7 @@ from uavgram.synthetic.observe import Still, pick, seen_pixels, survey_points, t
 from uavgram.synthetic.quantities import with_true_friction
 from uavgram.synthetic.scenario import CameraSpec, Scenario
 from uavgram.synthetic.scene import draw_surface, point_positions
+from uavgram.synthetic.sight import corner_rays, shows_horizon
 from uavgram.synthetic.truth import SurveyTruth, survey_truth
 
 
@@ -186,7 +186,8 @@ def senseless(survey: SimulatedSurvey) -> Iterator[SenselessKey]:
         )
         yield SenselessKey(_of_photo(scenario, i, "height_m"), text)
         return
-    for i in np.flatnonzero(_sees_horizon(survey))[:1].tolist():
+    ray = corner_rays(survey.calibration, truth.intrinsics, truth.world_from_camera)
+    for i in np.flatnonzero(shows_horizon(ray, np.zeros(2)))[:1].tolist():
         text = (
             f"photo {i + 1} would show the horizon, and nothing can be measured near it: tilt the "
             "camera further down (-90 is straight down)"
@@ -204,17 +205,6 @@ def _of_photo(scenario: Scenario, photo: int, key: str) -> tuple[str | int, ...]
     if plan.pattern == "orbit" and key == "gimbal_pitch_deg":
         return "flight", "radius_m"
     return "flight", key
-
-
-def _sees_horizon(survey: SimulatedSurvey) -> Bools:
-    """(F,) whether a corner of the photo looks at the sky, or so far that it might as well."""
-    camera = survey.calibration
-    w, h = camera.width_px - 1.0, camera.height_px - 1.0
-    corner = np.array([[0.0, 0.0], [w, 0.0], [0.0, h], [w, h]])
-    ray = back_project(camera.model, survey.truth.intrinsics, corner)
-    ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
-    up = np.einsum("fj,kj->fk", survey.truth.world_from_camera[:, 2], ray)
-    return np.asarray((np.isnan(up) | (up > -np.sin(np.deg2rad(3.0)))).any(axis=1))
 
 
 def _unseen(survey: SimulatedSurvey) -> Iterator[SenselessKey]:

@@ -16,11 +16,8 @@ from uavgram.geometry.motion.rotation import (
 )
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.target_families import CORNERS, FOUND_PX
 from uavgram.synthetic.plan.scene import Deviation, PlanScene
-
-EDGE_PX = 12.0
-"""Nobody picks a mark that is cut off by the photo's edge."""
+from uavgram.synthetic.sight import EDGE_PX, inside, large_plates
 
 SURE = 1.645
 """Sigmas that 95 % of the flights stay within, to one side."""
@@ -92,11 +89,7 @@ def seen(
     spread = np.zeros(pixel.shape)
     if deviation is not None:
         spread = spread_px(by_point, in_camera, deviation)
-    low = EDGE_PX + spread
-    high = np.array([calibration.width_px, calibration.height_px]) - 1.0 - EDGE_PX - spread
-    with np.errstate(invalid="ignore"):
-        certain = np.all((pixel > low) & (pixel < high), axis=-1)
-    return Seen(pixel, certain)
+    return Seen(pixel, inside(calibration, pixel, spread))
 
 
 def large_enough(found: Seen, first: int) -> Seen:
@@ -109,12 +102,8 @@ def large_enough(found: Seen, first: int) -> Seen:
     first
         Where these begin, four of each.
     """
-    corner = found.pixel_px[:, first:].reshape(len(found.pixel_px), -1, CORNERS, 2)
-    side = np.linalg.norm(np.roll(corner, -1, axis=2) - corner, axis=-1)
-    with np.errstate(invalid="ignore"):
-        large = np.repeat(side.min(axis=2) >= FOUND_PX, CORNERS, axis=1)
     certain = found.certain.copy()
-    certain[:, first:] &= large
+    certain[:, first:] &= large_plates(found.pixel_px[:, first:])
     return Seen(found.pixel_px, certain)
 
 

@@ -7,13 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.polygons import contains, crosses, long_axis
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.request import FlightPattern, PlanRequest
 from uavgram.synthetic.plan.cameras import Cameras, seen
 from uavgram.synthetic.plan.scene import PlanScene
 from uavgram.synthetic.plan.wanted import Wanted, grid_in
+from uavgram.synthetic.sight import corner_rays, shows_horizon
 
 CLIMB_M_S = 2.0
 USABLE = 0.8
@@ -254,20 +254,12 @@ def _obstacle(scene: PlanScene, request: PlanRequest, one: Flight, must_m: Float
         return "no-go"
     if one.duration_s > USABLE * 60.0 * request.battery_min:
         return "battery"
-    if shows_horizon(scene, one.cameras):
+    camera = scene.calibration
+    ray = corner_rays(camera, camera.parameters, one.cameras.world_from_camera)
+    if shows_horizon(ray, scene.slope).any():
         return "horizon"
     shown = seen(scene.calibration, one.cameras, must_m, scene.deviation).certain
     return "" if shown.any(axis=0).all() else "cover"
-
-
-def shows_horizon(scene: PlanScene, cameras: Cameras) -> bool:
-    """Whether a photo shows what is not on the ground: a corner looks level, or upwards."""
-    camera = scene.calibration
-    right, bottom = camera.width_px - 1.0, camera.height_px - 1.0
-    corner = np.array([[0.0, 0.0], [right, 0.0], [0.0, bottom], [right, bottom]])
-    ray = back_project(camera.model, camera.parameters, corner)
-    down = np.einsum("fij,nj->fni", cameras.world_from_camera, ray) @ [*-scene.slope, 1.0]
-    return bool((down > -0.05 * np.linalg.norm(ray, axis=-1)).any())
 
 
 def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) -> str:

@@ -9,7 +9,7 @@ misread, marks driven over, cars parked on them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -201,19 +201,41 @@ def exchanged(aim: Aim, candidates: Candidates, start: Chosen) -> Chosen:
     start
         The layout to begin with.
     """
-    lines, value = list(start.lines), criterion_of(aim, candidates, start.lines)
+
+    def one_more(others: list[int], among: Ints) -> Floats:
+        covariance = covariance_of(aim.information + candidates.information(others))
+        return with_one_more(aim, candidates, covariance, among)
+
+    def score(lines: Sequence[int]) -> float:
+        return criterion_of(aim, candidates, lines)
+
+    return Chosen(*_improved(candidates, start, score, one_more))
+
+
+def _improved(
+    candidates: Candidates,
+    start: Chosen,
+    score: Callable[[Sequence[int]], float],
+    scores: Callable[[list[int], Ints], Floats],
+) -> tuple[tuple[int, ...], float]:
+    """Exchange single lines until none is worth it: the layout, and its score.
+
+    `score` is of a layout, `scores` of some lines with each of the candidates (n,), where those of
+    poor ones may be upper bounds.
+    """
+    lines, value = list(start.lines), score(start.lines)
     for _ in range(PASSES):
         before = value
         for place in range(len(lines)):
             others = lines[:place] + lines[place + 1 :]
             among = np.flatnonzero(candidates.apart_from(others))
-            covariance = covariance_of(aim.information + candidates.information(others))
-            found = with_one_more(aim, candidates, covariance, among)
-            if found.min() < value * (1.0 - LEAST_GAIN):
-                lines[place], value = int(among[np.argmin(found)]), float(found.min())
+            best = int(among[np.argmin(scores(others, among))])
+            changed = [*lines[:place], best, *lines[place + 1 :]]
+            if (reached := score(changed)) < value * (1.0 - LEAST_GAIN):
+                lines, value = changed, reached
         if value > before * (1.0 - LEAST_GAIN):
             break
-    return Chosen(tuple(lines), value)
+    return tuple(lines), value
 
 
 def best_layout(aim: Aim, candidates: Candidates, count: int) -> Chosen:
@@ -263,34 +285,19 @@ def surviving(aim: Aim, candidates: Candidates, start: Chosen) -> Chosen:
     start
         Where the exchanges begin: at least two lines.
     """
-    lines = list(start.lines)
-    value = _score(aim, candidates, lines)
-    for _ in range(PASSES):
-        before = value
-        for place in range(len(lines)):
-            others = lines[:place] + lines[place + 1 :]
-            among = np.flatnonzero(candidates.apart_from(others))
-            found = _scores(aim, candidates, others, among)
-            best = int(among[np.argmin(found)])
-            changed = [*lines[:place], best, *lines[place + 1 :]]
-            if (reached := _score(aim, candidates, changed)) < value * (1.0 - LEAST_GAIN):
-                lines, value = changed, reached
-        if value > before * (1.0 - LEAST_GAIN):
-            break
-    return Chosen(tuple(lines), criterion_of(aim, candidates, lines))
 
+    def score(lines: Sequence[int]) -> float:
+        whole = criterion_of(aim, candidates, lines)
+        return whole + WORST * float(without_each(aim, candidates, lines).max())
 
-def _score(aim: Aim, candidates: Candidates, lines: Sequence[int]) -> float:
-    whole = criterion_of(aim, candidates, lines)
-    return whole + WORST * float(without_each(aim, candidates, lines).max())
+    def scores(others: list[int], among: Ints) -> Floats:
+        worst = np.full(len(among), criterion_of(aim, candidates, others))
+        for place in range(len(others)):
+            left = others[:place] + others[place + 1 :]
+            covariance = covariance_of(aim.information + candidates.information(left))
+            worst = np.maximum(worst, with_one_more(aim, candidates, covariance, among))
+        covariance = covariance_of(aim.information + candidates.information(others))
+        return with_one_more(aim, candidates, covariance, among) + WORST * worst
 
-
-def _scores(aim: Aim, candidates: Candidates, others: list[int], among: Ints) -> Floats:
-    """(n,) of layouts of some lines and each of the candidates; upper bounds of the poor ones."""
-    worst = np.full(len(among), criterion_of(aim, candidates, others))
-    for place in range(len(others)):
-        left = others[:place] + others[place + 1 :]
-        covariance = covariance_of(aim.information + candidates.information(left))
-        worst = np.maximum(worst, with_one_more(aim, candidates, covariance, among))
-    covariance = covariance_of(aim.information + candidates.information(others))
-    return with_one_more(aim, candidates, covariance, among) + WORST * worst
+    lines, _ = _improved(candidates, start, score, scores)
+    return Chosen(lines, criterion_of(aim, candidates, lines))

@@ -25,10 +25,10 @@ from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.synthetic.plan.cameras import EDGE_PX
 from uavgram.synthetic.plan.elimination import Functions, eliminated, whitened_readings
 from uavgram.synthetic.plan.layouts import Aim, Candidates, covariance_of, with_one_more
 from uavgram.synthetic.plan.wanted import equal_weights, joined, spots
+from uavgram.synthetic.sight import inside
 
 SHORTEST_M, LONGEST_M = 3.0, 15.0
 MOST_SPOTS = 150
@@ -152,10 +152,8 @@ def _places(adjustment: Adjustment, project: Path) -> _Places:
     poses = RowPoses(state.center[:, None], state.rotation[:, None], adjustment.sweep()[:, None])
     camera = survey.calibration
     pixel = project_rows(camera, adjustment.problem.intrinsics(state), poses, world[None])
-    size = np.array([camera.width_px, camera.height_px]) - 1.0
-    with np.errstate(invalid="ignore"):
-        inside = np.all((pixel > EDGE_PX) & (pixel < size - EDGE_PX), axis=-1, keepdims=True)
-    return _Places(world, np.where(inside, pixel, np.nan))
+    shown = inside(camera, pixel)[..., None]
+    return _Places(world, np.where(shown, pixel, np.nan))
 
 
 def _tape_sigma(lines: KnownLines) -> float:

@@ -16,9 +16,16 @@ from uavgram.geometry.ground.squares import squares_on_plane
 from uavgram.io.area_file import Area, AreaFile, read_areas
 from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.options import GroundOptions, MountOptions, TapeOptions, TelemetryOptions
+from uavgram.model.options import (
+    GroundOptions,
+    MountOptions,
+    Project,
+    TapeOptions,
+    TelemetryOptions,
+)
 from uavgram.model.planned.request import Corners, PlanRequest
 from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.synthetic.inputs import project_of
 from uavgram.synthetic.observe import Still
 from uavgram.synthetic.scenario import PlateSpec, Scenario, Site
 from uavgram.synthetic.scenario_file import measurement_fault, scenario_camera
@@ -294,7 +301,7 @@ def scene_of(scenario: Scenario, path: Path) -> Asked:
     surface = draw_surface(replace(scenario, site=site), Still())
     places = _places(scenario, file, site)
     requests, label, point = _wanted(request, places, site, path)
-    stated, errors = scenario.stated, scenario.errors
+    project = project_of(scenario)
     scene = PlanScene(
         calibration=scenario_camera(path, scenario.camera) or calibration_of(scenario.camera),
         height_m=surface.height_m + float((area.mean(axis=0) - surface.middle_m) @ surface.slope),
@@ -305,39 +312,26 @@ def scene_of(scenario: Scenario, path: Path) -> Asked:
         label=label,
         point_m=point,
         requests=requests,
-        ground=GroundOptions(
-            height_sigma_m=stated.ground_height_sigma_m,
-            slope_sigma_deg=stated.ground_slope_sigma_deg,
-            roughness_sigma_m=request.roughness_m,
-        ),
-        tape=TapeOptions(scale_sigma=stated.tape_scale_sigma),
+        ground=replace(project.ground, roughness_sigma_m=request.roughness_m),
+        tape=project.tape,
         plates=scenario.plates,
-        logged=_logged(scenario),
-        picks_sigma_px=errors.pick_px,
-        tape_sigma_m=errors.tape_m,
+        logged=None if project.log is None else _logged(project),
+        picks_sigma_px=project.picks_sigma_px,
+        tape_sigma_m=scenario.errors.tape_m,
         deviation=Deviation(position_m=request.deviation_m, attitude_deg=request.deviation_deg),
     )
     return Asked(scene, request, site)
 
 
-def _logged(scenario: Scenario) -> Logged | None:
-    if scenario.telemetry == "none":
-        return None
-    stated = scenario.stated
-    usual = Logged()
+def _logged(project: Project) -> Logged:
+    """What the project states of its log; else what is usual of each photo."""
+    stated, usual = project.telemetry, Logged()
     position, attitude = stated.position_sigma_m, stated.attitude_sigma_deg
     return Logged(
-        position_sigma_m=(position[0], position[1]) if position else usual.position_sigma_m,
-        attitude_sigma_deg=(attitude[0], attitude[1]) if attitude else usual.attitude_sigma_deg,
-        mount=MountOptions(
-            boresight_sigma_deg=stated.boresight_sigma_deg,
-            lever_arm_m=scenario.errors.lever_arm_m,
-            lever_arm_sigma_m=stated.lever_arm_sigma_m,
-        ),
-        telemetry=TelemetryOptions(
-            position_bias_sigma_m=stated.position_bias_sigma_m,
-            heading_bias_sigma_deg=stated.heading_bias_sigma_deg,
-        ),
+        position_sigma_m=usual.position_sigma_m if position == "auto" else position,
+        attitude_sigma_deg=usual.attitude_sigma_deg if attitude == "auto" else attitude,
+        mount=project.mount,
+        telemetry=replace(stated, position_sigma_m="auto", attitude_sigma_deg="auto"),
     )
 
 

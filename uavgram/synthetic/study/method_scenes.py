@@ -8,7 +8,12 @@ import numpy as np
 
 from uavgram.estimation.methods.features import FeatureRows, Logged
 from uavgram.geometry.camera.projection import project
-from uavgram.geometry.motion.rotation import exp_so3, matrix_from_ypr
+from uavgram.geometry.motion.rotation import (
+    ENU_FROM_NED,
+    GIMBAL_FROM_CAMERA,
+    exp_so3,
+    matrix_from_ypr,
+)
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 
@@ -23,8 +28,6 @@ DRAWS = 400
 """Candidates of lines, and of withheld distances, for each scene."""
 LOG_SIGMA = (1.5, 1.5, 3.0, *np.deg2rad([1.0, 1.0, 2.0]).tolist())
 """Of a usual drone's log: centre [m], turn about the camera's axes [rad]."""
-CAMERA_FROM_BODY = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +108,7 @@ def method_scenes(setting: Setting, lines: int, count: int, seed: int) -> Method
         The setting leaves no place for the lines in what a camera sees.
     """
     rng = np.random.default_rng((1909, seed, lines))
-    truth = _lens(setting.bulge)
+    truth = study_camera(setting.bulge)
     drawn = [_scene(setting, lines, truth, rng) for _ in range(count)]
     center, rotation, ends, pairs = (np.stack(part) for part in zip(*drawn, strict=True))
     measured = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1)
@@ -115,7 +118,7 @@ def method_scenes(setting: Setting, lines: int, count: int, seed: int) -> Method
     error = sigma * rng.normal(size=(count, 6))
     return MethodScenes(
         rows=FeatureRows(
-            calibration=_lens(0.0),
+            calibration=study_camera(0.0),
             pixel_px=_noisy(pixel, setting.pick_px, rng),
             pick_sigma_px=setting.pick_px,
             place_m=ends + setting.place_m * rng.normal(size=ends.shape),
@@ -131,7 +134,8 @@ def method_scenes(setting: Setting, lines: int, count: int, seed: int) -> Method
     )
 
 
-def _lens(bulge: float) -> Calibration:
+def study_camera(bulge: float) -> Calibration:
+    """A camera of 12 megapixels with radial distortion k1."""
     focal, (width, height) = FOCAL_PX, SIZE_PX
     return Calibration(
         name="study",
@@ -150,7 +154,7 @@ def _scene(
     pitch = np.deg2rad(rng.uniform(*setting.tilt_deg)) - np.pi / 2
     roll = np.deg2rad(3.0) * rng.normal()
     body = ENU_FROM_NED @ matrix_from_ypr(rng.uniform(0.0, 2.0 * np.pi), pitch, roll)
-    rotation = body @ CAMERA_FROM_BODY.T
+    rotation = body @ GIMBAL_FROM_CAMERA
     axis = rotation[:, 2]
     center = -axis / -axis[2] * setting.height_m  # it looks at the middle of the area
     camera = lens, center, rotation

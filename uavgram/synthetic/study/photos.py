@@ -13,12 +13,11 @@ from uavgram.geometry.camera.lens import distort
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.camera.calibration import Calibration
 from uavgram.model.options import GroundOptions
 from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
 from uavgram.model.study.study import Cell
 from uavgram.pipeline.threads import one_blas_thread
-from uavgram.synthetic.study.method_scenes import AREA_M, FOCAL_PX, LOG_SIGMA, SIZE_PX
+from uavgram.synthetic.study.method_scenes import AREA_M, FOCAL_PX, LOG_SIGMA, SIZE_PX, study_camera
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +63,8 @@ BEFOREHAND = np.array(LOG_SIGMA)
 GROUND = np.diag([GroundOptions.height_sigma_m, *[np.deg2rad(GroundOptions.slope_sigma_deg)] * 2])
 """How well the ground's plane is known beforehand: as projects have it that state nothing."""
 
-LENS = np.array([FOCAL_PX, FOCAL_PX, (SIZE_PX[0] - 1) / 2, (SIZE_PX[1] - 1) / 2, 0, 0, 0, 0, 0])
+CAMERA = study_camera(0.0)
+LENS = CAMERA.parameters
 
 
 @dataclass(frozen=True)
@@ -104,14 +104,7 @@ def photo_of(scene: StudyScene) -> Photo:
     if not (np.all(pixel > 0) and np.all(pixel < np.array(SIZE_PX))):
         raise ValueError(f"not everything is in the photo: {scene}")
     design = PhotoDesign(
-        calibration=Calibration(
-            name="study",
-            model="brown",
-            width_px=SIZE_PX[0],
-            height_px=SIZE_PX[1],
-            parameters=LENS,
-            covariance=np.zeros((9, 9)),
-        ),
+        calibration=CAMERA,
         height_m=np.zeros(len(place)),
         line=line,
         pixel_sigma_px=np.full(len(place), scene.pick_px),
