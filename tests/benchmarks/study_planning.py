@@ -35,11 +35,11 @@ from uavgram.model.arrays import Floats
 from uavgram.model.options import TapeOptions
 from uavgram.model.planned.request import FlightPattern
 from uavgram.synthetic.plan.accuracy import ends_of
-from uavgram.synthetic.plan.cameras import EDGE_PX
 from uavgram.synthetic.plan.layouts import best_layout, criterion_of
 from uavgram.synthetic.plan.possible import Possible, possible
 from uavgram.synthetic.plan.scene import Deviation
 from uavgram.synthetic.plan.survey import predicted
+from uavgram.synthetic.sight import EDGE_PX
 
 RANDOM = 100
 WRONG_M = 1.0

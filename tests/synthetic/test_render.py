@@ -17,7 +17,7 @@ from uavgram.model.target_families import corner_label
 from uavgram.synthetic.accident_scene import DEMO_POINTS, Mark
 from uavgram.synthetic.autopilot import draw_biases
 from uavgram.synthetic.flight import fly, true_poses
-from uavgram.synthetic.picture.ground_map import ground_map, ground_sheet, whole_photo
+from uavgram.synthetic.picture.ground_map import ground_map, whole_photo
 from uavgram.synthetic.picture.render import render_photos
 from uavgram.synthetic.scenario import FAMILY, GroundSpec, PlateSpec, Scenario
 from uavgram.synthetic.survey import SimulatedSurvey, simulate
@@ -91,7 +91,7 @@ def test_the_coarse_grid_of_rays_costs_less_than_two_hundredths_of_a_pixel(
     survey = simulate(replace(Scenario(), ground=ground))
     truth = survey.truth
     width, height = survey.calibration.width_px, survey.calibration.height_px
-    map_x, map_y = ground_map(survey, 2, whole_photo(survey), ground_sheet(survey))
+    map_x, map_y = ground_map(survey, 2, whole_photo(survey), truth.surface)
     assert map_x.shape == (height, width)
     rng = np.random.default_rng(0)
     u = np.concatenate([rng.integers(0, width, 2000), [0, 0, width - 1, width - 1]])

@@ -157,7 +157,7 @@ def test_a_real_survey_is_repeated_and_one_more_length_helps(project: Path, tmp_
     at = name.index("car to car")
     # The new tape lies along it: its centimetre beside what was known, but for the scale, 0.1 %,
     # which all lengths of the tape have in common.
-    scale = 0.001 * world.truth.value[at]
+    scale = 0.001 * world.value[at]
     own = 1.0 / (1.0 / (before[at] ** 2 - scale**2) + 1.0 / 0.01**2)
     assert after[at] == pytest.approx(np.hypot(np.sqrt(own), scale), rel=0.02)
     assert (after <= before * (1 + 1e-6)).all()

@@ -1,7 +1,8 @@
-"""A synthetic survey as the inputs of a project, without any file."""
+"""What the project of a synthetic survey states: as inputs without any file, and as its text."""
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Literal
 
 import numpy as np
@@ -17,6 +18,7 @@ from uavgram.model.options import (
     TelemetryOptions,
     TimeOptions,
 )
+from uavgram.model.typed_numbers import number_text
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.synthetic.autopilot import flight_log
 from uavgram.synthetic.scenario import FAMILY, Scenario
@@ -119,3 +121,82 @@ def project_of(scenario: Scenario, noise: str | None = None) -> Project:
 def _pair(stated: tuple[float, ...]) -> tuple[float, float] | Literal["auto"]:
     """Two sigmas, or ``auto``."""
     return (stated[0], stated[1]) if stated else "auto"
+
+
+def project_yaml(survey: SimulatedSurvey) -> str:
+    """Give the project file; its first line says what it is.
+
+    Parameters
+    ----------
+    survey
+        Whose scenario it states.
+    """
+    errors, stated = survey.scenario.errors, survey.scenario.stated
+    arm = ", ".join(number_text(v) for v in errors.lever_arm_m)
+    height = number_text(stated.ground_height_sigma_m)
+    beside = number_text(stated.picks_identification_sigma_m)
+    rough = number_text(stated.roughness_sigma_m)
+    text = f"""\
+# A simulated survey of a road accident; truth.json says what really was.
+name: {survey.scenario.name}
+images: photos/*.jpg
+log: flight.tlog
+camera: camera.yaml
+picks: picks.csv
+lines: lines.csv           # taped lengths; the one of use "check" is withheld
+measure: measure.csv
+check: check.csv           # surveyed points, only to judge the result
+output: out
+ground:
+  height_sigma_m: {height}      # the scene lies a little below the place of take-off
+  roughness_sigma_m: {rough}     # it is a plane; leave this out for a road
+mount:
+  gimbal: auto             # the log has the gimbal's attitude
+  boresight_sigma_deg: {number_text(stated.boresight_sigma_deg)}
+  lever_arm_m: [{arm}]
+  lever_arm_sigma_m: {number_text(stated.lever_arm_sigma_m)}
+time:
+  offset_s: auto           # the camera's clock is wrong; the log's camera events tell by how much
+  offset_sigma_s: {number_text(stated.clock_sigma_s)}
+picks_sigma_px: {number_text(errors.pick_px)}
+picks_identification_sigma_m: {beside}  # nothing is picked beside; leave this out for photos
+"""
+    return _as_the_scenario(text, survey.scenario)
+
+
+def _as_the_scenario(text: str, scenario: Scenario) -> str:
+    """The demo's project with what another scenario has other than it."""
+    errors = scenario.errors
+    if scenario.telemetry == "none":
+        text = text.replace("log: flight.tlog\n", "")
+    if not scenario.flight.tells_clock:
+        told = number_text(errors.camera_clock_offset_s)
+        lines = text.splitlines()
+        at = next(i for i, line in enumerate(lines) if line.startswith("  offset_s: "))
+        lines[at] = f"  offset_s: {told}            # camera clock minus UTC"
+        text = "\n".join([*lines, ""])
+    if scenario.plates.at:
+        side, sigma = map(number_text, (scenario.plates.side_m, scenario.plates.sigma_m))
+        text += f"targets: {{family: {FAMILY}, side_m: {side}, sigma_m: {sigma}}}\n"
+    if scenario.control:
+        text = text.replace("check: check.csv", "control: control.csv\ncheck: check.csv")
+    own, demo = project_of(scenario), project_of(Scenario())
+    for section in ("ground", "telemetry", "tape", "solve"):
+        here, there = getattr(own, section), getattr(demo, section)
+        rows = [
+            f"  {one.name}: {_yaml(value)}\n"
+            for one in fields(here)
+            if (value := getattr(here, one.name)) != getattr(there, one.name)
+            and f"  {one.name}: " not in text
+        ]
+        head = f"{section}:\n"
+        if rows:
+            text = text if head in text else text + head
+            text = text.replace(head, head + "".join(rows))
+    return text
+
+
+def _yaml(value: str | float | tuple[float, ...]) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(number_text, value))}]"
+    return value if isinstance(value, str) else number_text(value)

@@ -100,9 +100,9 @@ def pick(
     """
     habits, corners = scenario.habits, len(scenario.plates.labels)
     sigmas = np.repeat([scenario.errors.pick_px, scenario.plates.corner_px], _counts(scenario))
-    shown, first = inside(calibration, pixel_px), len(scenario.points)
-    whole = shown[:, first:].reshape(len(shown), -1, CORNERS).all(axis=2)
-    shown[:, first:] = np.repeat(whole, CORNERS, axis=1) & large_plates(pixel_px[:, first:])
+    shown, people = inside(calibration, pixel_px), len(scenario.points)
+    whole = shown[:, people:].reshape(len(shown), -1, CORNERS).all(axis=2)
+    shown[:, people:] = np.repeat(whole, CORNERS, axis=1) & large_plates(pixel_px[:, people:])
     frame, point = np.nonzero(shown)
     sigma = sigmas[point]
     noise = sigma[:, None] * rngs[0].standard_normal((len(frame), 2))

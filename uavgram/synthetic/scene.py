@@ -39,11 +39,11 @@ class Surface(FrozenArrays):
     sine_m: Annotated[Floats, "w"]
 
     def up(self, offset_m: Floats) -> Floats:
-        """Heights (N,) at (N, 2) east and north of the scene's middle."""
+        """Heights (...) at (..., 2) east and north of the scene's middle."""
         plane = self.height_m + offset_m @ self.slope
         if self.spec.is_plane:
             return np.asarray(plane)
-        left = (offset_m @ self.axes)[:, 1]
+        left = (offset_m @ self.axes)[..., 1]
         angle = offset_m @ self.wave_per_m.T
         shape = (
             -self.spec.crown_percent / 100 * np.abs(left)

@@ -59,7 +59,7 @@ def corner_rays(camera: Calibration, intrinsics: Floats, rotation: Floats) -> Fl
     corner = np.array([[0.0, 0.0], [w, 0.0], [0.0, h], [w, h]])
     ray = back_project(camera.model, intrinsics, corner)
     ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
-    return np.einsum("fij,kj->fki", rotation, ray)
+    return np.asarray(np.einsum("fij,kj->fki", rotation, ray))
 
 
 def shows_horizon(ray: Floats, slope: Floats) -> Bools:

@@ -121,16 +121,6 @@ def survey_truth(
     )
 
 
-def true_pixels(truth: SurveyTruth, model: Calibration | None = None) -> Floats:
-    """Where each point lies in each photo whose rows are exposed at once, (F, K, 2) px.
-
-    NaN behind the camera. `model` says of which lens the intrinsics are, a Brown one by default.
-    """
-    offset = truth.point_world_m[None] - truth.center_world_m[:, None]
-    in_camera = np.einsum("fij,fki->fkj", truth.world_from_camera, offset)
-    return project("brown" if model is None else model.model, truth.intrinsics, in_camera)
-
-
 def rolled_pixels(calibration: Calibration, truth: SurveyTruth, places_m: Floats) -> Floats:
     """Where places (F, K, 3) of each photo are seen, row after row, (F, K, 2) px.
 

@@ -11,8 +11,9 @@ from plan_scenes import camera
 from scipy.spatial.transform import Rotation
 
 from uavgram.model.arrays import Floats
-from uavgram.synthetic.plan.cameras import EDGE_PX, Cameras, footprints, seen
+from uavgram.synthetic.plan.cameras import Cameras, footprints, seen
 from uavgram.synthetic.plan.scene import Deviation, PlanScene
+from uavgram.synthetic.sight import EDGE_PX
 
 AREA = np.array([[-20.0, -15], [20, -15], [20, 15], [-20, 15]])
 LENS = np.array([2250.0, 2250, 1490, 1120, -0.05, 0.02, 2e-4, -1e-4, 0])

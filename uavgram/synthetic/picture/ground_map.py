@@ -41,43 +41,13 @@ class Part(NamedTuple):
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
 
-class Sheet(NamedTuple):
-    """What something is painted on: a plane, or the ground with all its shapes.
-
-    Attributes
-    ----------
-    height_m, slope
-        At the scene's middle, and (2,) upwards to the east and to the north.
-    shaped
-        The ground, where it is more than a plane; `height_m` then counts from its own.
-    """
-
-    height_m: float
-    slope: Floats
-    shaped: Surface | None = None
-
-    def up(self, offset_m: Floats) -> Floats:
-        """(...) heights at (..., 2) east and north of the scene's middle."""
-        if self.shaped is None:
-            return np.asarray(self.height_m + offset_m @ self.slope)
-        above = self.height_m - self.shaped.height_m
-        return above + self.shaped.up(offset_m.reshape(-1, 2)).reshape(offset_m.shape[:-1])
-
-
-def ground_sheet(survey: SimulatedSurvey, above_m: float = 0.0) -> Sheet:
-    """The ground, or what lies so far above it."""
-    ground = survey.truth.surface
-    shaped = None if ground.spec.is_plane else ground
-    return Sheet(ground.height_m + above_m, ground.slope, shaped)
-
-
 def whole_photo(survey: SimulatedSurvey) -> Part:
     """All of a photo."""
     return Part(0, 0, survey.calibration.width_px, survey.calibration.height_px)
 
 
 def ground_map(
-    survey: SimulatedSurvey, index: int, part: Part, sheet: Sheet
+    survey: SimulatedSurvey, index: int, part: Part, sheet: Surface
 ) -> tuple[Weights, Weights]:
     """Scene coordinates (x, y) of what the pixels of a photo see, (H, W) each [m].
 
@@ -105,7 +75,7 @@ def ground_map(
     return np.ascontiguousarray(cut[..., 0]), np.ascontiguousarray(cut[..., 1])
 
 
-def part_showing(survey: SimulatedSurvey, index: int, corners_m: Floats, sheet: Sheet) -> Part:
+def part_showing(survey: SimulatedSurvey, index: int, corners_m: Floats, sheet: Surface) -> Part:
     """The part of a photo that may show what lies between some corners; empty if none.
 
     Parameters
@@ -132,7 +102,7 @@ def part_showing(survey: SimulatedSurvey, index: int, corners_m: Floats, sheet: 
     return Part(*low.astype(int).tolist(), *high.astype(int).tolist())
 
 
-def _seen_on(survey: SimulatedSurvey, index: int, pixel: Floats, sheet: Sheet) -> Floats:
+def _seen_on(survey: SimulatedSurvey, index: int, pixel: Floats, sheet: Surface) -> Floats:
     """East and north (H, W, 2) where the rays of pixels (H, W, 2) meet a sheet."""
     truth, camera = survey.truth, survey.calibration
     # One pose for each row of nodes.
@@ -144,7 +114,7 @@ def _seen_on(survey: SimulatedSurvey, index: int, pixel: Floats, sheet: Sheet) -
     from_middle = center[..., :2] - truth.surface.middle_m
     depth = (center[..., 2] - sheet.height_m - from_middle @ sheet.slope) / falling
     # What it has beyond its plane slopes by a few per cent: so much of it is left each time.
-    for _ in range(0 if sheet.shaped is None else RELIEF_ROUNDS):
+    for _ in range(0 if sheet.spec.is_plane else RELIEF_ROUNDS):
         up = sheet.up(from_middle + depth[..., None] * ray[..., :2])
         depth = depth + (center[..., 2] + depth * ray[..., 2] - up) / falling
     return np.asarray(center[..., :2] + depth[..., None] * ray[..., :2])

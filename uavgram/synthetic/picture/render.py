@@ -13,14 +13,13 @@ from uavgram.model.arrays import Floats
 from uavgram.synthetic.picture.ground_map import (
     NOWHERE_M,
     Part,
-    Sheet,
     ground_map,
-    ground_sheet,
     part_showing,
     whole_photo,
 )
 from uavgram.synthetic.picture.ground_texture import paint_ground
 from uavgram.synthetic.picture.things import Detail, details
+from uavgram.synthetic.scene import Surface
 from uavgram.synthetic.survey import SimulatedSurvey
 
 VIGNETTING = 0.2  # of the light is lost in the corners
@@ -56,7 +55,7 @@ def render_photos(survey: SimulatedSurvey) -> Iterator[Image]:
     ground = paint_ground(scenario.road, rng)
     laid = details(survey)
     sensor = _sensor(camera.width_px, camera.height_px, rng)
-    whole, level = whole_photo(survey), ground_sheet(survey)
+    whole, level = whole_photo(survey), survey.truth.surface
     for index in range(len(survey.frame_id)):
         maps = ground_map(survey, index, whole, level)
         photo = _ground_photo(ground, maps)
@@ -80,7 +79,7 @@ def _maps(
     survey: SimulatedSurvey,
     index: int,
     part: Part,
-    sheet: Sheet | None,
+    sheet: Surface | None,
     of_ground: tuple[Weights, Weights],
 ) -> tuple[Weights, Weights]:
     """Scene coordinates that a part of a photo shows; those of the ground are there already."""

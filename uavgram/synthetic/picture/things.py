@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -13,8 +13,8 @@ from uavgram.imaging.raster import GroundRaster, Image, Painter, lay, soften
 from uavgram.model.arrays import Floats
 from uavgram.model.target_families import CORNERS
 from uavgram.synthetic.accident_scene import ScenePoint, Vehicle
-from uavgram.synthetic.picture.ground_map import Sheet, ground_sheet
-from uavgram.synthetic.scenario import FAMILY
+from uavgram.synthetic.scenario import FAMILY, GroundSpec
+from uavgram.synthetic.scene import Surface
 from uavgram.synthetic.survey import SimulatedSurvey
 
 MARK_RESOLUTION_M = 0.004
@@ -204,25 +204,28 @@ class Detail:
     pixel_from_scene: Floats
     corners_m: Floats
     resolution_m: float
-    sheet: Sheet | None = None
+    sheet: Surface | None = None
 
 
 def details(survey: SimulatedSurvey) -> list[Detail]:
     """All details of a survey's scene, in the order in which they cover each other."""
-    scenario, truth = survey.scenario, survey.truth
+    scenario, truth, ground = survey.scenario, survey.truth, survey.truth.surface
     flat = [vehicle_raster(vehicle) for vehicle in scenario.road.vehicles]
     # Marks last: people walk round the cars to spray them.
     laid = [_of_raster(raster, None) for raster in flat]
     world = truth.point_world_m[: len(scenario.points)]
-    above = world[:, 2] - truth.surface.up(world[:, :2] - truth.surface.middle_m)
+    above = world[:, 2] - ground.up(world[:, :2] - ground.middle_m)
     for point, height in zip(scenario.points, above.tolist(), strict=True):
-        sheet = ground_sheet(survey, height) if abs(height) > LEVEL_M else None
+        ground = truth.surface
+        sheet = (
+            replace(ground, height_m=ground.height_m + height) if abs(height) > LEVEL_M else None
+        )
         laid.append(_of_raster(mark_raster(point), sheet))
     plates = truth.point_world_m[len(scenario.points) :].reshape(-1, CORNERS, 3)
     return laid + [_plate(survey, number, corner) for number, corner in enumerate(plates)]
 
 
-def _of_raster(raster: GroundRaster, sheet: Sheet | None) -> Detail:
+def _of_raster(raster: GroundRaster, sheet: Surface | None) -> Detail:
     return Detail(
         image=raster.image,
         pixel_from_scene=raster.pixel_from_scene,
@@ -245,12 +248,13 @@ def _plate(survey: SimulatedSurvey, number: int, corner_m: Floats) -> Detail:
     affine = np.linalg.lstsq(np.column_stack([scene, np.ones(CORNERS)]), corner_px)[0].T
     rim = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * len(image) - 0.5
     place = (rim - affine[:, 2]) @ np.linalg.inv(affine[:, :2]).T
-    offset = corner_m[:, :2] - survey.truth.surface.middle_m
+    ground = survey.truth.surface
+    offset = corner_m[:, :2] - ground.middle_m
     plane = np.linalg.lstsq(np.column_stack([np.ones(CORNERS), offset]), corner_m[:, 2])[0]
     return Detail(
         image=image,
         pixel_from_scene=affine,
         corners_m=place,
         resolution_m=PLATE_RESOLUTION_M,
-        sheet=Sheet(float(plane[0]), np.asarray(plane[1:], np.float64)),
+        sheet=replace(ground, spec=GroundSpec(), height_m=float(plane[0]), slope=plane[1:]),
     )
