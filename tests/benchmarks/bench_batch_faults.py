@@ -30,9 +30,9 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.io.demo_files import write_demo
-from uavgram.model.scenario.scenario import CameraSpec, Scenario
-from uavgram.stages.simulate.survey import simulate
+from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.scenario import CameraSpec, Scenario
+from uavgram.synthetic.survey import simulate
 
 WORKERS, GOOD = 3, 8
 BAD = ("crashes", "endless", "hungry", "full")

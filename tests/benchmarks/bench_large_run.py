@@ -29,7 +29,7 @@ from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.io.photos.tagging.exif_capture import with_exif
 from uavgram.model.arrays import Floats
-from uavgram.model.scenario.simulated import SimulatedLog
+from uavgram.model.flight.simulated_log import SimulatedLog
 from uavgram.pipeline.measure.journal import Journal
 from uavgram.pipeline.measure.run import run
 

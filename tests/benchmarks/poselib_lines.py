@@ -14,8 +14,8 @@ import poselib
 
 from uavgram.estimation.methods.on_lines import OnLines
 from uavgram.model.arrays import Bools, Floats
-from uavgram.pipeline.study.method_scenes import MethodScenes
-from uavgram.pipeline.study.method_starts import Starts, on_lines
+from uavgram.synthetic.study.method_scenes import MethodScenes
+from uavgram.synthetic.study.methods import Starts, on_lines
 
 MOST_TRIPLES, KEPT = 20, 4
 

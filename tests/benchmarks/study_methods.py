@@ -22,10 +22,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from poselib_lines import p3ll_starts, pnpl_starts
 
 from uavgram.estimation.methods.line_search import rivals
-from uavgram.model.study.methods import MethodRow
-from uavgram.pipeline.study.method_scenes import Setting, method_scenes
-from uavgram.pipeline.study.method_starts import direct_starts, line_starts
-from uavgram.pipeline.study.methods import AMBIGUOUS, LIMITS, compared, solved
+from uavgram.model.study.study import MethodRow
+from uavgram.synthetic.study.method_scenes import Setting, method_scenes
+from uavgram.synthetic.study.methods import (
+    AMBIGUOUS,
+    LIMITS,
+    compared,
+    direct_starts,
+    line_starts,
+    solved,
+)
 
 SAME = 1e-2
 """Sums of squares closer than this are of one minimum."""

@@ -26,14 +26,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 from mission_files import by_plan, by_pymavlink, stations
 
 from uavgram.model.planned.plan import FlightPlanned
-from uavgram.model.scenario.as_stated import as_stated
-from uavgram.model.scenario.scenario import Scenario
 from uavgram.pipeline.parallel import in_processes
-from uavgram.pipeline.plan.run import plan
-from uavgram.pipeline.simulate.repeat import gathered, one_repetition
-from uavgram.pipeline.simulate.worlds import ScenarioWorld
-from uavgram.pipeline.study.photo_cell import ratio_of
 from uavgram.stages.products.mission import flight_mission
+from uavgram.synthetic.plan.run import plan
+from uavgram.synthetic.scenario import Scenario
+from uavgram.synthetic.simulate import ScenarioWorld, as_stated, gathered, one_repetition
+from uavgram.synthetic.study.photos import ratio_of
 
 SCENARIO = """
 telemetry: {telemetry}

@@ -29,17 +29,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 from plan_draws import World, errors
 from plan_scenes import STEADY, PlanCase, plan_case
 
-from uavgram.estimation.planning.layouts import best_layout, criterion_of
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats
 from uavgram.model.options import TapeOptions
 from uavgram.model.planned.request import FlightPattern
-from uavgram.pipeline.plan.accuracy import ends_of
-from uavgram.pipeline.plan.possible import Possible, possible
-from uavgram.pipeline.plan.predicted import predicted
-from uavgram.stages.plan.cameras import EDGE_PX
-from uavgram.stages.plan.scene import Deviation
+from uavgram.synthetic.plan.accuracy import ends_of
+from uavgram.synthetic.plan.layouts import best_layout, criterion_of
+from uavgram.synthetic.plan.possible import Possible, possible
+from uavgram.synthetic.plan.scene import Deviation
+from uavgram.synthetic.plan.survey import predicted
+from uavgram.synthetic.sight import EDGE_PX
 
 RANDOM = 100
 WRONG_M = 1.0

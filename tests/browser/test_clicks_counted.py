@@ -13,12 +13,11 @@ from picking_pages import eventually, measured, to_page, wait_until_adjusted
 from picking_server import Served, served
 from playwright.sync_api import Page, expect
 
-from uavgram.imaging.demo_scene.render import render_photos
-from uavgram.io.demo_files import write_demo
 from uavgram.model.arrays import Floats
-from uavgram.model.scenario.scenario import Scenario
-from uavgram.model.scenario.simulated import SimulatedSurvey
-from uavgram.stages.simulate.survey import simulate
+from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.picture.render import render_photos
+from uavgram.synthetic.scenario import Scenario
+from uavgram.synthetic.survey import SimulatedSurvey, simulate
 
 MOST = 26
 """Clicks and keys, besides the digits of the lengths."""

@@ -12,9 +12,9 @@ from picking_projects import PickingProject
 from picking_server import Served, served
 from playwright.sync_api import expect
 
-from uavgram.model.scenario.scenario import Scenario
-from uavgram.pipeline.sample import make_sample
-from uavgram.stages.simulate.survey import simulate
+from uavgram.synthetic.demo import make_sample
+from uavgram.synthetic.scenario import Scenario
+from uavgram.synthetic.survey import simulate
 
 WINDOWS = [(1366, 768), (1920, 1080)]
 both_windows = pytest.mark.parametrize(

@@ -16,9 +16,9 @@ from picking_pages import eventually, wait_until_adjusted
 from picking_server import Served, served
 from playwright.sync_api import Browser, Locator, Page, expect
 
-from uavgram.io.demo_files import write_demo
-from uavgram.model.scenario.scenario import Scenario
-from uavgram.stages.simulate.survey import simulate
+from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.scenario import Scenario
+from uavgram.synthetic.survey import simulate
 
 Change = dict[str, Any]
 PHOTO = "IMG_0006.jpg"

@@ -11,9 +11,9 @@ import pytest
 from small_projects import Command, Done, Fails, Project
 
 from uavgram.cli import main
-from uavgram.io.demo_files import write_demo
-from uavgram.model.scenario.scenario import CameraSpec, Scenario
-from uavgram.stages.simulate.survey import simulate
+from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.scenario import CameraSpec, Scenario
+from uavgram.synthetic.survey import simulate
 
 WIDTH_PX, HEIGHT_PX = 400, 300
 

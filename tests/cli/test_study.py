@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from uavgram.cli import main
-from uavgram.pipeline.study.run import study_names
+from uavgram.synthetic.study.run import study_names
 
 
 def test_a_study_is_made_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,10 +11,10 @@ import pytest
 from board_photos import Sensor, look, photograph
 
 from uavgram.cli import main
-from uavgram.io.demo_files import write_demo
 from uavgram.model.camera.board import flat_board
-from uavgram.model.scenario.scenario import CameraSpec, Scenario
-from uavgram.stages.simulate.survey import simulate
+from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.scenario import CameraSpec, Scenario
+from uavgram.synthetic.survey import simulate
 
 TRUE = (620.0, 618.0, 322.0, 237.0, -0.15, 0.04, 8e-4, -5e-4, 0.0)
 SIZE_PX = (640, 480)

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from flight_projects import copy_project
 
-from uavgram.io.demo_files import write_demo
 from uavgram.model.result.result import Result
-from uavgram.model.scenario.scenario import CameraSpec, Scenario
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.stages.simulate.survey import simulate
+from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.scenario import CameraSpec, Scenario
+from uavgram.synthetic.survey import simulate
 
 Change = Callable[[float], float]
 

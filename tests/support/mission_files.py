@@ -13,9 +13,7 @@ from uavgram.io.exports.mission_qgc import qgc_plan_text
 from uavgram.io.exports.mission_waypoints import waypoints_text
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.mission import Mission
-from uavgram.model.scenario.flight import Station
-from uavgram.model.scenario.scenario import Site
-from uavgram.pipeline.plan.flown import in_scene_axes
+from uavgram.synthetic.scenario import Site, Station
 
 MAV = mavutil.mavlink
 
@@ -53,7 +51,7 @@ def stations(rows: Floats, site: Site) -> tuple[Station, ...]:
     """Stops in the scene's axes, of their latitude, longitude, height, heading and pitch."""
     origin = site.latitude_deg, site.longitude_deg, site.height_msl_m
     level = np.full(len(rows), site.height_msl_m)
-    xy = in_scene_axes(site, enu_from_geodetic(rows[:, 0], rows[:, 1], level, origin)[:, :2])
+    xy = site.in_scene(enu_from_geodetic(rows[:, 0], rows[:, 1], level, origin)[:, :2])
     return tuple(
         Station(
             x_m=x,

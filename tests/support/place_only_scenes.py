@@ -14,6 +14,7 @@ from scenes import calibration_covariance, cv_pixels
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.observed import Observations
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.frames import Frames
@@ -22,7 +23,7 @@ from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.options import GroundOptions, MountOptions, TelemetryOptions
 from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.assemble import Observations, assemble
+from uavgram.stages.assemble import assemble
 from uavgram.stages.seed import seed
 from uavgram.stages.seed.photo_exposures import place_photos
 

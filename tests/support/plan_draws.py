@@ -17,11 +17,10 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State, advance, move
 from uavgram.model.arrays import Floats
 from uavgram.model.options import GroundOptions
-from uavgram.pipeline.plan.predicted import survey_with
-from uavgram.pipeline.plan.survey import PlannedSurvey
-from uavgram.stages.plan.cameras import Cameras
-from uavgram.stages.plan.scene import PlanScene
-from uavgram.stages.plan.wanted import Wanted
+from uavgram.synthetic.plan.cameras import Cameras
+from uavgram.synthetic.plan.scene import PlanScene
+from uavgram.synthetic.plan.survey import PlannedSurvey, survey_with
+from uavgram.synthetic.plan.wanted import Wanted
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,10 @@ from uavgram.model.camera.calibration import Calibration
 from uavgram.model.options import GroundOptions
 from uavgram.model.planned.request import FlightPattern, PlanRequest
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.stages.plan.cameras import Cameras, seen
-from uavgram.stages.plan.flights import flight
-from uavgram.stages.plan.scene import Deviation, Logged, PlanScene
-from uavgram.stages.plan.wanted import Wanted, wanted_of
+from uavgram.synthetic.plan.cameras import Cameras, seen
+from uavgram.synthetic.plan.flights import flight
+from uavgram.synthetic.plan.scene import Deviation, Logged, PlanScene
+from uavgram.synthetic.plan.wanted import Wanted, wanted_of
 
 DISTANCES = 20
 SIGMA = np.array([12.0, 12.0, 8.0, 8.0, 6e-3, 6e-3, 4e-4, 4e-4, 2e-3])

@@ -14,16 +14,15 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from uavgram.io.demo_files import write_demo
 from uavgram.model.arrays import Floats
-from uavgram.model.scenario.errors import ErrorSpec
-from uavgram.model.scenario.flight import FlightPlan
-from uavgram.model.scenario.road import SceneLine, ScenePoint
-from uavgram.model.scenario.scenario import Scenario
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.target_families import corner_label, plate_of
-from uavgram.stages.simulate.survey import simulate
-from uavgram.stages.simulate.truth import true_pixels
+from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
+from uavgram.synthetic.errors import ErrorSpec
+from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.scenario import FlightPlan, Scenario
+from uavgram.synthetic.survey import simulate
+from uavgram.synthetic.truth import rolled_pixels
 
 PLATES, WITHHELD = 4, 6
 SIDE_M, SIGMA_M = 0.3, 0.0005
@@ -62,7 +61,7 @@ def plate_flight(
     blank = np.full((survey.calibration.height_px, survey.calibration.width_px), 128, np.uint8)
     write_demo(folder, survey, (blank for _ in survey.frame_id))
     truth = survey.truth
-    true = true_pixels(truth)
+    true = rolled_pixels(survey.calibration, truth, truth.point_world_m[None])
     frame = {name: i for i, name in enumerate(truth.frame_id)}
     point = {name: i for i, name in enumerate(truth.label)}
     rows = []

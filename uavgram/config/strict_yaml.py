@@ -260,3 +260,15 @@ def dotted(key_path: KeyPath) -> str:
     """Write a path the way people name it: ``telemetry.position_sigma_m[0]``."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key_path)
     return text.removeprefix(".")
+
+
+WIDTH = 110
+"""Of lines that are written."""
+
+
+def yaml_text(data: Plain) -> str:
+    """Write plain data as YAML, in the order that it has."""
+    text: str = yaml.safe_dump(
+        data, sort_keys=False, allow_unicode=True, width=WIDTH, default_flow_style=None
+    )
+    return text

@@ -23,6 +23,32 @@ def sigma_fault(value: float) -> str:
     return ""
 
 
+def require(condition: bool, message: str) -> None:  # noqa: FBT001
+    """Refuse a value, in words that name its key.
+
+    Raises
+    ------
+    ValueError
+        The condition does not hold.
+    """
+    if not condition:
+        raise ValueError(message)
+
+
+def require_sizes(owner: object, *names: str) -> None:
+    """Refuse standard deviations and sizes below 0.
+
+    Raises
+    ------
+    ValueError
+        One of the named values, or of the values in it, is negative.
+    """
+    for name in names:
+        value = getattr(owner, name)
+        values = value if isinstance(value, tuple) else (value,)
+        require(min(values, default=0.0) >= 0, f"{name} must not be negative")
+
+
 UNSHOWABLE = re.compile(
     "[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff"  # break lines, drive terminals
     "\u202a-\u202e\u2066-\u2069\u200e\u200f\u061c"  # turn the order of what is read

@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
 
 from uavgram.errors import GeometryError, near_miss
 from uavgram.estimation.survey.correlated_errors import trend_inflation
+from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.rolling import with_readout
 from uavgram.geometry.motion.telemetry_pose import LEVER_ARM, SHARED_SIZE
 from uavgram.model.arrays import Floats, FrozenArrays, Ints
-from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import Track
 from uavgram.model.flight.pose import Poses, TelemetryPrior
 from uavgram.model.flight.telemetry import Telemetry
 from uavgram.model.message import Message, Several
-from uavgram.model.options import GroundOptions, TapeOptions
-from uavgram.model.survey.known import NO_KNOWN, KnownThing, KnownThings, lines_place
-from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
+from uavgram.model.options import GroundOptions
+from uavgram.model.survey.known import KnownThing, KnownThings, lines_place
+from uavgram.model.survey.observations import KnownWorldPoints, Picks
 from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
-from uavgram.model.survey.ties import NO_TIES, TiePicks
 from uavgram.stages.control_heights import with_own_heights
 from uavgram.stages.tied import matches_of, ties_of
-
-NO_CONTROL = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.empty((0, 3)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -53,57 +50,6 @@ class Assembled(FrozenArrays):
     line_index: Annotated[Ints, "l"]
     pick_sigma_px: Annotated[Floats, "p"]
     messages: tuple[Message, ...] = ()
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Observations:
-    """Everything that was observed, and what is known beforehand, by name.
-
-    Attributes
-    ----------
-    calibration
-        Of the camera.
-    picks, lines
-        Picked pixels, and known lengths; those that are withheld stay out.
-    known
-        What else is known of points; what is withheld stays out.
-    control
-        Points with known coordinates in the world [m].
-    ties
-        Sightings of tie points.
-    telemetry
-        Where each frame was, by the log or the photos; None without either.
-    ground
-        What is known of the ground's planes.
-    picks_sigma_px
-        Standard deviation of picks that state none [px].
-    picks_identification_sigma_m
-        How far people pick beside what was meant, alike in all photos; 0: not at all.
-    tape, own_scale_sigma
-        How good the tapes are; names and priors of the scale of those that are other than that.
-    photos
-        Names of all photos in order: that of the frames where there is no telemetry.
-    exposures
-        When each photo was taken; None where nobody says.
-    copies
-        Photos of an exposure that is counted already -> the photo that is.
-    """
-
-    calibration: Calibration
-    picks: Picks
-    lines: KnownLines
-    known: KnownThings = NO_KNOWN
-    control: KnownWorldPoints = NO_CONTROL
-    ties: TiePicks = NO_TIES
-    telemetry: Telemetry | None = None
-    ground: GroundOptions
-    picks_sigma_px: float
-    picks_identification_sigma_m: float = 0.0
-    tape: TapeOptions = field(default_factory=TapeOptions)
-    own_scale_sigma: tuple[tuple[str, float], ...] = ()
-    photos: Sequence[str] = ()
-    exposures: Frames | None = None
-    copies: Mapping[str, str] = field(default_factory=dict)
 
 
 def assemble(observed: Observations) -> Assembled:

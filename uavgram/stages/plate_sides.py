@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.observations import Along, KnownLines, Picks
+from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.model.target_families import corner_label, plate_of
 
 TAPE = "targets"
@@ -14,7 +14,6 @@ TAPE = "targets"
 OWN_SHARE = 0.5
 """Of the sigma of a plate's side: what differs from side to side."""
 
-_SLOPE: Along = "slope"
 SIDES = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
 """Pairs of corners whose distance is known: sides and diagonals."""
 
@@ -69,17 +68,16 @@ def with_plate_sides(
     new = [one for one in pairs if f"{one[0]} {one[1]}" not in taken]
     if not new:
         return lines
-    count, more = len(lines.name), len(new)
-    return KnownLines(
-        name=(*lines.name, *(f"{a} {b}" for a, b, _ in new)),
-        start=(*lines.start, *(a for a, _, _ in new)),
-        end=(*lines.end, *(b for _, b, _ in new)),
-        length_m=np.append(lines.length_m, [length for _, _, length in new]),
-        sigma_m=np.append(lines.sigma_m, np.full(more, OWN_SHARE * sigma_m)),
-        adjust=np.append(lines.adjust, np.ones(more, dtype=np.bool_)),
-        tape=(*(lines.tape or ("",) * count), *(TAPE,) * more),
-        along=(*(lines.along_of(i) for i in range(count)), *(_SLOPE,) * more),
+    sides = KnownLines(
+        name=tuple(f"{a} {b}" for a, b, _ in new),
+        start=tuple(a for a, _, _ in new),
+        end=tuple(b for _, b, _ in new),
+        length_m=np.array([length for _, _, length in new]),
+        sigma_m=np.full(len(new), OWN_SHARE * sigma_m),
+        adjust=np.ones(len(new), dtype=np.bool_),
+        tape=(TAPE,) * len(new),
     )
+    return lines.with_more(sides)
 
 
 def _found(picks: Picks) -> dict[int, set[int]]:

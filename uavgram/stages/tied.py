@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from uavgram.estimation.survey.observations.tied import PATCH_PX
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.observations import Picks
@@ -13,11 +14,6 @@ from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings, TiePicks
 
 SAME_PX = 0.01
 """How far from the pick that it was found from a match may say that this was."""
-
-PATCH_PX = 0.03
-"""Sigma of the picked pixel itself in a chain: the noise of the photo around it, which all matches
-found from it share. (matching.md's prototype: matches of exact picks are good to 0.04 to 0.06 px.)
-"""
 
 
 def matches_of(

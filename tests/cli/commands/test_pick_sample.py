@@ -8,7 +8,7 @@ import pytest
 
 from uavgram.cli import main
 from uavgram.cli.commands import pick as command
-from uavgram.pipeline.sample_scene import MARK
+from uavgram.synthetic.accident_scene import MARK
 
 
 def test_the_readings_of_the_tape_are_named(

@@ -10,7 +10,7 @@ from small_projects import Command
 
 from uavgram.io.area_file import read_areas
 from uavgram.io.results.plan_json import read_plan
-from uavgram.pipeline.simulate.scenario import read_world
+from uavgram.synthetic.scenario_file import read_world
 
 FILES = {
     "field_sheet.html",

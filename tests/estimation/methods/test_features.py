@@ -12,14 +12,14 @@ from scipy.stats import chi2
 from uavgram.estimation.methods.damped import minimised
 from uavgram.estimation.methods.features import FeatureRows, first_points, ground_points
 from uavgram.estimation.survey.adjustment import Refined
+from uavgram.estimation.survey.observed import Observations
 from uavgram.model.options import GroundOptions, SolveOptions
 from uavgram.model.survey.known import NO_KNOWN
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.pipeline.measure.compute import refined_survey
-from uavgram.pipeline.study.method_scenes import MethodScenes, Setting, method_scenes
-from uavgram.pipeline.study.method_starts import point_starts
-from uavgram.pipeline.study.methods import solved
-from uavgram.stages.assemble import Observations, assemble
+from uavgram.stages.assemble import assemble
+from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, method_scenes
+from uavgram.synthetic.study.methods import point_starts, solved
 
 USES: dict[str, dict[str, bool]] = {
     "points": {"start_place": True},

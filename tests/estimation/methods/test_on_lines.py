@@ -13,9 +13,8 @@ from scipy.spatial.transform import Rotation
 from uavgram.estimation.methods.damped import minimised
 from uavgram.estimation.methods.line_search import poses_from_lines, rivals, rotations
 from uavgram.estimation.methods.on_lines import OnLines
-from uavgram.pipeline.study.method_scenes import MethodScenes, Setting, method_scenes
-from uavgram.pipeline.study.method_starts import line_starts, on_lines
-from uavgram.pipeline.study.methods import solved
+from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, method_scenes
+from uavgram.synthetic.study.methods import line_starts, on_lines, solved
 
 EXACT = Setting(name="exact", pick_px=1e-9, place_m=1e-9)
 

@@ -13,16 +13,15 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.refit import refit
 from uavgram.geometry.motion.rotation import log_so3
 from uavgram.model.arrays import Floats
-from uavgram.model.scenario.flight import FlightPlan
-from uavgram.model.scenario.road import SceneLine, ScenePoint
-from uavgram.model.scenario.scenario import CameraSpec, Scenario
 from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
 from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.compute import assembled_survey
 from uavgram.pipeline.measure.pose import pose_frames
-from uavgram.pipeline.simulate.in_memory import inputs_of
 from uavgram.stages.refine import refine
-from uavgram.stages.simulate.survey import simulate
+from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
+from uavgram.synthetic.inputs import inputs_of
+from uavgram.synthetic.scenario import CameraSpec, FlightPlan, Scenario
+from uavgram.synthetic.survey import simulate
 
 ENDS = ((-9.0, -6.0), (8.0, -7.0), (9.0, 6.0), (-8.0, 7.0), (0.5, -1.0), (2.0, 3.0))
 LINES = (("A", "B"), ("B", "C"), ("C", "D"), ("D", "A"), ("E", "F"), ("A", "E"))

@@ -10,9 +10,14 @@ import pytest
 from uavgram.estimation.repeated.moved_errors import observed
 from uavgram.estimation.repeated.predicted_lengths import predict_lengths, slopes_of
 from uavgram.estimation.repeated.single_photo import adjust_photos
-from uavgram.model.study.scene import StudyScene
-from uavgram.pipeline.study.photo_cell import Place, photo_cell
-from uavgram.pipeline.study.photo_scene import Photo, exact_draw, photo_of
+from uavgram.synthetic.study.photos import (
+    Photo,
+    Place,
+    StudyScene,
+    exact_draw,
+    photo_cell,
+    photo_of,
+)
 
 EVERYTHING = StudyScene(focal_share=0.01, centre_px=30.0, tape_scale=2e-3, tilt_deg=30.0)
 SMALL = 1e-3

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavgram.io.demo_files import write_demo
 from uavgram.model.result.result import Result
-from uavgram.model.scenario.scenario import Scenario
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
-from uavgram.stages.simulate.survey import simulate
+from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.scenario import Scenario
+from uavgram.synthetic.survey import simulate
 
 Solve = Callable[[dict[str, float]], Result]
 

@@ -22,9 +22,9 @@ from uavgram.model.flight.log import (
     PositionSamples,
 )
 from uavgram.model.options import TimeOptions
-from uavgram.model.scenario.scenario import Scenario
-from uavgram.stages.simulate.survey import simulate
 from uavgram.stages.synchronise import synchronise
+from uavgram.synthetic.scenario import Scenario
+from uavgram.synthetic.survey import simulate
 
 EPOCH = 1.7e9
 CUAV = TimeOptions(

@@ -10,7 +10,7 @@ from uavgram.cli.terminal import log_to_stderr, progress, say
 
 if TYPE_CHECKING:
     from uavgram.model.camera.calibration import Calibration
-    from uavgram.model.scenario.scenario import Scenario
+    from uavgram.synthetic.scenario import Scenario
 
 
 @app.command
@@ -34,8 +34,8 @@ def demo(
     verbose
         Say what is being done.
     """
-    from uavgram.model.scenario.scenario import Scenario
-    from uavgram.pipeline.simulate.scenario import read_world
+    from uavgram.synthetic.scenario import Scenario
+    from uavgram.synthetic.scenario_file import read_world
 
     log_to_stderr(verbose=verbose)
     if scenario is not None:
@@ -59,7 +59,7 @@ def show_survey(
     verbose
         Whether every message is shown.
     """
-    from uavgram.pipeline.demo import demo as run_demo
+    from uavgram.synthetic.demo import demo as run_demo
     from uavgram.views.terminal import light_line, message_lines, truth_table
 
     result, truth, project = run_demo(output, survey, progress(), calibration)

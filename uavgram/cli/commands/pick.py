@@ -59,8 +59,8 @@ def pick(
 
 def _sample(folder: Path | None) -> Path:
     """The project of the sample, which is made where it is not there yet."""
-    from uavgram.pipeline.sample import SAMPLE, make_sample
-    from uavgram.pipeline.sample_scene import TAPED
+    from uavgram.synthetic.accident_scene import TAPED
+    from uavgram.synthetic.demo import SAMPLE, make_sample
 
     made = make_sample(folder or Path(SAMPLE), progress())
     say(f"Sample to play with: {made.parent}; what was taped on its scene: {made.with_name(TAPED)}")

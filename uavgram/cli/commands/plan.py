@@ -63,13 +63,13 @@ def plan(
         Say what is being done.
     """
     from uavgram.model.units import SHORT_FORMS
-    from uavgram.pipeline.plan.run import PlanOutputs, write_outputs
-    from uavgram.pipeline.plan.run import plan as plan_flight
+    from uavgram.synthetic.plan.run import PlanOutputs, write_outputs
+    from uavgram.synthetic.plan.run import plan as plan_flight
     from uavgram.views.planned_text import next_line_lines, plan_lines
 
     log_to_stderr(verbose=verbose)
     if from_ is not None and scenario is None:
-        from uavgram.pipeline.plan.next_lines import next_lines
+        from uavgram.synthetic.plan.next_lines import next_lines
 
         tell_as(from_)
         say(*next_line_lines(next_lines(from_)))

@@ -13,8 +13,7 @@ from uavgram.cli.terminal import log_to_stderr, progress, say, say_written
 from uavgram.errors import UavgramError
 
 if TYPE_CHECKING:
-    from uavgram.pipeline.simulate.run import Asked
-    from uavgram.pipeline.simulate.worlds import World
+    from uavgram.synthetic.simulate import Asked, World
 
 Repetitions = Annotated[int, Parameter(validator=validators.Number(gte=2, lte=100_000))]
 
@@ -58,10 +57,10 @@ def simulate(
     verbose
         Say what is being done.
     """
-    from uavgram.model.scenario.as_stated import as_stated as drawn_as_stated
-    from uavgram.pipeline.simulate.project_world import read_project_world
-    from uavgram.pipeline.simulate.run import Asked
-    from uavgram.pipeline.simulate.scenario import read_world
+    from uavgram.synthetic.resurvey import read_project_world
+    from uavgram.synthetic.scenario_file import read_world
+    from uavgram.synthetic.simulate import Asked
+    from uavgram.synthetic.simulate import as_stated as drawn_as_stated
 
     log_to_stderr(verbose=verbose)
     asked = Asked(repetitions, compare)
@@ -88,7 +87,7 @@ def simulate(
 
 def _show(source: Path, world: World, asked: Asked, output: Path) -> int:
     """Repeat, write and tell."""
-    from uavgram.pipeline.simulate.run import simulate_many, write_outputs
+    from uavgram.synthetic.simulate import simulate_many, write_outputs
     from uavgram.views.simulation.text import simulation_lines
 
     found = simulate_many(source, world, asked, progress(), say)

@@ -39,7 +39,7 @@ def study(
     verbose
         Say what is being done.
     """
-    from uavgram.pipeline.study.run import JSON_FILE, PAGE_FILE, make_studies, study_names
+    from uavgram.synthetic.study.run import JSON_FILE, PAGE_FILE, make_studies, study_names
     from uavgram.views.study.words import said
 
     log_to_stderr(verbose=verbose)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from uavgram.model.limits import require
 from uavgram.model.survey.observations import MeasurementKind
 
 Corners = tuple[tuple[float, float], ...]
@@ -16,11 +17,6 @@ Laid = Literal["lines", "plates"]
 
 MOST_CHOICES = 30
 """Heights, pitches, numbers of photos or patterns to choose from: each is flown with each other."""
-
-
-def _require(condition: bool, message: str) -> None:  # noqa: FBT001
-    if not condition:
-        raise ValueError(message)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +42,7 @@ class WantedMeasurement:
     parameters: tuple[tuple[str, float], ...] = ()
 
     def __post_init__(self) -> None:
-        _require(self.sigma_m is None or self.sigma_m > 0, "sigma_m must be greater than 0")
+        require(self.sigma_m is None or self.sigma_m > 0, "sigma_m must be greater than 0")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,27 +111,27 @@ class PlanRequest:
     def __post_init__(self) -> None:
         positive = ("max_height_m", "min_height_m", "battery_min", "speed_m_s")
         for name in (*positive, "shortest_line_m", "longest_tape_m"):
-            _require(getattr(self, name) > 0, f"{name} must be greater than 0")
+            require(getattr(self, name) > 0, f"{name} must be greater than 0")
         for name in ("deviation_m", "deviation_deg", "roughness_m", "seconds_per_photo"):
-            _require(getattr(self, name) >= 0, f"{name} must not be negative")
+            require(getattr(self, name) >= 0, f"{name} must not be negative")
         longest, shortest = self.longest_tape_m, self.shortest_line_m
-        _require(
+        require(
             longest >= shortest,
             f"longest_tape_m ({longest:g}) must not be less than shortest_line_m ({shortest:g}): "
             f"add `shortest_line_m: {longest / 2:g}` for a tape as short as that",
         )
-        _require(self.lines is None or 0 <= self.lines <= 30, "lines must lie between 0 and 30")
-        _require(1 <= self.most_lines <= 30, "most_lines must lie between 1 and 30")
+        require(self.lines is None or 0 <= self.lines <= 30, "lines must lie between 0 and 30")
+        require(1 <= self.most_lines <= 30, "most_lines must lie between 1 and 30")
         for name in ("patterns", "heights_m", "pitches_deg", "frames"):
             count = len(getattr(self, name))
-            _require(count <= MOST_CHOICES, f"{name} may name at most {MOST_CHOICES} (got {count})")
-        _require(bool(self.patterns), "patterns must name at least one")
-        _require(
+            require(count <= MOST_CHOICES, f"{name} may name at most {MOST_CHOICES} (got {count})")
+        require(bool(self.patterns), "patterns must name at least one")
+        require(
             all(-90 <= pitch <= -20 for pitch in self.pitches_deg),
             "pitches_deg must lie between -90 (straight down) and -20",
         )
-        _require(all(1 <= n <= 100 for n in self.frames), "frames must lie between 1 and 100")
-        _require(all(h > 0 for h in self.heights_m), "heights_m must be greater than 0")
+        require(all(1 <= n <= 100 for n in self.frames), "frames must lie between 1 and 100")
+        require(all(h > 0 for h in self.heights_m), "heights_m must be greater than 0")
         names = [wanted.name for wanted in self.wanted]
         twice = sorted({name for name in names if names.count(name) > 1})
-        _require(not twice, f"wanted: names given twice: {', '.join(twice)}")
+        require(not twice, f"wanted: names given twice: {', '.join(twice)}")

@@ -9,7 +9,6 @@ import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints
 from uavgram.model.result.verdict import VerdictLevel
-from uavgram.model.scenario.as_stated import Unlike
 
 SIGMAS = (1.0, 1.959963984540054, 3.0)
 """Within which errors are counted: 68.3, 95 and 99.7 % of normal ones lie there."""
@@ -136,6 +135,15 @@ class Variant:
     name: str
     repetitions: Repetitions
     accuracy: Accuracy
+
+
+@dataclass(frozen=True)
+class Unlike:
+    """A thing that is drawn otherwise than stated: its key, and both sigmas, of each coordinate."""
+
+    key: str
+    drawn: tuple[float, ...]
+    stated: tuple[float, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -17,6 +18,18 @@ def _none() -> Floats:
 Source = Literal["hand", "match", "target"]
 """Who made a pick: a person; the program, which found in another photo what a person had picked; or
 the program, which found a target."""
+
+
+def taken(table: Any, rows: Sequence[int]) -> dict[str, Any]:  # noqa: ANN401  (any data class)
+    """Some rows of a table's columns, arrays or tuples, without those that have none."""
+    columns = {one.name: getattr(table, one.name) for one in fields(table)}
+    return {
+        name: tuple(column[i] for i in rows if column)
+        if isinstance(column, tuple)
+        else column[rows]
+        for name, column in columns.items()
+    }
+
 
 SAME_PLACE_PX = 0.01
 """A match is of a pick that lies no further than that from where the match was found from."""
@@ -83,6 +96,10 @@ class Picks:
             if len(getattr(self, name)) not in {0, n}:
                 raise ValueError(f"{name}: {len(getattr(self, name))} entries, expected {n}")
 
+    def take(self, rows: Sequence[int]) -> Picks:
+        """Some of the picks, by index."""
+        return Picks(**taken(self, rows))
+
     def source_of(self, pick: int) -> Source:
         """Who made a pick."""
         return self.source[pick] if self.source else "hand"
@@ -147,6 +164,24 @@ class KnownLines(FrozenArrays):
     adjust: Annotated[Bools, "n"]
     tape: tuple[str, ...] = ()
     along: tuple[Along, ...] = ()
+
+    def take(self, rows: Sequence[int]) -> KnownLines:
+        """Some of the lines, by index."""
+        return KnownLines(**taken(self, rows))
+
+    def with_more(self, others: KnownLines) -> KnownLines:
+        """Append others."""
+        mine, theirs = range(len(self.name)), range(len(others.name))
+        return KnownLines(
+            name=self.name + others.name,
+            start=self.start + others.start,
+            end=self.end + others.end,
+            length_m=np.concatenate([self.length_m, others.length_m]),
+            sigma_m=np.concatenate([self.sigma_m, others.sigma_m]),
+            adjust=np.concatenate([self.adjust, others.adjust]),
+            tape=(*map(self.tape_of, mine), *map(others.tape_of, theirs)),
+            along=(*map(self.along_of, mine), *map(others.along_of, theirs)),
+        )
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -22,8 +22,8 @@ from uavgram.pipeline.cameras.read import read_camera
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import Posed
 from uavgram.pipeline.pick.live import LiveSurvey
-from uavgram.pipeline.sample_scene import PAINTED, TAPED, is_sample
 from uavgram.stages.camera.assume import UNKNOWN_CAMERA
+from uavgram.synthetic.accident_scene import PAINTED, TAPED, is_sample
 from uavgram.views.calibration.camera_text import fact_lines, parameter_cells, provenance_lines
 from uavgram.views.calibration.verdict import GOOD_FOCAL, focal_share, percent
 

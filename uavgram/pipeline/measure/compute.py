@@ -22,6 +22,7 @@ from uavgram.estimation.measuring.error_budget import error_budget, shares
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
 from uavgram.estimation.measuring.shifts import shifts
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.estimation.survey.observed import Observations
 from uavgram.geometry.earth.map_projection import checked_crs, utm_crs
 from uavgram.imaging.known_point_pose import known_point_poses
 from uavgram.model.flight.frames import Frames
@@ -34,7 +35,7 @@ from uavgram.model.result.result import Result
 from uavgram.model.result.shared import SharedResult
 from uavgram.model.result.tables import FrameResults, MeasurementResults, MonteCarloResults
 from uavgram.model.survey.known import KnownThings
-from uavgram.model.survey.observations import KnownLines
+from uavgram.model.survey.observations import KnownLines, KnownWorldPoints
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.world import World
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of
@@ -44,7 +45,7 @@ from uavgram.pipeline.measure.plates import plate_scale, with_sides
 from uavgram.pipeline.measure.pose import Posed, known_in_world, pose_frames
 from uavgram.pipeline.measure.position_lines import with_position_lines
 from uavgram.pipeline.versions import account_name, package_versions, stamp
-from uavgram.stages.assemble import Assembled, Observations, assemble
+from uavgram.stages.assemble import Assembled, assemble
 from uavgram.stages.camera.assume import ASSUMED_CAMERA, UNKNOWN_CAMERA
 from uavgram.stages.camera.learn import what_was_learnt
 from uavgram.stages.duplicates import Duplicates
@@ -216,26 +217,44 @@ def _without_copies(known: KnownThings, duplicates: Duplicates) -> KnownThings:
     return replace(known, adjust=chosen)
 
 
+def stated_observations(inputs: Inputs, posed: Posed, control: KnownWorldPoints) -> Observations:
+    """Gather what a project's files and its log state, copies included.
+
+    Parameters
+    ----------
+    inputs, posed
+        The project, and its frames by the log.
+    control
+        Its control points in the world.
+    """
+    project = inputs.project
+    return Observations(
+        calibration=inputs.calibration,
+        picks=inputs.picks,
+        lines=inputs.lines,
+        known=inputs.known,
+        control=control,
+        ties=inputs.ties,
+        telemetry=posed.telemetry,
+        ground=project.ground,
+        picks_sigma_px=project.picks_sigma_px,
+        picks_identification_sigma_m=project.picks_identification_sigma_m,
+        tape=project.tape,
+        own_scale_sigma=plate_scale(project.targets),
+        photos=inputs.photos.frame_id,
+        exposures=posed.frames,
+    )
+
+
 def _assembled(
     inputs: Inputs, counted: KnownLines, posed: Posed, duplicates: Duplicates
 ) -> tuple[Assembled, tuple[Message, ...]]:
     """All that was observed as one survey, and what there is to say of control points."""
     control, messages = known_in_world(inputs, inputs.control, posed.world)
-    observed = Observations(
-        calibration=inputs.calibration,
-        picks=inputs.picks,
+    observed = replace(
+        stated_observations(inputs, posed, control),
         lines=counted,
         known=_without_copies(inputs.known, duplicates),
-        control=control,
-        ties=inputs.ties,
-        telemetry=posed.telemetry,
-        ground=inputs.project.ground,
-        picks_sigma_px=inputs.project.picks_sigma_px,
-        picks_identification_sigma_m=inputs.project.picks_identification_sigma_m,
-        tape=inputs.project.tape,
-        own_scale_sigma=plate_scale(inputs.project.targets),
-        photos=inputs.photos.frame_id,
-        exposures=posed.frames,
         copies=duplicates.photos,
     )
     return assemble(observed), messages

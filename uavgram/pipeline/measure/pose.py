@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from uavgram.errors import GeometryError, InputError, UavgramError
+from uavgram.estimation.survey.observed import NO_CONTROL
 from uavgram.geometry.earth.geodesy import (
     SAME_SITE_M,
     are_exchanged,
@@ -28,7 +29,6 @@ from uavgram.model.options import GeodeticOrigin, MountOptions
 from uavgram.model.survey.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.survey.world import Geodetic, World
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of
-from uavgram.stages.assemble import NO_CONTROL
 from uavgram.stages.seed import seed
 from uavgram.stages.seed.fault_messages import fault_messages
 from uavgram.stages.seed.flight_evidence import gather_evidence

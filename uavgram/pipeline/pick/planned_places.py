@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.estimation.survey.observed import NO_CONTROL
 from uavgram.geometry.earth.geodesy import enu_from_geodetic, geodetic_from_enu
 from uavgram.model.survey.observations import KnownWorldPoints
 from uavgram.model.survey.world import World
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.stages.assemble import NO_CONTROL
 from uavgram.stages.products.mission import planned_origin
 
 LAID_SIGMA_M = 0.5

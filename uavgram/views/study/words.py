@@ -8,8 +8,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from uavgram.model.study.methods import MethodRow
-from uavgram.model.study.study import SOURCES, Cell, Study
+from uavgram.model.study.study import SOURCES, Cell, MethodRow, Study
 
 AGREES = (0.95, 1.05)
 """Errors over predicted ones, between which a prediction is called right."""

@@ -13,9 +13,9 @@ from scipy.spatial.transform import Rotation
 from uavgram.io.logs.tlog.reader import read_tlog
 from uavgram.io.logs.tlog.writer import LINK_DELAY_S, write_tlog
 from uavgram.model.arrays import Floats
-from uavgram.model.scenario.scenario import Scenario
-from uavgram.model.scenario.simulated import SimulatedLog
-from uavgram.stages.simulate.survey import simulate
+from uavgram.model.flight.simulated_log import SimulatedLog
+from uavgram.synthetic.scenario import Scenario
+from uavgram.synthetic.survey import simulate
 
 Messages = dict[str, list[Any]]
 """Messages of pymavlink, which has no types, by their kind."""

@@ -12,12 +12,13 @@ from scenes import Scene
 
 from uavgram.estimation.first_poses import plane_network
 from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, Minimum
+from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.unknowns import State
 from uavgram.io.cameras.drone_table import drone_cameras
 from uavgram.model.camera.tags import CameraTags
 from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.stages.assemble import Observations, assemble
+from uavgram.stages.assemble import assemble
 from uavgram.stages.camera.assume import assume_camera
 from uavgram.stages.refine import minima
 from uavgram.stages.refine.begin import softened

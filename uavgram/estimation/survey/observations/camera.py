@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Observation, in_unit
 from uavgram.estimation.survey.observations.priors import Prior, independent_prior
+from uavgram.estimation.survey.observed import Observations, Truth
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
@@ -24,6 +27,14 @@ class Calibration(Observation):
         check="its focus, zoom and resolution, and its sigmas",
         is_core=True,
     )
+
+    @classmethod
+    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+        """Draw what the calibration states of the lens."""
+        root = truth.problem.intrinsic_basis
+        off = root @ truth.rng.standard_normal(root.shape[1])
+        camera = replace(stated.calibration, parameters=truth.intrinsics + off)
+        return replace(stated, calibration=camera)
 
     def rows(self, state: State) -> Block | None:
         """Compare the combinations with the calibration."""

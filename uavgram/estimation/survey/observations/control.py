@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -10,9 +11,11 @@ import numpy as np
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
+from uavgram.estimation.survey.observed import Observations, Truth
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.survey.observations import KnownWorldPoints
 
 
 class Control(Observation):
@@ -38,6 +41,18 @@ class Control(Observation):
     def is_part(self) -> bool:
         """Whether there are control points."""
         return bool(len(self.problem.survey.control_label))
+
+    @classmethod
+    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+        """Survey the points anew."""
+        control = stated.control
+        kept = [i for i, name in enumerate(control.label) if name in truth.row]
+        label = tuple(control.label[i] for i in kept)
+        place = truth.place_m[[truth.row[name] for name in label]].reshape(-1, 3)
+        sigma = control.sigma_m[kept]
+        world = place + sigma * truth.rng.standard_normal(sigma.shape)
+        again = KnownWorldPoints(label=label, world_m=world, sigma_m=sigma)
+        return replace(stated, control=again)
 
     @cached_property
     def _columns(self) -> Ints:

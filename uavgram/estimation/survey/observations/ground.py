@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ import numpy as np
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Observation, Subjects
 from uavgram.estimation.survey.observations.priors import Prior, independent_prior
+from uavgram.estimation.survey.observed import Observations, Truth
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -93,6 +94,17 @@ class Departures(Observation):
         third = self.problem.third
         return {"roughness": third.rough, "heights": third.stated, "idle": third.idle}[self.name]
 
+    @classmethod
+    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+        """Draw the heights above the ground that are stated with a sigma, one for each label."""
+        survey, picks = truth.problem.survey, stated.picks
+        sigma = np.where(survey.is_free, 0.0, survey.height_sigma_m)
+        height = truth.height_m + sigma * truth.rng.standard_normal(len(truth.row))
+        k = np.array([truth.row[name] for name in picks.label], dtype=np.int64)
+        drawn = np.isfinite(picks.height_m) & (sigma[k] > 0)
+        again = replace(picks, height_m=np.where(drawn, height[k], picks.height_m))
+        return replace(stated, picks=again)
+
     def is_part(self) -> bool:
         """Whether any point has a third unknown, and one of them is of this kind."""
         return self.problem.layout.point_size == 3 and len(self.label) > 0
@@ -164,6 +176,14 @@ class Plane(Prior):
     def name(self) -> str:
         """``plane``, or ``plane of verge``."""
         return self.kind.name if self._is_first else f"plane of {self._prior.area}"
+
+    @classmethod
+    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+        """Draw the height that is stated of the first area; without a world there is none."""
+        ground, free = stated.ground, truth.problem.survey.gauge == "plane"
+        true = 0.0 if free else float(truth.state.plane[0])
+        height = true + ground.height_sigma_m * truth.rng.standard_normal()
+        return replace(stated, ground=replace(ground, height_m=float(height)))
 
     def rows(self, state: State) -> Block | None:
         """Compare height and slopes with what is known of them."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures
 from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
+from uavgram.estimation.survey.observed import Observations, Truth
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State, unstacked
 from uavgram.geometry.ground.line_of_position import inverse_root
@@ -191,6 +193,20 @@ class Known(Observation):
     def is_part(self) -> bool:
         """Whether a known thing takes part."""
         return bool(self.problem.known)
+
+    @classmethod
+    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+        """Draw the values; conditions and lines of position hold as far as they held."""
+        known = stated.known
+        value, row = known.value.copy(), truth.problem.survey.row_of_label
+        seen = (known.seen_thing(i, row) for i in range(len(known.name)))
+        things = [one for one in seen if one is not None and ALL_KINDS[one.kind].has_value]
+        if things:
+            rows = known_rows(truth.problem, truth.state, things)
+            np.add.at(value, np.array([thing.index for thing in things])[rows.thing], rows.value)
+        noise = known.sigma * truth.rng.standard_normal(len(known.name))
+        value += np.where(np.isnan(known.value), 0.0, noise)
+        return replace(stated, known=replace(known, value=value))
 
     def rows(self, state: State) -> Block | None:
         """Compute by how much each is not met."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +13,7 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
 from uavgram.estimation.survey.observations.priors import independent_prior
 from uavgram.estimation.survey.observations.tapes import Taped, taped_lines
+from uavgram.estimation.survey.observed import Observations, Truth
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
@@ -39,6 +41,26 @@ class Lengths(Observation):
     def is_part(self) -> bool:
         """Whether a length takes part."""
         return bool(len(self.problem.line_index))
+
+    @classmethod
+    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+        """Read the lengths between points that took part, each tape with a scale of its own."""
+        lines, own = stated.lines, dict(stated.own_scale_sigma)
+        names = range(len(lines.name))
+        kept = [i for i in names if {lines.start[i], lines.end[i]} <= truth.row.keys()]
+        again = lines.take(kept)
+        start = [truth.row[name] for name in again.start]
+        end = [truth.row[name] for name in again.end]
+        leg = truth.place_m[end] - truth.place_m[start]
+        leg[[again.along_of(i) == "horizontal" for i in range(len(kept))], 2] = 0.0
+        tape = [again.tape_of(i) for i in range(len(kept))]
+        scale = {
+            name: own.get(name, stated.tape.scale_sigma) * float(truth.rng.standard_normal())
+            for name in dict.fromkeys(tape)
+        }
+        true = np.linalg.norm(leg, axis=1) * (1.0 + np.array([scale[name] for name in tape]))
+        noise = again.sigma_m * truth.rng.standard_normal(len(kept))
+        return replace(stated, lines=replace(again, length_m=true + noise))
 
     @cached_property
     def _taped(self) -> tuple[Taped, Ints]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
+from uavgram.estimation.survey.observed import Observations, Truth
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
@@ -144,6 +145,24 @@ class Observation:
     def is_part(self) -> bool:
         """Whether the survey has any such observation."""
         return True
+
+    @classmethod
+    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+        """Draw these kinds anew, about the truth and with their stated errors.
+
+        Parameters
+        ----------
+        stated
+            What was observed; kinds before this one are drawn already.
+        truth
+            Of the survey, with random numbers of this kind alone.
+
+        Returns
+        -------
+        The observations, those of these kinds replaced by what took part.
+        """
+        del truth
+        return stated
 
     @property
     def name(self) -> str:

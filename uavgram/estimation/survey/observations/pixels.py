@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +12,7 @@ from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
 from uavgram.estimation.survey.observations.sightings import Seen, rows_of_sightings, seen
+from uavgram.estimation.survey.observed import Observations, Truth
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
@@ -49,6 +51,31 @@ class Pixels(Observation):
         if above.size and above.min() <= 0:  # the ground is not seen from below
             return None
         return rows_of_sightings(self.problem, state, self._seen, (world, d_point, d_plane))
+
+    @classmethod
+    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+        """Draw where people see each point, the point that they pick beside the one meant."""
+        picks, survey = stated.picks, truth.problem.survey
+        frame = {name: i for i, name in enumerate(survey.frame_id)}
+        matches = set(survey.matches.row.tolist())
+        kept = [
+            i
+            for i, (image, label) in enumerate(zip(picks.image, picks.label, strict=True))
+            if image in frame
+            and label in truth.row
+            and (picks.source_of(i) != "match" or i in matches)
+        ]
+        again = picks.take(kept)
+        f = np.array([frame[name] for name in again.image], dtype=np.int64)
+        k = np.array([truth.row[name] for name in again.label], dtype=np.int64)
+        sigma = np.where(np.isnan(again.sigma_px), stated.picks_sigma_px, again.sigma_px)
+        noise = sigma[:, None] * truth.rng.standard_normal((len(kept), 2))
+        off = stated.picks_identification_sigma_m * truth.rng.standard_normal((len(truth.row), 2))
+        rise = np.sum(off * truth.slope, axis=1, keepdims=True)
+        beside = truth.place_m + np.concatenate([off, rise], axis=1)
+        place = np.where(again.of_source("target")[:, None], truth.place_m[k], beside[k])
+        again = replace(again, pixel_px=truth.seen(f, place) + noise, sigma_px=sigma)
+        return replace(stated, picks=again)
 
     @cached_property
     def _from_above(self) -> Ints:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -11,9 +12,10 @@ import numpy as np
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
 from uavgram.estimation.survey.observations.priors import Prior, independent_prior
+from uavgram.estimation.survey.observed import Observations, Truth
 from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State
-from uavgram.geometry.motion.rotation import log_so3, right_jacobian_inverse
+from uavgram.geometry.motion.rotation import exp_so3, log_so3, right_jacobian_inverse
 from uavgram.geometry.motion.telemetry_pose import (
     BORESIGHT,
     CLOCK,
@@ -22,6 +24,7 @@ from uavgram.geometry.motion.telemetry_pose import (
     LEVER_ARM,
     POSITION_BIAS,
     SHARED_SIZE,
+    UP,
     Exposures,
     corrected_time,
     exposures_by_time,
@@ -51,6 +54,55 @@ class Telemetry(Observation):
     def is_part(self) -> bool:
         """Whether there is a log."""
         return self.problem.survey.telemetry is not None
+
+    @classmethod
+    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+        """Draw the log of the true poses, wrong as its priors say; times stay as they were.
+
+        What the clock did is in the errors of the frames already.
+        """
+        telemetry, frames = stated.telemetry, truth.problem.survey.telemetry
+        if telemetry is None or frames is None:
+            return stated
+        prior, poses, covariance = telemetry.prior, telemetry.poses, frames.covariance
+        center, rotation = truth.state.center, truth.state.rotation
+        nominal = np.zeros(SHARED_SIZE)
+        nominal[LEVER_ARM] = prior.lever_arm_m
+        sigma = np.zeros(SHARED_SIZE)
+        sigma[BORESIGHT] = prior.boresight_sigma_rad
+        sigma[LEVER_ARM] = prior.lever_arm_sigma_m
+        sigma[POSITION_BIAS] = prior.position_bias_sigma_m
+        sigma[HEADING_BIAS] = prior.heading_bias_sigma_rad
+        shared = nominal + sigma * truth.rng.standard_normal(SHARED_SIZE)
+        shared[CLOCK] = shared[CLOCK_DRIFT] = 0.0
+        root = np.linalg.cholesky(covariance)
+        own = np.einsum("nij,nj->ni", root, truth.rng.standard_normal((len(center), 6)))
+        logged = rotation @ exp_so3(own[:, 3:])
+        there = exposures_by_time(telemetry.track, poses.frame_id)(prior.time_s)
+        # logged = turn(heading) Rz mount exp(boresight), and Rb keeps its place to Rz.
+        turn = exp_so3(shared[HEADING_BIAS] * UP)
+        camera = prior.gimbal_from_camera @ exp_so3(shared[BORESIGHT])
+        gimbal = np.swapaxes(turn, -1, -2) @ logged @ camera.T
+        body = gimbal @ np.swapaxes(there.world_from_mount, 1, 2) @ there.world_from_body
+        arm = turn @ body @ shared[LEVER_ARM]
+        sizes = np.sqrt(np.einsum("nii->ni", covariance))
+        exposures = PhotoExposures(
+            frame_id=poses.frame_id,
+            position_world_m=center + own[:, :3] + shared[POSITION_BIAS] - arm,
+            world_from_body=body,
+            world_from_gimbal=gimbal,
+            sigma_position_m=sizes[:, [0, 2]],
+            sigma_attitude_rad=sizes[:, [3, 5]],
+            by_course=np.zeros(len(center), dtype=np.bool_),
+            source="a simulation",
+        )
+        now = exposures_by_time(exposures, poses.frame_id)(prior.time_s)
+        seed_center, seed_rotation, _ = predict_pose(
+            now, prior.gimbal_from_camera, nominal, prior.time_s - prior.middle_s
+        )
+        seeds = replace(poses, center_world_m=seed_center, world_from_camera=seed_rotation)
+        again = replace(telemetry, poses=seeds, track=exposures)
+        return replace(stated, telemetry=again)
 
     @property
     def _prior(self) -> TelemetryPrior:

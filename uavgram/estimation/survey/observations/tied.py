@@ -8,6 +8,7 @@ point is observed by the pick alone. Both depart from the ground by the same.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -16,8 +17,16 @@ from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Observation
 from uavgram.estimation.survey.observations.sightings import Seen, rows_of_sightings, seen
+from uavgram.estimation.survey.observed import Observations, Truth
 from uavgram.estimation.survey.unknowns import State
+from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.survey.ties import TiePicks
+
+PATCH_PX = 0.03
+"""Sigma of the picked pixel itself in a chain: the noise of the photo around it, which all matches
+found from it share. (matching.md's prototype: matches of exact picks are good to 0.04 to 0.06 px.)
+"""
 
 ANYWHERE_M = 100.0
 """Prior sigma of a tie point's height about the ground's: what photos from nearly one place show
@@ -38,6 +47,36 @@ class Matches(Observation):
     def is_part(self) -> bool:
         """Whether there are chains of matches."""
         return bool(self.problem.survey.matches.points)
+
+    @classmethod
+    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+        """Draw where the picture about a drawn pick is found again, from its error on.
+
+        On the ground as it slopes at the pick's point; the patch that is looked for is cut out with
+        an error of its own.
+        """
+        picks, survey = stated.picks, truth.problem.survey
+        found = np.flatnonzero(picks.of_source("match"))
+        if not len(found):
+            return stated
+        frame = {name: i for i, name in enumerate(survey.frame_id)}
+        at = {(a, b): i for i, (a, b) in enumerate(zip(picks.image, picks.label, strict=True))}
+        origin = np.array([at[picks.from_image[i], picks.label[i]] for i in found])
+        first, row = np.unique(origin, return_inverse=True)
+        f = np.array([frame[picks.image[i]] for i in first])
+        k = np.array([truth.row[picks.label[i]] for i in first])
+        cut = picks.pixel_px[first] + PATCH_PX * truth.rng.standard_normal((len(first), 2))
+        ray = back_project(survey.calibration.model, truth.intrinsics, cut)
+        ray = np.einsum("nij,nj->ni", truth.state.rotation[f], ray)
+        normal = np.column_stack([-truth.slope[k], np.ones(len(k))])
+        center = truth.state.center[f]
+        reach = np.sum((truth.place_m[k] - center) * normal, axis=1) / np.sum(ray * normal, axis=1)
+        patch = (center + reach[:, None] * ray)[row]
+        noise = picks.sigma_px[found, None] * truth.rng.standard_normal((len(found), 2))
+        pixel, from_px = picks.pixel_px.copy(), picks.from_px.copy()
+        pixel[found] = truth.seen(np.array([frame[picks.image[i]] for i in found]), patch) + noise
+        from_px[found] = picks.pixel_px[origin]
+        return replace(stated, picks=replace(picks, pixel_px=pixel, from_px=from_px))
 
     @cached_property
     def _label(self) -> Ints:
@@ -73,6 +112,21 @@ class Ties(Observation):
         """Whether there are tie points."""
         return bool(self.problem.survey.ties.points)
 
+    @classmethod
+    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+        """Draw where photos show each tie point."""
+        survey, ties = truth.problem.survey, stated.ties
+        row, sigma = survey.ties.row, ties.sigma_px[survey.ties.row]
+        place = truth.state.tie[survey.matches.points + survey.ties.point][:, :3]
+        pixel = truth.seen(survey.ties.frame, place.reshape(-1, 3))
+        again = TiePicks(
+            image=tuple(ties.image[i] for i in row),
+            tie=tuple(ties.tie[i] for i in row),
+            pixel_px=pixel + sigma[:, None] * truth.rng.standard_normal(pixel.shape),
+            sigma_px=sigma,
+        )
+        return replace(stated, ties=again)
+
     @cached_property
     def _point(self) -> Ints:
         survey = self.problem.survey
@@ -93,10 +147,14 @@ class Ties(Observation):
         return rows_of_sightings(self.problem, state, self._seen, placed)
 
 
-class TieHeights(Ties):
+class TieHeights(Observation):
     """What is known of the heights of tie points: hardly anything."""
 
     kind = Kind("tie heights", "tie points", "heights of tie points", role="construction")
+
+    def is_part(self) -> bool:
+        """Whether there are tie points."""
+        return bool(self.problem.survey.ties.points)
 
     def rows(self, state: State) -> Block | None:
         """Compare the heights with that of the ground."""

@@ -1,1 +1,0 @@
-"""The photos of the built-in survey, rendered: road, marks, vehicles."""

@@ -1,1 +1,0 @@
-"""The built-in survey: scenario, scene, and what is simulated of it."""

@@ -1,1 +1,0 @@
-"""From a scenario to a plan: flights to choose from, reference lines, and what they will reach."""

@@ -1,1 +1,0 @@
-"""Surveys with known truth, many times over: how good results really are."""

@@ -1,1 +1,0 @@
-"""Before a flight: where to photograph from, and where reference lines may lie."""

@@ -1,0 +1,1 @@
+"""Synthetic surveys: one description of scene, flight and errors; demo, simulate, plan, study."""

@@ -1,0 +1,121 @@
+"""The built-in survey: simulated, photographed, written to a folder; run, or left to be picked."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+from uavgram.errors import InputError, OutputError
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.result.result import Result
+from uavgram.pipeline.measure.run import run
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.synthetic.accident_scene import MARK, TAPED, is_sample
+from uavgram.synthetic.files import write_demo, write_unpicked
+from uavgram.synthetic.picture.render import render_photos
+from uavgram.synthetic.scenario import Scenario
+from uavgram.synthetic.survey import simulate
+
+
+@with_one_blas_thread
+def demo(
+    folder: Path,
+    scenario: Scenario,
+    progress: Progress = silent,
+    calibration: Calibration | None = None,
+) -> tuple[Result, Mapping[str, float], Path]:
+    """Make a survey with known truth, and run it.
+
+    Parameters
+    ----------
+    folder
+        Where its files go; made if absent.
+    scenario
+        The numbers that define it.
+    progress
+        Shows long loops.
+    calibration
+        Of its camera, where that comes from a file.
+
+    Returns
+    -------
+    result : Result
+    truth
+        True values by the names of the measurements.
+    project
+        The project file.
+    """
+    survey = simulate(scenario, calibration)
+    photos = progress(render_photos(survey), "rendering photos", len(survey.frame_id))
+    project = write_demo(folder, survey, photos)
+    result = run(project, progress=progress)
+    names, values = survey.truth.measurement_name, survey.truth.measurement_value.tolist()
+    return result, dict(zip(names, values, strict=True)), project
+
+
+SAMPLE = "uavgram-sample"
+"""Its folder, where none is named."""
+
+
+@with_one_blas_thread
+def make_sample(folder: Path, progress: Progress = silent) -> Path:
+    """Make the sample in a folder; where it is there already, leave it as it is.
+
+    Parameters
+    ----------
+    folder
+        Made if absent; all of it at once, or nothing.
+    progress
+        Shows long loops.
+
+    Returns
+    -------
+    Path of the project file.
+
+    Raises
+    ------
+    InputError
+        The folder holds something else, which is left as it is.
+    OutputError
+        The folder cannot be written.
+    """
+    folder = folder.absolute()
+    project = folder / "project.yaml"
+    if is_sample(project):
+        return project
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(
+            folder,
+            "is there already and holds something else than the sample; nothing was written. Name "
+            "a new folder: uavgram pick --sample FOLDER",
+        )
+    survey = simulate(replace(Scenario(), name="sample"))
+    photos = progress(render_photos(survey), "rendering photos", len(survey.frame_id))
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as making:
+            made = Path(making) / "whole"
+            write_unpicked(made, survey, photos, f"{MARK} mark what its photos show, and measure.")
+            text = _taped_text(
+                zip(survey.lines.start, survey.lines.end, survey.truth.line_length_m, strict=True)
+            )
+            (made / TAPED).write_text(text, encoding="utf-8")
+            made.rename(folder)
+    except OSError as fault:
+        raise OutputError(
+            f"{folder}: cannot be written ({fault.strerror}); name another"
+        ) from fault
+    return project
+
+
+def _taped_text(lengths: Iterable[tuple[str, str, float]]) -> str:
+    """What was taped on the scene, for the page's known lengths."""
+    rows = "\n".join(f"{start} to {end}   {length:.2f} m" for start, end, length in lengths)
+    return (
+        "Taped on the scene, to about 1 cm. Use two or more of them on the page as known lengths,\n"
+        "and keep the others to compare with what the page measures.\n\n"
+        f"{rows}\n"
+    )

@@ -1,0 +1,258 @@
+"""Errors of a synthetic survey: sizes, what its project states of them, and habits of people."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
+from typing import Literal
+
+from uavgram.model.limits import require, require_sizes
+
+TelemetryClass = Literal["consumer", "rtk", "ppk", "none"]
+
+USUALLY_LOST = 9
+"""The exposure of the demo's flight of which no photo was stored."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorSpec:
+    """How wrong everything is that the survey records: one sigma of each source.
+
+    Attributes
+    ----------
+    position_bias_m
+        Common to the flight: [horizontal, vertical], each axis.
+    position_drift_m, position_drift_tau_s
+        Slow wander of the estimator [horizontal, vertical], first-order Gauss-Markov.
+    gps_noise_m
+        Of each fix of the receiver [horizontal, vertical], beside what the estimator shares.
+    attitude_deg, heading_deg, attitude_tau_s
+        Of logged roll and pitch, and of logged yaw, Gauss-Markov.
+    heading_bias_deg
+        Of yaw, common to the flight.
+    gimbal_deg
+        Of logged gimbal angles, Gauss-Markov.
+    boresight_deg
+        Of the camera in its mount, about each axis.
+    lever_arm_m, lever_arm_sigma_m
+        Autopilot to camera as the project states it (body FRD), and the error of that statement.
+    camera_clock_offset_s
+        Camera clock minus UTC (exact, not a sigma); the project does not know it.
+    camera_zone_h
+        The zone the camera is set to, hours east of Greenwich.
+    exif_jitter_s, event_jitter_s
+        Of each photo's file time and of each logged exposure.
+    lost_exposure
+        Index of the exposure of which no photo was stored, None if there is none; of two strips
+        only.
+    readout_ms
+        In which a photo is read, row after row (exact); the project does not know it.
+    pick_px, tape_m, check_m, control_m
+        Of each picked coordinate, each taped length, each axis of a check or control point.
+    identification_m
+        Which place a label is: drawn anew for each pick, east and north.
+    tape_scale
+        Of the tape, common to all lengths: a share of them.
+    """
+
+    position_bias_m: tuple[float, float] = (1.2, 1.5)
+    position_drift_m: tuple[float, float] = (0.35, 0.4)
+    position_drift_tau_s: float = 40.0
+    gps_noise_m: tuple[float, float] = (0.25, 0.4)
+    attitude_deg: float = 0.6
+    heading_deg: float = 1.5
+    attitude_tau_s: float = 3.0
+    heading_bias_deg: float = 1.5
+    gimbal_deg: float = 0.6
+    boresight_deg: float = 1.0
+    lever_arm_m: tuple[float, float, float] = (0.12, 0.0, 0.08)
+    lever_arm_sigma_m: float = 0.02
+    camera_clock_offset_s: float = 2.6
+    camera_zone_h: float = -6.0
+    exif_jitter_s: float = 0.01
+    event_jitter_s: float = 0.005
+    lost_exposure: int | None = USUALLY_LOST
+    readout_ms: float = 0.0
+    pick_px: float = 0.7
+    tape_m: float = 0.01
+    check_m: float = 0.02
+    control_m: float = 0.02
+    identification_m: float = 0.0
+    tape_scale: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive = ("attitude_tau_s", "position_drift_tau_s", "pick_px", "tape_m", "check_m")
+        for name in (*positive, "control_m"):
+            require(getattr(self, name) > 0, f"{name} must be greater than 0")
+        require(self.tape_scale < 0.1, "tape_scale must be below 0.1: it is a share of a length")
+        require(abs(self.readout_ms) <= 500, "readout_ms must lie between -500 and 500")
+        require_sizes(
+            *(self, "position_bias_m", "position_drift_m", "gps_noise_m", "attitude_deg"),
+            *("heading_deg", "heading_bias_deg", "gimbal_deg", "boresight_deg"),
+            *("lever_arm_sigma_m", "exif_jitter_s", "event_jitter_s", "identification_m"),
+            "tape_scale",
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatedSpec:
+    """What the project of the simulated survey states beforehand; the demo's by default.
+
+    Attributes
+    ----------
+    ground_height_sigma_m, ground_slope_sigma_deg, roughness_sigma_m
+        Of the ground, level and at the height of home.
+    picks_identification_sigma_m
+        How far people pick beside what was meant, alike in all photos.
+    boresight_sigma_deg, lever_arm_sigma_m, clock_sigma_s
+        Of mount and clock. The clock's offset itself is found from the log's camera events; where
+        these are too few or too even to tell it, it is stated, off by that.
+    position_sigma_m, attitude_sigma_deg
+        Of each frame: [horizontal, vertical], [tilt, yaw]; empty: as the log says.
+    position_bias_sigma_m, heading_bias_sigma_deg
+        Common to the flight: [horizontal, vertical].
+    tape_scale_sigma
+        A share of all lengths.
+    outliers, noise
+        As in the project's `solve`.
+    """
+
+    ground_height_sigma_m: float = 0.5
+    ground_slope_sigma_deg: float = 3.0
+    roughness_sigma_m: float = 0.0
+    picks_identification_sigma_m: float = 0.0
+    boresight_sigma_deg: float = 1.5
+    lever_arm_sigma_m: float = 0.05
+    clock_sigma_s: float = 0.05
+    position_sigma_m: tuple[float, ...] = ()
+    attitude_sigma_deg: tuple[float, ...] = ()
+    position_bias_sigma_m: tuple[float, float] = (2.0, 3.0)
+    heading_bias_sigma_deg: float = 2.0
+    tape_scale_sigma: float = 0.001
+    outliers: Literal["report", "remove"] = "report"
+    noise: Literal["estimate", "stated"] = "estimate"
+
+    def __post_init__(self) -> None:
+        for name in ("position_sigma_m", "attitude_sigma_deg"):
+            pair = getattr(self, name)
+            require(len(pair) in {0, 2} and min(pair, default=1) > 0, f"{name} must be two sigmas")
+        require_sizes(self, "roughness_sigma_m", "picks_identification_sigma_m", "tape_scale_sigma")
+
+
+Section = MappingProxyType[str, list[float]]
+
+
+def _section(**values: list[float]) -> Section:
+    return MappingProxyType(values)
+
+
+_CENTIMETRES = _section(position_sigma_m=[0.02, 0.03], position_bias_sigma_m=[0.03, 0.05])
+USUAL: MappingProxyType[str, MappingProxyType[str, Section]] = MappingProxyType(
+    {
+        "consumer": MappingProxyType({}),
+        # A receiver with corrections states 1 cm + 1 ppm and 1.5 cm + 1 ppm (u-blox ZED-F9P data
+        # sheet); the antenna's place above the camera and the time of the exposure add to that.
+        "rtk": MappingProxyType(
+            {
+                "errors": _section(
+                    position_bias_m=[0.02, 0.03],
+                    position_drift_m=[0.015, 0.02],
+                    gps_noise_m=[0.01, 0.02],
+                ),
+                "stated": _CENTIMETRES,
+            }
+        ),
+        "ppk": MappingProxyType(
+            {
+                "errors": _section(
+                    position_bias_m=[0.015, 0.02],
+                    position_drift_m=[0.01, 0.015],
+                    gps_noise_m=[0.005, 0.01],
+                ),
+                "stated": _CENTIMETRES,
+            }
+        ),
+        "none": MappingProxyType({}),
+    }
+)
+"""By class of telemetry, what a scenario's sections have where its file writes nothing else."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Raised:
+    """A point that stands off the ground though nobody says so."""
+
+    label: str
+    height_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrongLength:
+    """A length whose reading is off by so much."""
+
+    name: str
+    by_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class HabitSpec:
+    """Errors of people, logs and cameras: exact ones, the same in each repetition.
+
+    Attributes
+    ----------
+    tape_long
+        Share by which all lengths are read too long.
+    level_tape
+        Lengths are taken with the tape held level, and written as if along the ground.
+    focal_wrong
+        Share by which the true focal length is longer than the calibration says.
+    lag_s
+        By which the log's exposures are late.
+    yaw_deg, mount_deg
+        By which the log's heading, and the camera's tilt in its mount, are off beside the errors.
+    gps_jump_m
+        Step of the logged position to the north, amid the photos.
+    heavy_tails
+        Share of picks that are five times as bad.
+    pick_factor
+        True over stated sigma of the picks.
+    raised
+        Points off the ground.
+    swapped
+        Pairs of labels that are exchanged in the first photo that shows both.
+    wrong_lengths
+        Readings with a blunder.
+    """
+
+    tape_long: float = 0.0
+    level_tape: bool = False
+    focal_wrong: float = 0.0
+    lag_s: float = 0.0
+    yaw_deg: float = 0.0
+    mount_deg: float = 0.0
+    gps_jump_m: float = 0.0
+    heavy_tails: float = 0.0
+    pick_factor: float = 1.0
+    raised: tuple[Raised, ...] = ()
+    swapped: tuple[tuple[str, str], ...] = ()
+    wrong_lengths: tuple[WrongLength, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("tape_long", "focal_wrong"):
+            require(abs(getattr(self, name)) < 0.9, f"{name} is a share: it must be below 0.9")
+        require(0 <= self.heavy_tails <= 1, "heavy_tails is a share: it must lie between 0 and 1")
+        require(self.pick_factor > 0, "pick_factor must be greater than 0")
+
+    def names(self) -> tuple[str, ...]:
+        """Which of them there are."""
+        return tuple(f.name for f in fields(self) if getattr(self, f.name) != f.default)
+
+    def only(self, name: str) -> HabitSpec:
+        """One of them alone."""
+        return replace(HabitSpec(), **{name: getattr(self, name)})
+
+    @property
+    def labels(self) -> frozenset[str]:
+        """Points that they name."""
+        raised = {one.label for one in self.raised}
+        return frozenset(raised | {label for pair in self.swapped for label in pair})

@@ -1,0 +1,395 @@
+"""The true flight: its route, how the vehicle moves along it, its exposures, its camera poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
+
+import numpy as np
+from scipy.linalg import solve_banded
+from scipy.ndimage import gaussian_filter1d
+
+from uavgram.geometry.motion.rotation import (
+    ENU_FROM_NED,
+    GIMBAL_FROM_CAMERA,
+    exp_so3,
+    matrix_from_ypr,
+)
+from uavgram.model.arrays import Floats, FrozenArrays, Ints
+from uavgram.synthetic.scenario import FlightPlan, Site
+
+ON_GROUND_S = 8.0
+CLIMB_M_S = 3.0
+LEAD_M = 6.0  # straight flight before and after the exposures of a strip
+HOVER_S = 5.0  # at a place from which one photo is taken: time to come to rest before and after
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Route(FrozenArrays):
+    """A flight of W waypoints over L legs on which photos are taken.
+
+    Attributes
+    ----------
+    waypoint_world_m
+        (W, 3) home, above home, start and end of each leg, above home, home.
+    start_s
+        (W,) when each is passed, from the start of the recording.
+    yaw_rad, pitch_rad
+        (L,) of the vehicle, and of the gimbal's optical axis; yaw without jumps.
+    turn_s
+        (L - 1,) half-way between two legs.
+    """
+
+    waypoint_world_m: Annotated[Floats, "w", 3]
+    start_s: Annotated[Floats, "w"]
+    yaw_rad: Annotated[Floats, "l"]
+    pitch_rad: Annotated[Floats, "l"]
+    turn_s: Floats
+
+
+class _Leg(NamedTuple):
+    """Flown straight, in scene axes [m]; heading [rad] from its x axis, counterclockwise."""
+
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    heading: float
+    pitch: float
+
+
+def route(plan: FlightPlan, site: Site) -> Route:
+    """Lay the legs of a plan one after the other.
+
+    Parameters
+    ----------
+    plan, site
+        Of the scenario.
+    """
+    legs = _hovers(plan, site) if plan.is_hovering else _strips(plan, site)
+    ends = np.array([end for leg in legs for end in (leg.start, leg.end)])
+    plane = site.in_world(ends[:, :2])
+    above = [[0.0, 0.0, plan.height_m]]
+    flown = np.vstack([above, np.hstack([plane, ends[:, 2:]]), above])
+    waypoints = np.vstack([np.zeros(3), flown, np.zeros(3)])
+    speed = np.full(len(waypoints) - 1, plan.speed_m_s)
+    speed[[0, -1]] = CLIMB_M_S
+    leg_s = np.linalg.norm(np.diff(waypoints, axis=0), axis=1) / speed
+    if plan.is_hovering:
+        leg_s[2:-2:2] = HOVER_S
+        leg_s[3:-2:2] = np.maximum(leg_s[3:-2:2], 1.0)  # two photos of one place: turn meanwhile
+    start = ON_GROUND_S + np.concatenate([[0.0], np.cumsum(leg_s)])
+    yaw = np.deg2rad(site.road_azimuth_deg) - np.array([leg.heading for leg in legs])
+    return Route(
+        waypoint_world_m=waypoints,
+        start_s=start,
+        yaw_rad=np.unwrap(yaw) if plan.is_hovering else yaw,
+        pitch_rad=np.array([leg.pitch for leg in legs]),
+        turn_s=0.5 * (start[3:-3:2] + start[4:-2:2]),
+    )
+
+
+def exposures(plan: FlightPlan, flown: Route, rng: np.random.Generator) -> Floats:
+    """Instants (E,) at which the vehicle passes the planned places.
+
+    Parameters
+    ----------
+    plan, flown
+        The plan and its route.
+    rng
+        Draws each exposure's place along its strip.
+    """
+    begin = flown.start_s[2:-2:2]
+    if plan.is_hovering:
+        return begin + 0.5 * HOVER_S
+    count = plan.photos_per_strip
+    along = LEAD_M + np.linspace(0.0, 2.0 * plan.strip_half_length_m, count)
+    jitter = rng.uniform(-plan.trigger_jitter_m, plan.trigger_jitter_m, (len(begin), count))
+    return (begin[:, None] + (along + jitter) / plan.speed_m_s).ravel()
+
+
+def _ahead(plan: FlightPlan, site: Site) -> float:
+    """How far ahead of the vehicle the optical axis meets the ground [m]."""
+    above = plan.height_m - site.ground_height_m
+    return float(above / np.tan(np.deg2rad(-plan.gimbal_pitch_deg)))
+
+
+def _strips(plan: FlightPlan, site: Site) -> list[_Leg]:
+    """Strips there and back, and for a grid as many across.
+
+    The optical axis meets the ground ahead of the vehicle: it flies so that the footprints, not the
+    vehicle, are spread about the scene's middle.
+    """
+    reach, ahead = plan.strip_half_length_m + LEAD_M, _ahead(plan, site)
+    count = {"strip": 1, "grid": plan.grid_strips}.get(plan.pattern, 2)
+    pitch = float(np.deg2rad(plan.gimbal_pitch_deg))
+    legs = []
+    for across in (False, True)[: 2 if plan.pattern == "grid" else 1]:
+        for i in range(count):
+            way = -1.0 if i % 2 else 1.0
+            side = (i - (count - 1) / 2) * 2 * plan.strip_offset_m
+            ends = [(way * (-reach - ahead), side), (way * (reach - ahead), side)]
+            if across:
+                ends = [(-y, x) for x, y in ends]
+            start, end = ((x, y, plan.height_m) for x, y in ends)
+            heading = (np.pi / 2 if across else 0.0) - (np.pi if i % 2 else 0.0)
+            legs.append(_Leg(start, end, heading, pitch))
+    return legs
+
+
+def _hovers(plan: FlightPlan, site: Site) -> list[_Leg]:
+    """Places at rest."""
+    height, pitch = plan.height_m, float(np.deg2rad(plan.gimbal_pitch_deg))
+    if plan.pattern == "single":
+        place = (-_ahead(plan, site), 0.0, height)
+        return [_Leg(place, place, 0.0, pitch)]
+    if plan.pattern == "orbit":
+        legs = []
+        down = -float(np.arctan2(height - site.ground_height_m, plan.radius_m))
+        for angle in 2.0 * np.pi * np.arange(plan.frames) / plan.frames:
+            place = (plan.radius_m * np.cos(angle), plan.radius_m * np.sin(angle), height)
+            legs.append(_Leg(place, place, angle + np.pi, down))
+        return legs
+    return [
+        _Leg(
+            (one.x_m, one.y_m, one.height_m),
+            (one.x_m, one.y_m, one.height_m),
+            float(np.deg2rad(one.heading_deg)),
+            float(np.deg2rad(one.pitch_deg)),
+        )
+        for one in plan.poses
+    ]
+
+
+STEP_S = 0.01
+GRAVITY_M_S2 = 9.80665
+CORNER_SIGMA_S = 0.8  # how softly the vehicle turns, brakes and speeds up
+WOBBLE_TAU_S = 1.5
+DRAG_PER_S = 0.25  # a multicopter leans about 6 degrees into 4.5 m/s
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Motion(FrozenArrays):
+    """N instants of the true flight, `STEP_S` apart.
+
+    Attributes
+    ----------
+    time_s
+        (N,) from the start of the recording.
+    position_world_m, velocity_world_m_s
+        (N, 3) of the autopilot.
+    body_rpy_rad
+        (N, 3) roll, pitch, yaw of the body, FRD to NED; yaw without jumps.
+    gimbal_rpy_rad
+        (N, 3) roll and pitch from the earth, yaw from the vehicle's heading.
+    exposure_time_s
+        (E,) increasing.
+    """
+
+    time_s: Annotated[Floats, "n"]
+    position_world_m: Annotated[Floats, "n", 3]
+    velocity_world_m_s: Annotated[Floats, "n", 3]
+    body_rpy_rad: Annotated[Floats, "n", 3]
+    gimbal_rpy_rad: Annotated[Floats, "n", 3]
+    exposure_time_s: Annotated[Floats, "e"]
+
+
+def gauss_markov(
+    rng: np.random.Generator, count: int, step_s: float, tau_s: float, sigma: Floats
+) -> Floats:
+    """Draw (count, K) stationary first-order Gauss-Markov noise with sigmas (K,).
+
+    x[i+1] = a x[i] + w, a = exp(-step / tau), var w = sigma^2 (1 - a^2) (Gelb 1974, section 3.8).
+
+    Parameters
+    ----------
+    rng
+        Draws the errors.
+    count
+        Number of instants.
+    step_s
+        Between two of them [s].
+    tau_s
+        Correlation time [s].
+    sigma
+        (K,) standard deviations, in the unit of the noise.
+    """
+    decay = float(np.exp(-step_s / tau_s))
+    white = rng.standard_normal((count, len(sigma)))
+    white[1:] *= np.sqrt(1.0 - decay**2)
+    # A recursion is nothing for numpy, and scipy.signal takes long to load: x solves a band matrix.
+    band = np.array([np.ones(count), np.full(count, -decay)])
+    return np.asarray(solve_banded((1, 0), band, white)) * sigma
+
+
+def fly(plan: FlightPlan, site: Site, rng: np.random.Generator) -> Motion:
+    """Fly the plan: up from home, from leg to leg, home, down.
+
+    Parameters
+    ----------
+    plan, site
+        Of the scenario.
+    rng
+        Draws trigger places and wobble.
+    """
+    flown = route(plan, site)
+    knots = flown.start_s
+    time = np.arange(0.0, knots[-1] + ON_GROUND_S, STEP_S)
+    path = np.stack([np.interp(time, knots, column) for column in flown.waypoint_world_m.T], axis=1)
+    path = gaussian_filter1d(path, CORNER_SIGMA_S / STEP_S, axis=0, mode="nearest")
+    # On the ground nothing wobbles.
+    aloft = np.clip(path[:, 2:] / plan.height_m, 0.0, 1.0)
+    path = path + aloft * _wobble(rng, len(time), np.full(3, plan.wobble_m))
+    velocity = np.gradient(path, STEP_S, axis=0)
+    yaw = _turning(flown.yaw_rad, flown, time)
+    body = _lean(velocity, yaw)
+    tilt_sigma = np.deg2rad([plan.tilt_wobble_deg, plan.tilt_wobble_deg, plan.tilt_wobble_deg / 2])
+    body = body + aloft * _wobble(rng, len(time), tilt_sigma)
+    gimbal = _wobble(rng, len(time), np.full(3, np.deg2rad(plan.gimbal_wobble_deg)))
+    gimbal[:, 1] += _turning(flown.pitch_rad, flown, time)
+    return Motion(
+        time_s=time,
+        position_world_m=path,
+        velocity_world_m_s=velocity,
+        body_rpy_rad=body,
+        gimbal_rpy_rad=gimbal,
+        exposure_time_s=exposures(plan, flown, rng),
+    )
+
+
+def at(motion: Motion, column: Floats, instants_s: Floats) -> Floats:
+    """Interpolate an (N, 3) column of the motion at (E,) instants, linearly: (E, 3).
+
+    Parameters
+    ----------
+    motion
+        The true flight.
+    column
+        (N, 3) one of its quantities.
+    instants_s
+        (E,) from the start of the recording [s].
+    """
+    return np.stack([np.interp(instants_s, motion.time_s, part) for part in column.T], axis=1)
+
+
+def _turning(angle: Floats, flown: Route, time: Floats) -> Floats:
+    """One angle (N,) of the flight: that of each leg, turned about half-way between two legs."""
+    if np.ptp(angle) == 0:
+        return np.full(len(time), angle[0])
+    now = angle[np.searchsorted(flown.turn_s, time, side="right")]
+    return gaussian_filter1d(now, CORNER_SIGMA_S / STEP_S, mode="nearest")
+
+
+def _lean(velocity: Floats, yaw: Floats) -> Floats:
+    """Roll, pitch, yaw (N, 3) of a multicopter: its thrust balances gravity, drag, acceleration."""
+    force = np.gradient(velocity, STEP_S, axis=0) + DRAG_PER_S * velocity
+    force = gaussian_filter1d(force, 0.3 / STEP_S, axis=0, mode="nearest")
+    east, north, up = force.T
+    ahead = np.sin(yaw) * east + np.cos(yaw) * north
+    right = np.cos(yaw) * east - np.sin(yaw) * north
+    up = up + GRAVITY_M_S2
+    return np.stack([np.arctan2(right, np.hypot(ahead, up)), -np.arctan2(ahead, up), yaw], axis=1)
+
+
+def _wobble(rng: np.random.Generator, count: int, sigma: Floats) -> Floats:
+    """Smooth random motion (count, K) of about the given sigmas."""
+    rough = gauss_markov(rng, count, STEP_S, WOBBLE_TAU_S, sigma)
+    return gaussian_filter1d(rough, 0.25 / STEP_S, axis=0, mode="nearest")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PhotoRows(FrozenArrays):
+    """Poses at a few instants of each photo, so near to each other that lines join them.
+
+    Attributes
+    ----------
+    share
+        (R,) when, evenly spaced: in readout times from the middle row, as `row_share`
+        (geometry/motion/row_poses.py) says of a row.
+    center_world_m, world_from_camera
+        (F, R, 3), (F, R, 3, 3).
+    """
+
+    share: Annotated[Floats, "r"]
+    center_world_m: Annotated[Floats, "f", "r", 3]
+    world_from_camera: Annotated[Floats, "f", "r", 3, 3]
+
+    def at(self, frame: Ints | int, share: Floats) -> tuple[Floats, Floats]:
+        """Centres (..., 3) and rotations (..., 3, 3) of rows.
+
+        Parameters
+        ----------
+        frame
+            Which photo, one for all rows or (...) one for each.
+        share
+            (...) of the rows; a little beyond the table's ends the last motion goes on.
+        """
+        step = (self.share[-1] - self.share[0]) / (len(self.share) - 1)
+        place = (share - self.share[0]) / step
+        before = np.clip(np.floor(place), 0, len(self.share) - 2).astype(np.int64)
+        part = (place - before)[..., None]
+        center = _between(self.center_world_m, frame, before, part)
+        return center, _between(self.world_from_camera, frame, before, part[..., None])
+
+
+def _between(table: Floats, frame: Ints | int, before: Ints, part: Floats) -> Floats:
+    """Of rows `before` and the next, so far on."""
+    first = table[frame, before]
+    return np.asarray(first + part * (table[frame, before + 1] - first))
+
+
+READ = 0.51  # of the readout, before and after the middle row
+INSTANTS_S = 0.002  # between poses; turning by 2 rad/s, lines between them are 5e-7 rad off
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightBiases(FrozenArrays):
+    """What is wrong all through the flight, log minus truth: (3,) m, rad; and the true mount."""
+
+    position_m: Annotated[Floats, 3]
+    heading_rad: float
+    boresight_rad: Annotated[Floats, 3]
+    lever_arm_m: Annotated[Floats, 3]
+
+
+def true_poses(motion: Motion, biases: FlightBiases, instants_s: Floats) -> tuple[Floats, Floats]:
+    """Projection centres (F, 3) and rotations (F, 3, 3) of the camera, as it really was.
+
+    Parameters
+    ----------
+    motion, biases
+        The true flight, and how the camera sits.
+    instants_s
+        (F,) from the start of the recording.
+    """
+    roll, pitch, yaw = at(motion, motion.body_rpy_rad, instants_s).T
+    world_from_body = ENU_FROM_NED @ matrix_from_ypr(yaw, pitch, roll)
+    gimbal_roll, gimbal_pitch, gimbal_yaw = at(motion, motion.gimbal_rpy_rad, instants_s).T
+    world_from_gimbal = ENU_FROM_NED @ matrix_from_ypr(yaw + gimbal_yaw, gimbal_pitch, gimbal_roll)
+    position = at(motion, motion.position_world_m, instants_s)
+    center = position + world_from_body @ biases.lever_arm_m
+    return center, world_from_gimbal @ GIMBAL_FROM_CAMERA @ exp_so3(biases.boresight_rad)
+
+
+def photo_rows(
+    motion: Motion, biases: FlightBiases, exposed_s: Floats, readout_s: float
+) -> PhotoRows | None:
+    """Compute poses (F, R) through the reading of each photo, a little longer on both sides.
+
+    Parameters
+    ----------
+    motion, biases
+        The true flight, and how the camera sits.
+    exposed_s
+        (F,) of the middle rows, from the start of the recording.
+    readout_s
+        Time in which a photo is read; 0: all rows at once, None.
+    """
+    if not readout_s:
+        return None
+    share = np.linspace(-READ, READ, 2 * int(np.ceil(READ * abs(readout_s) / INSTANTS_S)) + 1)
+    instants = exposed_s[:, None] + readout_s * share
+    center, rotation = true_poses(motion, biases, instants.ravel())
+    return PhotoRows(
+        share=share,
+        center_world_m=center.reshape(*instants.shape, 3),
+        world_from_camera=rotation.reshape(*instants.shape, 3, 3),
+    )

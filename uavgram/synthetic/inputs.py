@@ -1,0 +1,202 @@
+"""What the project of a synthetic survey states: as inputs without any file, and as its text."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Literal
+
+import numpy as np
+
+from uavgram.model.flight.frames import Photos
+from uavgram.model.options import (
+    GroundOptions,
+    MountOptions,
+    Project,
+    SolveOptions,
+    TapeOptions,
+    TargetOptions,
+    TelemetryOptions,
+    TimeOptions,
+)
+from uavgram.model.typed_numbers import number_text
+from uavgram.pipeline.measure.inputs import Inputs
+from uavgram.synthetic.autopilot import flight_log
+from uavgram.synthetic.scenario import FAMILY, Scenario
+from uavgram.synthetic.survey import SimulatedSurvey
+
+TIME_STEP_S = 0.001
+
+
+def inputs_of(survey: SimulatedSurvey, *, noise: str | None = None) -> Inputs:
+    """Give the survey as `read_inputs` gives what `write_demo` writes.
+
+    Parameters
+    ----------
+    survey
+        Of a scenario.
+    noise
+        In place of what the scenario states of `solve.noise`.
+    """
+    count = len(survey.frame_id)
+    camera = survey.calibration
+    project = project_of(survey.scenario, noise)
+    return Inputs(
+        project_path="project.yaml",
+        project=project,
+        calibration=camera,
+        photos=Photos(
+            frame_id=survey.frame_id,
+            path=tuple(f"photos/{name}" for name in survey.frame_id),
+            width_px=np.full(count, float(camera.width_px)),
+            height_px=np.full(count, float(camera.height_px)),
+            file_time_s=survey.file_time_utc_s,
+            file_time_resolution_s=np.full(count, TIME_STEP_S),
+            time_source="exif",
+        ),
+        picks=survey.picks,
+        lines=survey.lines,
+        requests=survey.measurements,
+        control=survey.control,
+        check=survey.checks,
+        log=None if project.log is None else flight_log(survey.log),
+        poses=None,
+        digests=(),
+        messages=(),
+    )
+
+
+def project_of(scenario: Scenario, noise: str | None = None) -> Project:
+    """Give the project file of a simulated survey: what it states is the scenario's.
+
+    Parameters
+    ----------
+    scenario
+        Of the survey.
+    noise
+        In place of what it states of `solve.noise`.
+    """
+    stated, errors, plates = scenario.stated, scenario.errors, scenario.plates
+    return Project(
+        name=scenario.name,
+        images=("photos/*.jpg",),
+        log=None if scenario.telemetry == "none" else "flight.tlog",
+        camera="camera.yaml",
+        picks="picks.csv",
+        lines="lines.csv",
+        measure="measure.csv",
+        control="control.csv" if scenario.control else None,
+        check="check.csv",
+        ground=GroundOptions(
+            height_sigma_m=stated.ground_height_sigma_m,
+            slope_sigma_deg=stated.ground_slope_sigma_deg,
+            roughness_sigma_m=stated.roughness_sigma_m,
+        ),
+        mount=MountOptions(
+            boresight_sigma_deg=stated.boresight_sigma_deg,
+            lever_arm_m=errors.lever_arm_m,
+            lever_arm_sigma_m=stated.lever_arm_sigma_m,
+        ),
+        time=TimeOptions(
+            offset_s="auto" if scenario.flight.tells_clock else errors.camera_clock_offset_s,
+            offset_sigma_s=stated.clock_sigma_s,
+        ),
+        telemetry=TelemetryOptions(
+            position_sigma_m=_pair(stated.position_sigma_m),
+            attitude_sigma_deg=_pair(stated.attitude_sigma_deg),
+            position_bias_sigma_m=stated.position_bias_sigma_m,
+            heading_bias_sigma_deg=stated.heading_bias_sigma_deg,
+        ),
+        picks_sigma_px=errors.pick_px,
+        picks_identification_sigma_m=stated.picks_identification_sigma_m,
+        solve=SolveOptions(
+            outliers=stated.outliers, noise="stated" if noise == "stated" else stated.noise
+        ),
+        tape=TapeOptions(scale_sigma=stated.tape_scale_sigma),
+        targets=TargetOptions(family=FAMILY, side_m=plates.side_m, sigma_m=plates.sigma_m)
+        if plates.at
+        else None,
+    )
+
+
+def _pair(stated: tuple[float, ...]) -> tuple[float, float] | Literal["auto"]:
+    """Two sigmas, or ``auto``."""
+    return (stated[0], stated[1]) if stated else "auto"
+
+
+def project_yaml(survey: SimulatedSurvey) -> str:
+    """Give the project file; its first line says what it is.
+
+    Parameters
+    ----------
+    survey
+        Whose scenario it states.
+    """
+    errors, stated = survey.scenario.errors, survey.scenario.stated
+    arm = ", ".join(number_text(v) for v in errors.lever_arm_m)
+    height = number_text(stated.ground_height_sigma_m)
+    beside = number_text(stated.picks_identification_sigma_m)
+    rough = number_text(stated.roughness_sigma_m)
+    text = f"""\
+# A simulated survey of a road accident; truth.json says what really was.
+name: {survey.scenario.name}
+images: photos/*.jpg
+log: flight.tlog
+camera: camera.yaml
+picks: picks.csv
+lines: lines.csv           # taped lengths; the one of use "check" is withheld
+measure: measure.csv
+check: check.csv           # surveyed points, only to judge the result
+output: out
+ground:
+  height_sigma_m: {height}      # the scene lies a little below the place of take-off
+  roughness_sigma_m: {rough}     # it is a plane; leave this out for a road
+mount:
+  gimbal: auto             # the log has the gimbal's attitude
+  boresight_sigma_deg: {number_text(stated.boresight_sigma_deg)}
+  lever_arm_m: [{arm}]
+  lever_arm_sigma_m: {number_text(stated.lever_arm_sigma_m)}
+time:
+  offset_s: auto           # the camera's clock is wrong; the log's camera events tell by how much
+  offset_sigma_s: {number_text(stated.clock_sigma_s)}
+picks_sigma_px: {number_text(errors.pick_px)}
+picks_identification_sigma_m: {beside}  # nothing is picked beside; leave this out for photos
+"""
+    return _as_the_scenario(text, survey.scenario)
+
+
+def _as_the_scenario(text: str, scenario: Scenario) -> str:
+    """The demo's project with what another scenario has other than it."""
+    errors = scenario.errors
+    if scenario.telemetry == "none":
+        text = text.replace("log: flight.tlog\n", "")
+    if not scenario.flight.tells_clock:
+        told = number_text(errors.camera_clock_offset_s)
+        lines = text.splitlines()
+        at = next(i for i, line in enumerate(lines) if line.startswith("  offset_s: "))
+        lines[at] = f"  offset_s: {told}            # camera clock minus UTC"
+        text = "\n".join([*lines, ""])
+    if scenario.plates.at:
+        side, sigma = map(number_text, (scenario.plates.side_m, scenario.plates.sigma_m))
+        text += f"targets: {{family: {FAMILY}, side_m: {side}, sigma_m: {sigma}}}\n"
+    if scenario.control:
+        text = text.replace("check: check.csv", "control: control.csv\ncheck: check.csv")
+    own, demo = project_of(scenario), project_of(Scenario())
+    for section in ("ground", "telemetry", "tape", "solve"):
+        here, there = getattr(own, section), getattr(demo, section)
+        rows = [
+            f"  {one.name}: {_yaml(value)}\n"
+            for one in fields(here)
+            if (value := getattr(here, one.name)) != getattr(there, one.name)
+            and f"  {one.name}: " not in text
+        ]
+        head = f"{section}:\n"
+        if rows:
+            text = text if head in text else text + head
+            text = text.replace(head, head + "".join(rows))
+    return text
+
+
+def _yaml(value: str | float | tuple[float, ...]) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(map(number_text, value))}]"
+    return value if isinstance(value, str) else number_text(value)

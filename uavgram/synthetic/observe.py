@@ -1,0 +1,199 @@
+"""Draw what people pick and tape in a synthetic survey, with the errors they make."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.survey.observations import KnownLines, KnownPoints, Picks
+from uavgram.model.target_families import CORNERS
+from uavgram.synthetic.scenario import Scenario
+from uavgram.synthetic.scene import Surface
+from uavgram.synthetic.sight import inside, large_plates
+from uavgram.synthetic.truth import SurveyTruth, rolled_pixels
+
+
+class Still(np.random.Generator):
+    """Draws means. Only the draws that a simulated survey makes are there."""
+
+    def __init__(self) -> None:
+        super().__init__(np.random.PCG64(0))
+
+    def standard_normal(self, size: Any = None, *_: Any, **__: Any) -> Any:  # noqa: ANN401
+        """Draw zeros."""
+        return 0.0 if size is None else np.zeros(size)
+
+    def uniform(self, low: Any = 0.0, high: Any = 1.0, size: Any = None) -> Any:  # noqa: ANN401
+        """Draw the middle.
+
+        Parameters
+        ----------
+        low, high, size
+            As of numpy's.
+        """
+        middle = 0.5 * (low + high)
+        return middle if size is None else np.full(size, middle)
+
+    def random(self, size: Any = None, *_: Any, **__: Any) -> Any:  # noqa: ANN401
+        """Draw ones: nothing happens that has a probability below that."""
+        return 1.0 if size is None else np.ones(size)
+
+    def multivariate_normal(self, mean: Any, *_: Any, **__: Any) -> Floats:  # noqa: ANN401
+        """Draw the mean."""
+        return np.array(mean, dtype=np.float64)
+
+
+TAIL = 5.0  # of a pick with a heavy tail, times as bad
+
+
+def seen_pixels(
+    scenario: Scenario,
+    calibration: Calibration,
+    truth: SurveyTruth,
+    surface: Surface,
+    rng: np.random.Generator,
+) -> Floats:
+    """Where what people take for each point is seen in each photo, (F, K, 2) px.
+
+    Parameters
+    ----------
+    scenario, calibration, truth
+        Of the survey.
+    surface
+        The ground, on which another place is taken for a point.
+    rng
+        Draws these.
+    """
+    errors = scenario.errors
+    places = np.repeat(truth.point_world_m[None], len(truth.frame_id), axis=0)
+    if errors.identification_m:
+        offset = places[..., :2] - surface.middle_m
+        by_person = np.arange(offset.shape[1]) < len(scenario.points)
+        size = errors.identification_m * by_person[:, None]
+        moved = offset + size * rng.standard_normal(offset.shape)
+        rise = surface.up(moved.reshape(-1, 2)) - surface.up(offset.reshape(-1, 2))
+        up = places[..., 2] + rise.reshape(offset.shape[:2])
+        places = np.concatenate([moved + surface.middle_m, up[..., None]], axis=2)
+    return rolled_pixels(calibration, truth, places)
+
+
+def pick(
+    scenario: Scenario,
+    calibration: Calibration,
+    truth: SurveyTruth,
+    pixel_px: Floats,
+    rngs: tuple[np.random.Generator, np.random.Generator],
+) -> Picks:
+    """Pick every mark that is wholly in a photo; the program picks the corners of whole plates.
+
+    Parameters
+    ----------
+    scenario, calibration, truth
+        Of the survey.
+    pixel_px
+        (F, K, 2) where marks are seen.
+    rngs
+        Draw the noise, and which picks are worse than that.
+    """
+    habits, corners = scenario.habits, len(scenario.plates.labels)
+    sigmas = np.repeat([scenario.errors.pick_px, scenario.plates.corner_px], _counts(scenario))
+    shown, people = inside(calibration, pixel_px), len(scenario.points)
+    whole = shown[:, people:].reshape(len(shown), -1, CORNERS).all(axis=2)
+    shown[:, people:] = np.repeat(whole, CORNERS, axis=1) & large_plates(pixel_px[:, people:])
+    frame, point = np.nonzero(shown)
+    sigma = sigmas[point]
+    noise = sigma[:, None] * rngs[0].standard_normal((len(frame), 2))
+    if habits.heavy_tails:
+        noise *= np.where(rngs[1].random((len(frame), 1)) < habits.heavy_tails, TAIL, 1.0)
+    points = scenario.points
+    stated = np.array(
+        [p.height_m if p.stated == "height" else 0.0 for p in points] + [0.0] * corners
+    )
+    free = np.array([p.stated == "free" for p in points] + [False] * corners)
+    label = [truth.label[i] for i in point]
+    for first, second in habits.swapped:
+        _swap(label, frame.tolist(), first, second)
+    row = {name: k for k, name in enumerate(truth.label)}
+    at = [row[name] for name in label]
+    return Picks(
+        image=tuple(truth.frame_id[i] for i in frame),
+        label=tuple(label),
+        pixel_px=pixel_px[shown] + habits.pick_factor * noise,
+        sigma_px=sigma,
+        height_m=np.where(stated[at] != 0.0, stated[at], np.nan),
+        is_free=free[at],
+        source=tuple("target" if i >= len(points) else "hand" for i in point) if corners else (),
+    )
+
+
+def _counts(scenario: Scenario) -> tuple[int, int]:
+    """How many points there are, and how many corners of plates."""
+    return len(scenario.points), len(scenario.plates.labels)
+
+
+def _swap(label: list[str], frame: list[int], first: str, second: str) -> None:
+    """Exchange two labels in the first photo that shows both."""
+    place = {pair: i for i, pair in enumerate(zip(frame, label, strict=True))}
+    for photo in sorted(set(frame)):
+        if (photo, first) in place and (photo, second) in place:
+            one, other = place[photo, first], place[photo, second]
+            label[one], label[other] = second, first
+            return
+
+
+def tape(
+    scenario: Scenario,
+    truth: SurveyTruth,
+    rngs: tuple[np.random.Generator, np.random.Generator],
+) -> KnownLines:
+    """Read the tape along every line.
+
+    Parameters
+    ----------
+    scenario, truth
+        Of the survey.
+    rngs
+        Draw the readings' errors, and the tape's.
+    """
+    errors, habits = scenario.errors, scenario.habits
+    noise = errors.tape_m * rngs[0].standard_normal(len(scenario.lines))
+    length = truth.line_length_m
+    if habits.level_tape:
+        row = {label: i for i, label in enumerate(truth.label)}
+        ends = [[row[line.start], row[line.end]] for line in scenario.lines]
+        leg = np.diff(truth.point_world_m[np.reshape(ends, (-1, 2))], axis=1)[:, 0]
+        length = np.linalg.norm(leg[:, :2], axis=1)
+    scale = errors.tape_scale * rngs[1].standard_normal() + habits.tape_long
+    wrong = {one.name: one.by_m for one in habits.wrong_lengths}
+    blunder = np.array([wrong.get(line.name, 0.0) for line in scenario.lines])
+    return KnownLines(
+        name=tuple(line.name for line in scenario.lines),
+        start=tuple(line.start for line in scenario.lines),
+        end=tuple(line.end for line in scenario.lines),
+        length_m=length * (1.0 + scale) + noise + blunder,
+        sigma_m=np.full(len(noise), errors.tape_m),
+        adjust=np.array([line.use == "adjust" for line in scenario.lines], dtype=bool),
+    )
+
+
+def survey_points(
+    truth: SurveyTruth, rows: list[int], noise_m: Floats, sigma_m: float
+) -> KnownPoints:
+    """Points whose coordinates somebody surveyed.
+
+    Parameters
+    ----------
+    truth, rows
+        Which of its points.
+    noise_m, sigma_m
+        (n, 3) their errors, and the sigma of each axis.
+    """
+    return KnownPoints(
+        label=tuple(truth.label[i] for i in rows),
+        kind="local",
+        coordinates=truth.point_world_m[rows] + noise_m,
+        sigma_m=np.full((len(rows), 3), sigma_m),
+    )

@@ -1,0 +1,1 @@
+"""The photos of the built-in scene, rendered: ground, cars, marks, plates."""

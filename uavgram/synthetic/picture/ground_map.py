@@ -1,0 +1,129 @@
+"""Which place of the scene each pixel of a photo shows, by the true camera and ground."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import project
+from uavgram.geometry.motion.row_poses import row_share
+from uavgram.imaging.raster import Weights
+from uavgram.model.arrays import Floats
+from uavgram.synthetic.scene import Surface
+from uavgram.synthetic.survey import SimulatedSurvey
+
+# Rays are computed on a coarse grid and interpolated: with f = 2100 px, k1 = -0.1 the map bends by
+# 2e-4 px per px^2, so straight lines across 8 px are 2e-3 px off.
+GRID_PX = 8
+PADDING_NODES = 2
+RELIEF_ROUNDS = 4
+MARGIN_PX = 2
+NOWHERE_M = 1e4
+"""Where pixels look of which the lens model knows no ray, and whatever is farther."""
+READ = np.array([-0.5, 0.0, 0.5])
+"""First, middle and last row, in readout times."""
+
+
+class Part(NamedTuple):
+    """Columns [left, right) and rows [top, bottom) of a photo."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def slices(self) -> tuple[slice, slice]:
+        """Its rows and columns."""
+        return slice(self.top, self.bottom), slice(self.left, self.right)
+
+
+def whole_photo(survey: SimulatedSurvey) -> Part:
+    """All of a photo."""
+    return Part(0, 0, survey.calibration.width_px, survey.calibration.height_px)
+
+
+def ground_map(
+    survey: SimulatedSurvey, index: int, part: Part, sheet: Surface
+) -> tuple[Weights, Weights]:
+    """Scene coordinates (x, y) of what the pixels of a photo see, (H, W) each [m].
+
+    Parameters
+    ----------
+    survey, index
+        Whose frame.
+    part
+        Which of its pixels.
+    sheet
+        What they look at.
+    """
+    # Nodes at the centres of blocks: cv2.resize then interpolates without any shift.
+    first = np.array([part.left, part.top]) // GRID_PX - PADDING_NODES
+    last = -(-np.array([part.right, part.bottom]) // GRID_PX) + PADDING_NODES
+    u, v = np.meshgrid(
+        *((np.arange(a, b) + 0.5) * GRID_PX - 0.5 for a, b in zip(first, last, strict=True))
+    )
+    scene = survey.scenario.site.in_scene(_seen_on(survey, index, np.stack([u, v], axis=-1), sheet))
+    whole = (u.shape[1] * GRID_PX, u.shape[0] * GRID_PX)
+    scene = np.nan_to_num(np.clip(scene, -NOWHERE_M, NOWHERE_M), nan=NOWHERE_M)
+    fine = cv2.resize(scene.astype(np.float32), whole, interpolation=cv2.INTER_LINEAR)
+    left, top = (np.array([part.left, part.top]) - first * GRID_PX).tolist()
+    cut = fine[top : top + part.bottom - part.top, left : left + part.right - part.left]
+    return np.ascontiguousarray(cut[..., 0]), np.ascontiguousarray(cut[..., 1])
+
+
+def part_showing(survey: SimulatedSurvey, index: int, corners_m: Floats, sheet: Surface) -> Part:
+    """The part of a photo that may show what lies between some corners; empty if none.
+
+    Parameters
+    ----------
+    survey, index
+        Whose frame.
+    corners_m
+        (K, 2) in the scene.
+    sheet
+        What they are on.
+    """
+    truth = survey.truth
+    plane = survey.scenario.site.in_world(corners_m)
+    up = sheet.up(plane - truth.surface.middle_m)
+    center, rotation = _poses(survey, index, READ)
+    away = np.column_stack([plane, up]) - center[:, None]
+    camera = survey.calibration
+    corner = project(camera.model, truth.intrinsics, away @ rotation).reshape(-1, 2)
+    if np.isnan(corner).any():  # behind the camera, or far outside the lens model
+        return Part(0, 0, 0, 0)
+    size = [camera.width_px, camera.height_px]
+    low = np.maximum(np.floor(corner.min(axis=0)) - MARGIN_PX, 0)
+    high = np.minimum(np.ceil(corner.max(axis=0)) + MARGIN_PX + 1, size)
+    return Part(*low.astype(int).tolist(), *high.astype(int).tolist())
+
+
+def _seen_on(survey: SimulatedSurvey, index: int, pixel: Floats, sheet: Surface) -> Floats:
+    """East and north (H, W, 2) where the rays of pixels (H, W, 2) meet a sheet."""
+    truth, camera = survey.truth, survey.calibration
+    # One pose for each row of nodes.
+    share = row_share(pixel[:, 0, 1], camera.height_px)
+    center, rotation = _poses(survey, index, share)
+    center = center[:, None]
+    ray = back_project(camera.model, truth.intrinsics, pixel) @ np.swapaxes(rotation, -1, -2)
+    falling = ray[..., :2] @ sheet.slope - ray[..., 2]
+    from_middle = center[..., :2] - truth.surface.middle_m
+    depth = (center[..., 2] - sheet.height_m - from_middle @ sheet.slope) / falling
+    # What it has beyond its plane slopes by a few per cent: so much of it is left each time.
+    for _ in range(0 if sheet.spec.is_plane else RELIEF_ROUNDS):
+        up = sheet.up(from_middle + depth[..., None] * ray[..., :2])
+        depth = depth + (center[..., 2] + depth * ray[..., 2] - up) / falling
+    return np.asarray(center[..., :2] + depth[..., None] * ray[..., :2])
+
+
+def _poses(survey: SimulatedSurvey, index: int, share: Floats) -> tuple[Floats, Floats]:
+    """Centres (R, 3) and rotations (R, 3, 3) of rows, which may be read one after the other."""
+    truth = survey.truth
+    if truth.rows is not None:
+        return truth.rows.at(index, share)
+    center = np.broadcast_to(truth.center_world_m[index], (len(share), 3))
+    return center, np.broadcast_to(truth.world_from_camera[index], (len(share), 3, 3))

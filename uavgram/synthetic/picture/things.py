@@ -1,0 +1,260 @@
+"""Pictures of what is on the ground of the built-in scene: cars, labelled marks, coded plates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from uavgram.imaging.plates.families import cells_of
+from uavgram.imaging.raster import GroundRaster, Image, Painter, lay, soften
+from uavgram.model.arrays import Floats
+from uavgram.model.target_families import CORNERS
+from uavgram.synthetic.accident_scene import ScenePoint, Vehicle
+from uavgram.synthetic.scenario import FAMILY, GroundSpec
+from uavgram.synthetic.scene import Surface
+from uavgram.synthetic.survey import SimulatedSurvey
+
+MARK_RESOLUTION_M = 0.004
+HALF_HEIGHT_PX, NEAR_PX, FAR_PX = 72, 72, 384  # FAR: where the label is
+TEXT_SCALE, TEXT_THICKNESS, TEXT_GAP_PX = 3.0, 10, 88
+RIM_PX = 13
+
+WHITE = (236, 240, 240, 255)
+BLACK = (26, 26, 28, 255)
+SPRAY = (40, 226, 250, 255)
+RED = (52, 44, 206, 255)
+
+
+def mark_raster(point: ScenePoint) -> GroundRaster:
+    """Draw one mark and its label: BGRA, colours multiplied by alpha."""
+    left_px = NEAR_PX if point.label_side == "right" else FAR_PX
+    image = np.zeros((2 * HALF_HEIGHT_PX, NEAR_PX + FAR_PX, 4), np.uint8)
+    # Metres from the mark's middle, at the pixels' centres: right, down.
+    v, u = np.indices(image.shape[:2]) + 0.5
+    right, down = (u - left_px) * MARK_RESOLUTION_M, (v - HALF_HEIGHT_PX) * MARK_RESOLUTION_M
+    square = np.maximum(np.abs(right), np.abs(down))
+    if point.mark == "checker":
+        lay(image, WHITE, _mask(square < 0.24))
+        lay(image, BLACK, _mask((square < 0.21) & (right * down > 0)))
+    elif point.mark == "disc":
+        radius = np.hypot(right, down)
+        for color, size in ((BLACK, 0.24), (WHITE, 0.2), (RED, 0.13), (WHITE, 0.05)):
+            lay(image, color, _mask(radius < size))
+    else:
+        narrow = np.minimum(np.abs(right), np.abs(down))
+        lay(image, BLACK, _mask((narrow < 0.048) & (square < 0.24)), 0.35)
+        lay(image, SPRAY, _mask((narrow < 0.028) & (square < 0.22)), 0.95)
+    _write(image, point, left_px)
+    return GroundRaster(
+        image=image,
+        x_top_m=point.x_m + HALF_HEIGHT_PX * MARK_RESOLUTION_M,
+        y_left_m=point.y_m + left_px * MARK_RESOLUTION_M,
+        resolution_m=MARK_RESOLUTION_M,
+    )
+
+
+def _mask(where: NDArray[np.bool_]) -> Image:
+    return np.where(where, np.uint8(255), np.uint8(0))
+
+
+def _write(image: Image, point: ScenePoint, left_px: int) -> None:
+    """Spray the label, upright for one who looks along x, with a dark rim to be legible."""
+    font = cv2.FONT_HERSHEY_DUPLEX
+    (width, height), _ = cv2.getTextSize(point.label, font, TEXT_SCALE, TEXT_THICKNESS)
+    at_px = left_px + TEXT_GAP_PX if point.label_side == "right" else left_px - TEXT_GAP_PX - width
+    base = (at_px, HALF_HEIGHT_PX + height // 2)
+    mask = np.zeros(image.shape[:2], np.uint8)
+    cv2.putText(mask, point.label, base, font, TEXT_SCALE, [255], TEXT_THICKNESS, cv2.LINE_AA)
+    rim = np.asarray(cv2.dilate(mask, np.ones((RIM_PX, RIM_PX), np.uint8)), np.uint8)
+    lay(image, BLACK, soften(rim, 2.5), 0.55)
+    lay(image, _text_color(point), mask, 0.95)
+
+
+def _text_color(point: ScenePoint) -> tuple[int, int, int, int]:
+    return SPRAY if point.mark == "cross" else WHITE
+
+
+VEHICLE_RESOLUTION_M = 0.01
+MARGIN_M = 1.2
+SHADOW_M = (-0.4, -0.55)  # where a car's shadow falls, in the scene
+
+GLASS = (52, 46, 40, 255)
+GLARE = (196, 186, 176, 255)
+DARK = (22, 22, 24, 255)
+LAMP = (228, 236, 240, 255)
+TAIL = (40, 36, 190, 255)
+
+
+def vehicle_raster(vehicle: Vehicle) -> GroundRaster:
+    """Draw one car with its shadow: BGRA, colours multiplied by alpha."""
+    half = 0.5 * np.hypot(vehicle.length_m, vehicle.width_m) + MARGIN_M
+    size = int(np.ceil(2 * half / VEHICLE_RESOLUTION_M))
+    raster = GroundRaster(
+        image=np.zeros((size, size, 4), np.uint8),
+        x_top_m=vehicle.x_m + half,
+        y_left_m=vehicle.y_m + half,
+        resolution_m=VEHICLE_RESOLUTION_M,
+    )
+    _draw(raster.image, Painter(raster), vehicle)
+    return raster
+
+
+def _draw(image: Image, painter: Painter, vehicle: Vehicle) -> None:
+    body = _outline(vehicle)
+    shadow = painter.polygons(body + np.array(SHADOW_M), body + 0.5 * np.array(SHADOW_M))
+    lay(image, (8, 8, 10, 255), soften(shadow, 7), 0.62)
+    wheels = [_part(vehicle, (f - 0.07, f + 0.07), (s - 0.03, s + 0.03))
+              for f in (-0.3, 0.3) for s in (-0.475, 0.475)]  # fmt: skip
+    lay(image, DARK, painter.polygons(*wheels))
+    paint = vehicle.color_rgb[::-1]
+    lay(image, _shade(paint, 0.5), painter.polygons(body))
+    # Sheet metal rounds off towards its edge.
+    for inset, light in ((0.965, 0.75), (0.925, 0.92), (0.87, 1.0)):
+        lay(image, _shade(paint, light), painter.polygons(_outline(vehicle, inset)))
+    for side in (-1, 1):
+        crease = _part(vehicle, (0.2, 0.46), (side * 0.22 - 0.006, side * 0.22 + 0.006))
+        lay(image, _shade(paint, 1.35), painter.polygons(crease), 0.7)
+    mirrors = [_quad(vehicle, (0.16, s * 0.5), (0.19, s * 0.5), (0.18, s * 0.6), (0.15, s * 0.6))
+               for s in (-1, 1)]  # fmt: skip
+    lay(image, _shade(paint, 0.8), painter.polygons(*mirrors))
+    _glass(image, painter, vehicle, paint)
+    lamp = _part(vehicle, (0.455, 0.485), (-0.42, -0.28))  # the other one is broken
+    lay(image, LAMP, painter.polygons(lamp), 0.9)
+    tails = [_part(vehicle, (-0.49, -0.47), (s * 0.34 - 0.07, s * 0.34 + 0.07)) for s in (-1, 1)]
+    lay(image, TAIL, painter.polygons(*tails), 0.9)
+
+
+def _glass(image: Image, painter: Painter, vehicle: Vehicle, paint: tuple[int, ...]) -> None:
+    windscreen = _quad(vehicle, (0.07, -0.36), (0.2, -0.43), (0.2, 0.43), (0.07, 0.36))
+    rear = _quad(vehicle, (-0.3, -0.33), (-0.39, -0.4), (-0.39, 0.4), (-0.3, 0.33))
+    sides = [
+        _quad(vehicle, (0.16, s * 0.435), (0.06, s * 0.385), (-0.28, s * 0.36), (-0.34, s * 0.42))
+        for s in (-1, 1)
+    ]
+    lay(image, GLASS, painter.polygons(windscreen, rear, *sides), 0.95)
+    glare = _quad(vehicle, (0.09, -0.2), (0.19, -0.36), (0.19, -0.2), (0.09, -0.1))
+    lay(image, GLARE, soften(painter.polygons(glare), 4), 0.5)
+    roof = _part(vehicle, (-0.28, 0.05), (-0.34, 0.34))
+    lay(image, _shade(paint, 1.12), painter.polygons(roof))
+    shine = _part(vehicle, (-0.24, 0.02), (0.06, 0.26))
+    lay(image, _shade(paint, 1.7), soften(painter.polygons(shine), 12), 0.4)
+
+
+def _shade(color: tuple[int, ...], light: float) -> tuple[int, ...]:
+    # Highlights go towards white: a lamp on red paint is not redder.
+    lifted = [min(255.0, c * light + max(0.0, light - 1.0) * 90.0) for c in color]
+    return (*(round(c) for c in lifted), 255)
+
+
+def _outline(vehicle: Vehicle, inset: float = 1.0) -> Floats:
+    """Body (72, 2) in the scene: a superellipse, its front pushed in on one corner."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
+    ahead = 0.5 * np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** 0.36
+    side = 0.5 * np.sign(np.sin(angle)) * np.abs(np.sin(angle)) ** 0.3
+    dent = np.exp(-((ahead - 0.5) ** 2) / 0.006 - (side - 0.35) ** 2 / 0.05)
+    ripple = 1.0 + 0.5 * np.sin(23.0 * side)
+    return _place(vehicle, np.column_stack([ahead - 0.055 * dent * ripple, side]) * inset)
+
+
+def _part(vehicle: Vehicle, ahead: tuple[float, float], side: tuple[float, float]) -> Floats:
+    """Rectangle (4, 2), in parts of the car's length and width."""
+    (a0, a1), (s0, s1) = ahead, side
+    return _place(vehicle, np.array([[a0, s0], [a1, s0], [a1, s1], [a0, s1]]))
+
+
+def _quad(vehicle: Vehicle, *corners: tuple[float, float]) -> Floats:
+    return _place(vehicle, np.array(corners))
+
+
+def _place(vehicle: Vehicle, parts: Floats) -> Floats:
+    """Scene coordinates (K, 2) of (K, 2) parts of the car's length (ahead) and width (left)."""
+    c, s = np.cos(np.deg2rad(vehicle.heading_deg)), np.sin(np.deg2rad(vehicle.heading_deg))
+    body = parts * [vehicle.length_m, vehicle.width_m]
+    placed: Floats = body @ np.array([[c, s], [-s, c]]) + [vehicle.x_m, vehicle.y_m]
+    return placed
+
+
+PLATE_RESOLUTION_M = 0.004
+WHITE_CELLS = 1  # of paper around a plate's black border
+LEVEL_M = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Detail:
+    """One of them.
+
+    Attributes
+    ----------
+    image
+        (H, W, 4) BGRA, colours multiplied by alpha.
+    pixel_from_scene
+        (2, 3) affine matrix from scene (x, y, 1) to pixel (u, v).
+    corners_m
+        (K, 2) what it lies between, in the scene.
+    resolution_m
+        Side of a pixel.
+    sheet
+        What it lies on; None: the ground.
+    """
+
+    image: Image
+    pixel_from_scene: Floats
+    corners_m: Floats
+    resolution_m: float
+    sheet: Surface | None = None
+
+
+def details(survey: SimulatedSurvey) -> list[Detail]:
+    """All details of a survey's scene, in the order in which they cover each other."""
+    scenario, truth, ground = survey.scenario, survey.truth, survey.truth.surface
+    flat = [vehicle_raster(vehicle) for vehicle in scenario.road.vehicles]
+    # Marks last: people walk round the cars to spray them.
+    laid = [_of_raster(raster, None) for raster in flat]
+    world = truth.point_world_m[: len(scenario.points)]
+    above = world[:, 2] - ground.up(world[:, :2] - ground.middle_m)
+    for point, height in zip(scenario.points, above.tolist(), strict=True):
+        ground = truth.surface
+        sheet = (
+            replace(ground, height_m=ground.height_m + height) if abs(height) > LEVEL_M else None
+        )
+        laid.append(_of_raster(mark_raster(point), sheet))
+    plates = truth.point_world_m[len(scenario.points) :].reshape(-1, CORNERS, 3)
+    return laid + [_plate(survey, number, corner) for number, corner in enumerate(plates)]
+
+
+def _of_raster(raster: GroundRaster, sheet: Surface | None) -> Detail:
+    return Detail(
+        image=raster.image,
+        pixel_from_scene=raster.pixel_from_scene,
+        corners_m=raster.corners_m,
+        resolution_m=raster.resolution_m,
+        sheet=sheet,
+    )
+
+
+def _plate(survey: SimulatedSurvey, number: int, corner_m: Floats) -> Detail:
+    """A coded plate, its paper flat on the plane of its corners (4, 3)."""
+    cells = np.pad(cells_of(FAMILY, number), WHITE_CELLS, constant_values=True)
+    side = survey.scenario.plates.side_m
+    cell_px = max(1, round(side / (len(cells) - 2 * WHITE_CELLS) / PLATE_RESOLUTION_M))
+    white = np.kron(cells, np.ones((cell_px, cell_px), np.bool_))
+    image = np.where(white[..., None], np.array(WHITE, np.uint8), np.array(BLACK, np.uint8))
+    low, high = WHITE_CELLS * cell_px - 0.5, (len(cells) - WHITE_CELLS) * cell_px - 0.5
+    corner_px = np.array([[low, low], [high, low], [high, high], [low, high]])
+    scene = survey.scenario.site.in_scene(corner_m[:, :2])
+    affine = np.linalg.lstsq(np.column_stack([scene, np.ones(CORNERS)]), corner_px)[0].T
+    rim = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * len(image) - 0.5
+    place = (rim - affine[:, 2]) @ np.linalg.inv(affine[:, :2]).T
+    ground = survey.truth.surface
+    offset = corner_m[:, :2] - ground.middle_m
+    plane = np.linalg.lstsq(np.column_stack([np.ones(CORNERS), offset]), corner_m[:, 2])[0]
+    return Detail(
+        image=image,
+        pixel_from_scene=affine,
+        corners_m=place,
+        resolution_m=PLATE_RESOLUTION_M,
+        sheet=replace(ground, spec=GroundSpec(), height_m=float(plane[0]), slope=plane[1:]),
+    )

@@ -1,0 +1,170 @@
+"""Photos to be taken: their poses, and what of the ground they will show for certain."""
+
+from __future__ import annotations
+
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import project_with_jacobian
+from uavgram.geometry.motion.rotation import (
+    ENU_FROM_NED,
+    GIMBAL_FROM_CAMERA,
+    hat,
+    matrix_from_ypr,
+)
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.camera.calibration import Calibration
+from uavgram.synthetic.plan.scene import Deviation, PlanScene
+from uavgram.synthetic.sight import EDGE_PX, inside, large_plates
+
+SURE = 1.645
+"""Sigmas that 95 % of the flights stay within, to one side."""
+
+
+class Cameras(NamedTuple):
+    """F photos in the order of the flight.
+
+    Attributes
+    ----------
+    center_m
+        (F, 3) world.
+    heading_deg, pitch_deg
+        (F,) of the nose, from north, clockwise; of the optical axis, -90 straight down.
+    time_s
+        (F,) since the first.
+    """
+
+    center_m: Annotated[Floats, "f", 3]
+    heading_deg: Annotated[Floats, "f"]
+    pitch_deg: Annotated[Floats, "f"]
+    time_s: Annotated[Floats, "f"]
+
+    @property
+    def world_from_body(self) -> Floats:
+        """(F, 3, 3) of the drone, level."""
+        level = np.zeros(len(self.heading_deg))
+        return ENU_FROM_NED @ matrix_from_ypr(np.deg2rad(self.heading_deg), level, level)
+
+    @property
+    def world_from_gimbal(self) -> Floats:
+        """(F, 3, 3) x along the optical axis, -z up in the image."""
+        yaw, pitch = np.deg2rad(self.heading_deg), np.deg2rad(self.pitch_deg)
+        return ENU_FROM_NED @ matrix_from_ypr(yaw, pitch, np.zeros(len(yaw)))
+
+    @property
+    def world_from_camera(self) -> Floats:
+        """(F, 3, 3)."""
+        return np.asarray(self.world_from_gimbal @ GIMBAL_FROM_CAMERA)
+
+
+class Seen(NamedTuple):
+    """Points in photos: pixels (F, N, 2), and whether they are there for certain (F, N)."""
+
+    pixel_px: Floats
+    certain: Bools
+
+
+def seen(
+    calibration: Calibration, cameras: Cameras, point_m: Floats, deviation: Deviation | None
+) -> Seen:
+    """Where points appear in photos, and whether they do so though the drone errs.
+
+    Parameters
+    ----------
+    calibration
+        The lens.
+    cameras
+        The photos.
+    point_m
+        (N, 3) world.
+    deviation
+        By how much the drone departs from the plan; None: not at all.
+    """
+    rotation = cameras.world_from_camera
+    from_center = point_m[None] - cameras.center_m[:, None]
+    in_camera = np.einsum("fij,fni->fnj", rotation, from_center)
+    pixel, by_point, _ = project_with_jacobian(calibration.model, calibration.parameters, in_camera)
+    spread = np.zeros(pixel.shape)
+    if deviation is not None:
+        spread = spread_px(by_point, in_camera, deviation)
+    return Seen(pixel, inside(calibration, pixel, spread))
+
+
+def large_enough(found: Seen, first: int) -> Seen:
+    """The sightings, without those of plates that are too small in a photo to be found there.
+
+    Parameters
+    ----------
+    found
+        Of points, and of the corners of plates behind them.
+    first
+        Where these begin, four of each.
+    """
+    certain = found.certain.copy()
+    certain[:, first:] &= large_plates(found.pixel_px[:, first:])
+    return Seen(found.pixel_px, certain)
+
+
+def spread_px(by_point: Floats, in_camera: Floats, deviation: Deviation) -> Floats:
+    """(..., 2) by how much pixels move, to `SURE` sigmas, as the drone departs from the plan.
+
+    Parameters
+    ----------
+    by_point
+        (..., 2, 3) derivatives of the pixels by the points.
+    in_camera
+        (..., 3) the points, in camera axes.
+    deviation
+        Of the drone.
+    """
+    place = deviation.position_m * np.linalg.norm(by_point, axis=-1)
+    turn = np.linalg.norm(by_point @ hat(in_camera), axis=-1)
+    return np.asarray(SURE * np.hypot(place, np.deg2rad(deviation.attitude_deg) * turn))
+
+
+PER_SIDE = 4
+"""Vertices on each side of a photo: lenses bend its edges."""
+
+
+def footprints(scene: PlanScene, cameras: Cameras) -> tuple[Floats, Floats]:
+    """Outlines (F, 16, 3) on the ground: of the photos, and of what they show for certain.
+
+    Counterclockwise from above, not closed. What is certain lies off the photo's edge by as much as
+    the drone's departure moves the ground there.
+    """
+    camera = scene.calibration
+    share = np.arange(PER_SIDE) / PER_SIDE
+    zero, one = np.zeros(PER_SIDE), np.ones(PER_SIDE)
+    u = np.concatenate([share, one, 1.0 - share, zero])
+    v = np.concatenate([zero, share, one, 1.0 - share])
+    size = np.array([camera.width_px, camera.height_px]) - 1.0
+    rim = np.column_stack([u, v])[::-1]  # image v runs down: reversed it is counterclockwise
+    whole = _on_ground(scene, cameras, np.broadcast_to(rim * size, (len(cameras.center_m), 16, 2)))
+    inset = _spread(scene, cameras, whole) + EDGE_PX
+    inset = np.minimum(inset, 0.45 * size)
+    return whole, _on_ground(scene, cameras, rim * size + np.sign(0.5 - rim) * inset)
+
+
+def _spread(scene: PlanScene, cameras: Cameras, ground_m: Floats) -> Floats:
+    """(F, V, 2) by how much places of the ground move in their photo as the drone departs [px]."""
+    from_center = ground_m - cameras.center_m[:, None]
+    in_camera = np.einsum("fij,fvi->fvj", cameras.world_from_camera, from_center)
+    calibration = scene.calibration
+    _, by_point, _ = project_with_jacobian(
+        calibration.model, calibration.parameters, in_camera, beyond_fold="extend"
+    )
+    return spread_px(by_point, in_camera, scene.deviation)
+
+
+def _on_ground(scene: PlanScene, cameras: Cameras, pixel_px: Floats) -> Floats:
+    """(F, V, 3) where pixels (F, V, 2) of each photo lie on the ground."""
+    camera = scene.calibration
+    ray = back_project(camera.model, camera.parameters, pixel_px)
+    direction = np.einsum("fij,fvj->fvi", cameras.world_from_camera, ray)
+    normal = np.array([*-scene.slope, 1.0])
+    foot = scene.on_ground(cameras.center_m[:, :2])
+    above = (cameras.center_m - foot) @ normal
+    reach = -above[:, None] / (direction @ normal)
+    return np.asarray(cameras.center_m[:, None] + reach[..., None] * direction)

@@ -1,0 +1,202 @@
+"""The flight and the number of lines that reach what is wanted with the least effort."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.errors import GeometryError
+from uavgram.model.arrays import Floats
+from uavgram.model.planned.request import Laid, PlanRequest
+from uavgram.pipeline.progress import Progress
+from uavgram.synthetic.plan.flights import Flight
+from uavgram.synthetic.plan.layouts import (
+    Chosen,
+    best_layout,
+    covariance_of,
+    exchanged,
+    greedy,
+    surviving,
+)
+from uavgram.synthetic.plan.possible import Possible, possible
+from uavgram.synthetic.plan.scene import PlanScene
+from uavgram.synthetic.plan.wanted import Wanted
+
+SPOTS_AT_FIRST = 100
+"""Places for ends of lines while flights are compared."""
+
+MINUTES_PER_LINE = 3.0
+"""To mark both ends, pull the tape, read it twice, and write it down."""
+
+MINUTES_PER_PLATE = 1.0
+"""To lay it flat where it shall be, and to fetch it afterwards: the program finds its corners."""
+
+MINUTES_PER_PHOTO = 0.25
+"""To pick its points, with the program's help, or to look at what it found."""
+
+NEARLY_BEST = 1.25
+"""Where nobody says what is good enough: up to a quarter worse than the best that there is."""
+
+LEAST_LINES = 3
+"""Fewer leave the photos loose; a single photo takes one more, without which a wrong reading goes
+unseen, and without a log the photo's place may be another one."""
+
+
+class Choice(NamedTuple):
+    """A flight with its layout.
+
+    Attributes
+    ----------
+    flight, possible, laid
+        The flight, and what lines or plates it allows.
+    layout, sturdy
+        The best one, and one of as many lines that bears the loss of any.
+    """
+
+    flight: Flight
+    possible: Possible
+    layout: Chosen
+    sturdy: Chosen
+    laid: Laid = "lines"
+
+
+class _Tried(NamedTuple):
+    flight: Flight
+    laid: Laid
+    lines: int
+    criterion: float
+    worst: float  # largest share of what is good enough; NaN where nobody said
+    minutes: float
+
+
+def choose(
+    scene: PlanScene,
+    request: PlanRequest,
+    wanted: Wanted,
+    flown: list[Flight],
+    progress: Progress,
+) -> Choice:
+    """Compare flights with few possible places for lines, then lay out the best one with many.
+
+    So with plates, where these are asked for.
+
+    Parameters
+    ----------
+    scene, request
+        What the plan is for.
+    wanted
+        What is measured.
+    flown
+        Flights that show everything.
+    progress
+        Shows the comparison.
+
+    Raises
+    ------
+    GeometryError
+        No flight allows any line.
+    """
+    enough = good_enough(request, wanted)
+    tried: list[_Tried] = []
+    refused: GeometryError | None = None
+    for one in progress(flown, "comparing flights", len(flown)):
+        for laid in kinds(request):
+            try:
+                tried += _try(scene, request, wanted, (one, laid), enough)
+            except GeometryError as why:
+                refused = refused or why
+    if not tried:
+        raise refused or GeometryError("no line fits into the area: allow shorter ones")
+    best = _least_effort(tried)
+    options = possible(scene, best.flight.cameras, wanted, lengths(request, best.laid), enough)
+    layout = best_layout(options.aim, options.candidates, best.lines)
+    if request.lines is None and best.worst <= 1.0:  # exchange may do with one line less
+        layout = _fewer(options, layout, least_lines(scene, best.flight))
+    sturdy = layout
+    if len(layout.lines) > 1:
+        sturdy = surviving(options.aim, options.candidates, layout)
+    if sturdy.criterion < layout.criterion:  # another start for the exchanges, a better one
+        layout = exchanged(options.aim, options.candidates, sturdy)
+    return Choice(best.flight, options, layout, sturdy, best.laid)
+
+
+def kinds(request: PlanRequest) -> tuple[Laid, ...]:
+    """What may be laid out."""
+    return ("lines", "plates") if request.lay == "either" else (request.lay,)
+
+
+def lengths(request: PlanRequest, laid: Laid) -> tuple[float, float] | None:
+    """Between which lengths lines lie; None of plates."""
+    return (request.shortest_line_m, request.longest_tape_m) if laid == "lines" else None
+
+
+def least_lines(scene: PlanScene, flight: Flight) -> int:
+    """The fewest lines that the program proposes for a flight."""
+    return LEAST_LINES + int(flight.photos == 1 or scene.logged is None)
+
+
+def good_enough(request: PlanRequest, wanted: Wanted) -> Floats:
+    """(requests,) sigmas that are good enough; NaN where nobody said."""
+    stated = {one.name: one.sigma_m for one in request.wanted}
+    sigma = [stated.get(one.name) for one in wanted.requests]
+    return np.array([np.nan if one is None else one for one in sigma], dtype=np.float64)
+
+
+def _try(
+    scene: PlanScene,
+    request: PlanRequest,
+    wanted: Wanted,
+    way: tuple[Flight, Laid],
+    enough: Floats,
+) -> list[_Tried]:
+    """A flight with each number of lines or plates, as greedy choice lays them."""
+    one, laid = way
+    between = lengths(request, laid)
+    options = possible(scene, one.cameras, wanted, between, enough, SPOTS_AT_FIRST)
+    each = MINUTES_PER_LINE if laid == "lines" else MINUTES_PER_PLATE
+    most = request.lines if request.lines is not None else request.most_lines
+    least = request.lines if request.lines is not None else least_lines(scene, one)
+    start = Chosen((), options.aim.criterion(covariance_of(options.aim.information)))
+    layouts = (start, *greedy(options.aim, options.candidates, most))
+    return [
+        _Tried(
+            one,
+            laid,
+            len(layout.lines),
+            layout.criterion,
+            worst_share(options, layout),
+            one.duration_s / 60.0 + MINUTES_PER_PHOTO * one.photos + each * len(layout.lines),
+        )
+        for layout in layouts
+        if len(layout.lines) >= min(least, len(layouts) - 1)
+    ]
+
+
+def worst_share(options: Possible, layout: Chosen) -> float:
+    """Largest sigma over what is good enough of it; NaN where nobody said."""
+    information = options.aim.information + options.candidates.information(layout.lines)
+    share = options.aim.sigma(covariance_of(information)) / options.enough
+    return float(np.nanmax(share)) if np.isfinite(share).any() else float("nan")
+
+
+def _least_effort(tried: list[_Tried]) -> _Tried:
+    """The one of least effort that reaches what is wanted; else the best one."""
+    reached = [one for one in tried if one.worst <= 1.0]
+    if reached:
+        return min(reached, key=lambda one: (one.minutes, one.criterion))
+    if not np.isnan(tried[0].worst):
+        return min(tried, key=lambda one: (one.worst, one.minutes))
+    best = min(one.criterion for one in tried)
+    nearly = [one for one in tried if one.criterion <= NEARLY_BEST * best]
+    return min(nearly, key=lambda one: (one.minutes, one.criterion))
+
+
+def _fewer(options: Possible, layout: Chosen, least: int) -> Chosen:
+    """The layout with one line less for as long as what is wanted is reached."""
+    while len(layout.lines) > least:
+        fewer = best_layout(options.aim, options.candidates, len(layout.lines) - 1)
+        if not worst_share(options, fewer) <= 1.0:
+            break
+        layout = fewer
+    return layout

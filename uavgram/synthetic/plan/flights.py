@@ -1,0 +1,308 @@
+"""Flights over an area that show all of it, within what drone and law allow."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.errors import GeometryError
+from uavgram.geometry.ground.polygons import contains, crosses, long_axis
+from uavgram.model.arrays import Floats
+from uavgram.model.planned.request import FlightPattern, PlanRequest
+from uavgram.synthetic.plan.cameras import Cameras, seen
+from uavgram.synthetic.plan.scene import PlanScene
+from uavgram.synthetic.plan.wanted import Wanted, grid_in
+from uavgram.synthetic.sight import corner_rays, shows_horizon
+
+CLIMB_M_S = 2.0
+USABLE = 0.8
+"""Share of a battery that a flight may use: the rest is for the wind and the way home."""
+
+HEIGHTS_M = (12.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0, 120.0)
+"""To choose from, where nobody says."""
+
+PITCHES_DEG: dict[FlightPattern, tuple[float, ...]] = {
+    "single": (-90.0, -75.0),
+    "strip": (-90.0, -75.0),
+    "grid": (-90.0,),
+    "orbit": (-60.0, -45.0),
+}
+FRAMES: dict[FlightPattern, tuple[int, ...]] = {
+    "single": (1,),
+    "strip": (3, 5, 8),
+    "grid": (0,),  # as many as the overlap asks for
+    "orbit": (4, 8),
+}
+OVERLAP = (0.7, 0.5)
+"""Of a grid's photos: along a strip, and from strip to strip."""
+
+LEAST_BASE = 0.5
+"""Of the height: from the first photo of a strip to the last."""
+
+MOST_IN_GRID = 200
+
+
+class Flight(NamedTuple):
+    """A flight to choose.
+
+    Attributes
+    ----------
+    pattern, height_m, pitch_deg
+        See `FlightFacts`.
+    cameras
+        Its photos.
+    path_m, duration_s
+        From photo to photo; from take-off to landing.
+    """
+
+    pattern: FlightPattern
+    height_m: float
+    pitch_deg: float
+    cameras: Cameras
+    path_m: float
+    duration_s: float
+
+    @property
+    def photos(self) -> int:
+        """How many."""
+        return len(self.cameras.center_m)
+
+
+def flights(
+    scene: PlanScene, request: PlanRequest, pattern: FlightPattern, height_m: float
+) -> list[Flight]:
+    """All flights of a pattern at a height: each pitch with each number of photos.
+
+    Parameters
+    ----------
+    scene, request
+        What the plan is for.
+    pattern, height_m
+        How they are flown, and how high above the ground.
+    """
+    pitches = request.pitches_deg or PITCHES_DEG[pattern]
+    if pattern == "orbit":  # from a circle one looks inwards
+        pitches = tuple(pitch for pitch in pitches if pitch > -85.0)
+    counts = FRAMES[pattern] if pattern in {"single", "grid"} else _counts(request, pattern)
+    found = [
+        flight(scene, request, (pattern, height_m, pitch), count)
+        for pitch in pitches
+        for count in counts
+    ]
+    return [one for one in found if one is not None]
+
+
+def _counts(request: PlanRequest, pattern: FlightPattern) -> tuple[int, ...]:
+    asked = tuple(count for count in request.frames if count > 1)
+    return asked or FRAMES[pattern]
+
+
+def flight(
+    scene: PlanScene,
+    request: PlanRequest,
+    kind: tuple[FlightPattern, float, float],
+    photos: int,
+) -> Flight | None:
+    """One flight; None where a grid would take far too many photos.
+
+    Parameters
+    ----------
+    scene, request
+        The area, and the drone.
+    kind
+        Pattern, height above the ground at the middle of the area [m], gimbal pitch [deg].
+    photos
+        How many; of a grid, the overlap says.
+    """
+    pattern, height, pitch = kind
+    middle, axis, size = long_axis(scene.area_m)
+    across = np.array([-axis[1], axis[0]])
+    fx, fy = scene.calibration.parameters[:2]
+    shown = np.array([scene.calibration.height_px / fy, scene.calibration.width_px / fx]) * height
+    back = height / np.tan(np.deg2rad(-pitch)) if pitch > -90 else 0.0
+    if pattern == "single":
+        place, look = np.zeros((1, 2)), np.array([[0.0, 1.0]])
+    elif pattern == "strip":
+        # Nose square to the way: the photo's long side lies along the area's.
+        place = np.column_stack([_stops(size[0], shown[1], height, photos), np.zeros(photos)])
+        look = np.tile([0.0, 1.0], (photos, 1))
+    elif pattern == "grid":
+        grid = _grid(size, shown, height)
+        if grid is None:
+            return None
+        place, look = grid
+    else:
+        angle = 2.0 * np.pi * np.arange(photos) / photos
+        look = -np.column_stack([np.cos(angle), np.sin(angle)])
+        place = np.zeros((photos, 2))
+    axes = np.stack([axis, across])
+    direction = look @ axes
+    foot = middle + place @ axes - back * direction
+    up = scene.on_ground(middle)[2] + height
+    center = np.column_stack([foot, np.full(len(foot), up)])
+    legs = np.linalg.norm(np.diff(center, axis=0), axis=1)
+    time = np.concatenate([[0.0], np.cumsum(legs / request.speed_m_s + request.seconds_per_photo)])
+    heading = np.rad2deg(np.arctan2(direction[:, 0], direction[:, 1])) % 360.0
+    cameras = Cameras(center, heading, np.full(len(foot), float(pitch)), time)
+    path = float(legs.sum())
+    # Take-off and landing beside the area's middle, half its length away at most.
+    to_and_fro = np.linalg.norm(foot[[0, -1]] - middle, axis=1).sum() + float(size[0])
+    duration = time[-1] + request.seconds_per_photo + 2.0 * height / CLIMB_M_S
+    return Flight(
+        pattern, height, pitch, cameras, path, float(duration + to_and_fro / request.speed_m_s)
+    )
+
+
+def _stops(length: float, shown: float, height: float, count: int) -> Floats:
+    """Places along a strip: as far apart as the area is long, less what a photo shows of it.
+
+    At least `LEAST_BASE` of the height, or the photos would say the same.
+    """
+    span = max(length - 0.6 * shown, LEAST_BASE * height)
+    return np.linspace(-0.5 * span, 0.5 * span, count) if count > 1 else np.zeros(1)
+
+
+def _grid(size: Floats, shown: Floats, height: float) -> tuple[Floats, Floats] | None:
+    """Places and directions of strips there and back that cover an area with overlap."""
+    step = shown * (1.0 - np.array(OVERLAP))
+    count = np.maximum(np.ceil((size - 0.5 * shown) / step).astype(int) + 1, 2)
+    if count.prod() > MOST_IN_GRID:
+        return None
+    along, across = (
+        np.linspace(-0.5, 0.5, n) * max(s - 0.5 * w, LEAST_BASE * height)
+        for n, s, w in zip(count, size, shown, strict=True)
+    )
+    place, look = [], []
+    for k, y in enumerate(across):
+        sense = 1.0 if k % 2 == 0 else -1.0
+        place += [(sense * x, y) for x in along]
+        look += [(sense, 0.0)] * len(along)
+    return np.array(place), np.array(look)
+
+
+def keeps_out(scene: PlanScene, cameras: Cameras) -> bool:
+    """Whether a flight keeps out of where nobody may fly."""
+    foot = cameras.center_m[:, :2]
+    start, end = (foot[:-1], foot[1:]) if len(foot) > 1 else (foot, foot)
+    return not any(crosses(polygon, start, end).any() for polygon in scene.no_go_m)
+
+
+def heights_to_try(request: PlanRequest) -> tuple[float, ...]:
+    """Heights to choose from, the lowest first."""
+    heights = request.heights_m or HEIGHTS_M
+    return tuple(sorted(h for h in heights if request.min_height_m <= h <= request.max_height_m))
+
+
+HEIGHTS_EACH = 3
+"""Of the lowest heights from which a pattern shows everything, those that are looked at."""
+
+TO_COVER = 60
+"""Places of the area that photos must show."""
+
+
+def covering(scene: PlanScene, request: PlanRequest, wanted: Wanted) -> list[Flight]:
+    """Flights that show the area and what is wanted, and end before the battery does.
+
+    Parameters
+    ----------
+    scene, request
+        What the plan is for.
+    wanted
+        Whose points must be seen.
+
+    Raises
+    ------
+    GeometryError
+        There is none; the message says what stands in the way.
+    """
+    must = scene.on_ground(np.concatenate([_area_points(scene), wanted.point_m]))
+    found, obstacles = [], dict.fromkeys(("cover", "battery", "no-go", "horizon", "height"), 0)
+    for pattern in request.patterns:
+        heights = 0
+        for height in heights_to_try(request):
+            good = 0
+            choices = flights(scene, request, pattern, height)
+            obstacles["battery"] += int(not choices)  # a grid of far too many photos
+            for one in choices:
+                obstacle = _obstacle(scene, request, one, must)
+                if obstacle:
+                    obstacles[obstacle] += 1
+                else:
+                    good += 1
+                    found.append(one)
+            heights += bool(good)
+            if heights == HEIGHTS_EACH and not request.heights_m:
+                break
+    if not found:
+        raise GeometryError(_why_not(scene, request, obstacles))
+    return found
+
+
+def _area_points(scene: PlanScene) -> Floats:
+    size = np.ptp(scene.area_m, axis=0)
+    inside = grid_in(scene.area_m, float(np.sqrt(size.prod() / TO_COVER)))
+    return np.concatenate([scene.area_m, inside])
+
+
+def _obstacle(scene: PlanScene, request: PlanRequest, one: Flight, must_m: Floats) -> str:
+    ground = scene.on_ground(one.cameras.center_m[:, :2])[:, 2]
+    above = one.cameras.center_m[:, 2] - ground
+    if above.max() > request.max_height_m + 1e-6 or above.min() < 0.3 * one.height_m:
+        return "height"
+    if not keeps_out(scene, one.cameras):
+        return "no-go"
+    if one.duration_s > USABLE * 60.0 * request.battery_min:
+        return "battery"
+    camera = scene.calibration
+    ray = corner_rays(camera, camera.parameters, one.cameras.world_from_camera)
+    if shows_horizon(ray, scene.slope).any():
+        return "horizon"
+    shown = seen(scene.calibration, one.cameras, must_m, scene.deviation).certain
+    return "" if shown.any(axis=0).all() else "cover"
+
+
+def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) -> str:
+    size = long_axis(scene.area_m)[2]
+    area = f"The area is {size[0]:.0f} m by {size[1]:.0f} m"
+    tried = ", ".join(request.patterns)
+    if not heights_to_try(request):
+        return (
+            "no height is left to fly at: heights_m, min_height_m "
+            f"({request.min_height_m:g}) and max_height_m ({request.max_height_m:g}) exclude each "
+            "other"
+        )
+    if obstacles["battery"]:
+        return (
+            f"{area}: no flight ({tried}) that shows all of it ends within "
+            f"{USABLE:.0%} of the battery's {request.battery_min:g} minutes, with at most "
+            f"{MOST_IN_GRID} photos. Make the area "
+            "smaller, fly higher (heights_m), allow more time (battery_min), or plan it in parts"
+        )
+    if obstacles["no-go"] and not obstacles["cover"]:
+        return (
+            "every flight crosses what is out of bounds for drone and tape (no_go): draw that as "
+            "small as it really is, or plan the area in parts beside it"
+        )
+    if obstacles["horizon"] and not obstacles["cover"]:
+        return (
+            "the horizon is in every photo: point the camera further down (pitches_deg nearer -90)"
+        )
+    if obstacles["height"] and not obstacles["cover"]:
+        return (
+            "the ground is so steep that every flight comes too close to it or above "
+            f"{request.max_height_m:g} m over it: make the area smaller, or plan it in parts"
+        )
+    more = "" if "grid" in request.patterns else " allow the pattern grid,"
+    if max(heights_to_try(request)) < request.max_height_m:
+        more = f" fly higher (heights_m),{more}"
+    away = np.linalg.norm(scene.point_m - scene.area_m.mean(axis=0), axis=1)
+    away[contains(scene.area_m, scene.point_m)] = 0.0
+    if away.any():
+        farthest = scene.label[int(away.argmax())]
+        more += f" leave out what lies outside of the area ({farthest}),"
+    return (
+        f"{area}: from at most {max(heights_to_try(request)):g} m up, no flight ({tried}) shows "
+        f"all of it for certain, as the drone may depart by {request.deviation_m:g} m and "
+        f"{request.deviation_deg:g} degrees. Make the area smaller,{more} or plan it in parts"
+    )

@@ -1,0 +1,276 @@
+"""What one more line would have brought to a real survey: on its own adjustment."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from uavgram.errors import InputError
+from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import Layout
+from uavgram.geometry.ground.row_projection import RowPoses, project_rows
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.frames import Frames
+from uavgram.model.planned.next_lines import NextLines
+from uavgram.model.survey.observations import KnownLines
+from uavgram.model.survey.survey import Survey
+from uavgram.model.survey.ties import NO_SIGHTINGS
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import Inputs, read_inputs
+from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.synthetic.plan.elimination import Functions, eliminated, whitened_readings
+from uavgram.synthetic.plan.layouts import Aim, Candidates, covariance_of, with_one_more
+from uavgram.synthetic.plan.wanted import equal_weights, joined, spots
+from uavgram.synthetic.sight import inside
+
+SHORTEST_M, LONGEST_M = 3.0, 15.0
+MOST_SPOTS = 150
+BEST = 3
+"""Lines that are told."""
+
+APART = 0.3
+"""Share of its length by which another line that is told differs in place."""
+
+NO_LOSS = 1e-9
+"""What is left of a reading's variance where nothing else says what it should be."""
+
+
+class _Places(NamedTuple):
+    """Where ends may lie, in the world, and what photos show of them: (F, K, 2), NaN if nothing."""
+
+    world_m: Floats
+    pixel_px: Floats
+
+
+@with_one_blas_thread
+def next_lines(project: Path) -> NextLines:
+    """Reckon what more and fewer reference lines would have meant for a project.
+
+    Parameters
+    ----------
+    project
+        The project file; it is run anew, nothing is written.
+
+    Raises
+    ------
+    InputError
+        An input is wrong, nothing is measured, or no line fits between its points.
+    """
+    return next_lines_of(read_inputs(project), project)
+
+
+def next_lines_of(inputs: Inputs, project: Path) -> NextLines:
+    """The same of what was read, from where the project names."""
+    posed = pose_frames(inputs)
+    adjustment = compute(inputs, posed=posed, curved=False).refined.adjustment
+    values = _values(adjustment, inputs, posed.frames, project)
+    places = _places(adjustment, project)
+    shown = np.isfinite(places.pixel_px[..., 0]).astype(np.float64)
+    pairs = joined(places.world_m, (), shown.T @ shown > 0, (SHORTEST_M, LONGEST_M))
+    if not len(pairs):
+        raise InputError(
+            project,
+            f"no line of {SHORTEST_M:g} to {LONGEST_M:g} m fits between its points in a photo: "
+            "pick points that lie farther apart",
+        )
+    aim = _aim(adjustment, values)
+    candidates = _candidates(adjustment, places, pairs, _tape_sigma(inputs.lines))
+    covariance = covariance_of(aim.information)
+    found = with_one_more(aim, candidates, covariance, np.arange(len(pairs)))
+    best = _different(places.world_m, pairs, found)
+    ends = places.world_m[pairs[best]]
+    near, near_m = _nearest(adjustment, ends)
+    return NextLines(
+        mean_sigma=aim.criterion(covariance),
+        unit="m" if "m" in values.unit else values.unit[0],
+        start_world_m=ends[:, 0],
+        end_world_m=ends[:, 1],
+        near=near,
+        near_m=near_m,
+        with_it=found[best],
+        name=tuple(adjustment.survey.line_name[i] for i in adjustment.problem.line_index),
+        without_it=_without(adjustment, values, aim.weight),
+    )
+
+
+def _values(
+    adjustment: Adjustment, inputs: Inputs, frames: Frames, project: Path
+) -> MeasuredValues:
+    """What is measured, but for what cannot be."""
+    values = propagate(adjustment, inputs.requests, frames)
+    measured = [row.request for row in values.rows if row.gradient is not None]
+    kept = tuple(one for one in inputs.requests if one in measured)
+    if not kept:
+        raise InputError(
+            project, "measures nothing, so nothing can become better known: add `measure:`"
+        )
+    return propagate(adjustment, kept, frames)
+
+
+def _core(layout: Layout) -> Ints:
+    """Unknowns that photos share: the poses (without turning), and all behind them."""
+    frames = layout.frame_columns(np.arange(layout.frames)).ravel()
+    return np.concatenate([frames, np.arange(layout.first_intrinsic, layout.size)])
+
+
+def _weights(values: MeasuredValues) -> Floats:
+    return equal_weights([row.request.kind for row in values.rows], values.unit)
+
+
+def _aim(adjustment: Adjustment, values: MeasuredValues) -> Aim:
+    """What is measured as functions of the core: its regression on it, and what is left."""
+    core = _core(adjustment.problem.layout)
+    joint = adjustment.minimum.factor.joint(core)
+    information = covariance_of(joint)
+    across = values.solved[core]
+    gradient = (information @ across).T
+    own = np.diag(values.covariance) - np.sum(gradient.T * across, axis=0)
+    return Aim(information, Functions(gradient, np.maximum(own, 0.0)), _weights(values))
+
+
+def _places(adjustment: Adjustment, project: Path) -> _Places:
+    state, survey = adjustment.state, adjustment.survey
+    point = state.point[:, :2]
+    try:
+        hull = point[ConvexHull(point).vertices]
+    except QhullError:
+        raise InputError(project, "has points in one line only: nothing can be planned") from None
+    place = spots(hull, (), LONGEST_M, MOST_SPOTS)
+    middle = int(np.argmin(np.linalg.norm(point - point.mean(axis=0), axis=1)))
+    label = np.full(len(place), middle)
+    own = np.zeros((len(place), adjustment.problem.layout.point_size))
+    own[:, :2] = place
+    world, _, _ = adjustment.problem.placed(state, own, label)
+    world[:, 2] -= survey.height_above_m[middle]
+    poses = RowPoses(state.center[:, None], state.rotation[:, None], adjustment.sweep()[:, None])
+    camera = survey.calibration
+    pixel = project_rows(camera, adjustment.problem.intrinsics(state), poses, world[None])
+    shown = inside(camera, pixel)[..., None]
+    return _Places(world, np.where(shown, pixel, np.nan))
+
+
+def _tape_sigma(lines: KnownLines) -> float:
+    return float(np.median(lines.sigma_m)) if len(lines.name) else 0.01
+
+
+def _candidates(adjustment: Adjustment, places: _Places, pairs: Ints, sigma_m: float) -> Candidates:
+    """Lines between places, picked as the survey's points are, in its own likelihood."""
+    survey, state = adjustment.survey, adjustment.state
+    seen = np.isfinite(places.pixel_px[..., 0])
+    used = np.flatnonzero(seen.any(axis=0))
+    row = np.full(len(places.world_m), -1)
+    row[used] = np.arange(len(used))
+    pick_label, pick_frame = np.nonzero(seen[:, used].T)
+    candidate = _only(survey, len(used), row[pairs], adjustment.problem.tapes, sigma_m)
+    candidate = replace(
+        candidate,
+        pick_frame=pick_frame,
+        pick_label=pick_label,
+        pixel_px=places.pixel_px[:, used][pick_frame, pick_label],
+        pick_sigma_px=np.full(len(pick_frame), float(np.median(survey.pick_sigma_px))),
+    )
+    problem = SurveyProblem(
+        candidate, adjustment.problem.pivot_m, np.ones(len(pairs), dtype=np.bool_)
+    )
+    point = np.zeros((len(used), problem.layout.point_size))
+    point[:, :2] = places.world_m[used, :2]
+    there = replace(
+        state,
+        point=point,
+        picked=np.zeros((0, problem.layout.point_size)),
+        tie=np.zeros((0, problem.layout.point_size)),
+        turning=np.zeros((len(state.center), 0)),
+    )
+    blocks = problem.evaluate(there)
+    if blocks is None:
+        raise ValueError("places that photos show lie in front of them")
+    tapes = blocks["lengths"]
+    points = eliminated(problem, {k: v for k, v in blocks.items() if k in OF_POINTS})
+    ends = row[pairs]
+    whitened = whitened_readings(
+        points, problem.layout, tapes.columns[:, None], tapes.jacobian, ends
+    )
+    return Candidates(whitened, ends, points.root)
+
+
+OF_POINTS = ("pixels", "roughness", "idle")
+"""Observations of the places; the rest is in the survey already."""
+
+
+def _only(
+    survey: Survey, count: int, pairs: Ints, tapes: tuple[str, ...], sigma_m: float
+) -> Survey:
+    """A survey of the same photos with other points and lines, and nothing else known of them."""
+    names = tapes or ("",)
+    return replace(
+        survey,
+        label=tuple(f"spot{i}" for i in range(count)),
+        height_above_m=np.zeros(count),
+        height_sigma_m=np.zeros(count),
+        is_free=np.zeros(count, dtype=np.bool_),
+        identification_sigma_m=np.zeros(count),
+        area=np.zeros(count, dtype=np.int64),
+        target_pick=np.zeros(0, dtype=np.int64),
+        matches=NO_SIGHTINGS,
+        ties=NO_SIGHTINGS,
+        known=(),
+        control_label=np.zeros(0, dtype=np.int64),
+        control_world_m=np.zeros((0, 3)),
+        control_sigma_m=np.zeros((0, 3)),
+        line_start=pairs[:, 0],
+        line_end=pairs[:, 1],
+        length_m=np.ones(len(pairs)),
+        length_sigma_m=np.full(len(pairs), sigma_m),
+        line_name=(),
+        line_tape=tuple(names[i % len(names)] for i in range(len(pairs))),
+        line_along=(),
+        tape_scale_sigma=survey.tape_scale_sigma if tapes else 0.0,
+        own_scale_sigma=survey.own_scale_sigma if tapes else (),
+    )
+
+
+def _different(world_m: Floats, pairs: Ints, found: Floats) -> Ints:
+    """(n,) the best lines that are not nearly the same."""
+    middle = world_m[pairs].mean(axis=1)
+    length = np.linalg.norm(np.diff(world_m[pairs], axis=1)[:, 0], axis=1)
+    chosen: list[int] = []
+    for one in np.argsort(found).tolist():
+        away = [np.linalg.norm(middle[one] - middle[other]) for other in chosen]
+        if all(distance > APART * length[one] for distance in away):
+            chosen.append(one)
+        if len(chosen) == BEST:
+            break
+    return np.array(chosen, dtype=np.int64)
+
+
+def _nearest(adjustment: Adjustment, ends_m: Floats) -> tuple[tuple[tuple[str, str], ...], Floats]:
+    point, label = adjustment.state.point[:, :2], adjustment.survey.label
+    away = np.linalg.norm(ends_m[:, :, None, :2] - point, axis=-1)
+    which = away.argmin(axis=-1)
+    return tuple((label[a], label[b]) for a, b in which), away.min(axis=-1)
+
+
+def _without(adjustment: Adjustment, values: MeasuredValues, weight: Floats) -> Floats:
+    """(L,) the mean sigma without each line: its row is taken from the normal matrix.
+
+    Without an observation of gradient a and unit variance the covariance S grows by
+    S a a^T S / (1 - a^T S a) (Plackett 1950).
+    """
+    block = adjustment.minimum.blocks.get("lengths")
+    if block is None:
+        return np.zeros(0)
+    rows = np.zeros((adjustment.problem.layout.size, len(block.columns)))
+    at = np.arange(len(block.columns))[:, None]
+    np.add.at(rows, (block.columns, at), block.jacobian[:, 0])
+    left = 1.0 - np.sum(rows * adjustment.minimum.factor.solve(rows), axis=0)
+    across = values.gradient.T @ adjustment.minimum.factor.solve(rows)
+    held = left > NO_LOSS
+    more = across**2 / np.where(held, left, np.nan)
+    return np.asarray(weight @ np.sqrt(np.diag(values.covariance)[:, None] + more))

@@ -1,0 +1,218 @@
+"""What reference lines are possible with a flight, and what each would tell of what is wanted."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.errors import GeometryError
+from uavgram.estimation.measuring.kinds import Measurand
+from uavgram.estimation.measuring.propagation import propagate
+from uavgram.geometry.ground.polygons import contains
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.target_families import FOUND_PX
+from uavgram.stages.plate_sides import SIDES
+from uavgram.synthetic.plan.cameras import Cameras, large_enough, seen
+from uavgram.synthetic.plan.elimination import (
+    Functions,
+    eliminated,
+    of_all_points,
+    whitened_readings,
+)
+from uavgram.synthetic.plan.layouts import Aim, Candidates, covariance_of, greedy
+from uavgram.synthetic.plan.scene import PlanScene
+from uavgram.synthetic.plan.survey import Lines, Marks, hardly_known, planned_survey
+from uavgram.synthetic.plan.wanted import MOST_SPOTS, Wanted, equal_weights, joined, spots
+
+PLATES_M = 8.0
+"""A grid of places for plates need not be finer than a third of that."""
+
+LINES_AT_FIRST = 3
+"""With which the sigmas of what is measured in other units than metres are compared."""
+
+
+@dataclass(frozen=True, eq=False)
+class Possible:
+    """Lines, or plates, that could be laid out for a flight.
+
+    Attributes
+    ----------
+    aim
+        What is wanted.
+    candidates
+        Each line.
+    spot_m
+        (K, 2) where ends, or corners, may lie: `Candidates.ends` counts them.
+    kind, unit, enough
+        (M,) of what is wanted, and the sigma that is good enough; NaN where nobody said.
+    """
+
+    aim: Aim
+    candidates: Candidates
+    spot_m: Floats
+    kind: tuple[str, ...]
+    unit: tuple[str, ...]
+    enough: Floats
+
+
+def possible(
+    scene: PlanScene,
+    cameras: Cameras,
+    wanted: Wanted,
+    lengths_m: tuple[float, float] | None,
+    good_enough: Floats | None = None,
+    most_spots: int = MOST_SPOTS,
+) -> Possible:
+    """Reckon what each line between any two places would tell, or a plate at any.
+
+    Parameters
+    ----------
+    scene, cameras
+        Ground and photos.
+    wanted
+        What is measured.
+    lengths_m
+        Shortest and longest line; None: plates.
+    good_enough
+        (requests,) sigmas that are good enough; NaN where nobody said.
+    most_spots
+        Places for ends of lines.
+
+    Raises
+    ------
+    GeometryError
+        A point that is wanted is in no photo for certain, or no line is.
+    """
+    spot = _places(scene, lengths_m, most_spots)
+    world = np.concatenate([scene.on_ground(wanted.point_m), spot])
+    found = seen(scene.calibration, cameras, world, scene.deviation)
+    require_seen(wanted, found.certain)
+    count = len(wanted.label)
+    found = found if lengths_m is not None else large_enough(found, count)
+    groups, known = _groups(scene, spot, found.certain[:, count:], lengths_m)
+    corners = len(spot) if lengths_m is None else 0
+    label = (*wanted.label, *(f"spot{i}" for i in range(len(spot))))
+    pairs = groups[:, known].reshape(-1, 2)
+    lines = Lines(tuple(f"line{i}" for i in range(len(pairs))), pairs + count, bool(corners))
+    planned = planned_survey(scene, cameras, Marks(label, world, found, corners), lines)
+    problem, layout = planned.problem, planned.problem.layout
+    blocks = planned.blocks()
+    tapes = blocks.pop("lengths")
+    weak = hardly_known(problem)
+    points = eliminated(problem, blocks | {"hardly known": weak})
+    values = propagate(planned.adjusted(blocks, weakly=True), wanted.requests, planned.frames)
+    if values.why_not:
+        raise GeometryError(": ".join(values.why_not[0]))
+    asked = of_all_points(points, layout, values.gradient.toarray())
+    others = np.array([sum(part**2 for part in row.others.values()) for row in values.rows])
+    asked = Functions(asked.gradient, asked.variance + others)
+    row_of = np.full(len(world), -1)
+    row_of[planned.mark] = np.arange(len(planned.mark))
+    used = np.flatnonzero(row_of[count:] >= 0)
+    renumbered = np.full(len(spot), -1)
+    renumbered[used] = np.arange(len(used))
+    wanted_rows = row_of[:count]
+    by_group = (len(groups), len(known), -1)
+    whitened = whitened_readings(
+        points,
+        layout,
+        tapes.columns.reshape(by_group),
+        tapes.jacobian.reshape(by_group),
+        row_of[count:][groups],
+    )
+    candidates = Candidates(whitened, renumbered[groups], points.root[row_of[count:][used]])
+    information = points.base + points.information(wanted_rows)
+    aim = Aim(information, asked, np.full(len(values.rows), 1.0 / len(values.rows)))
+    enough = _by_value(values.rows, wanted, good_enough)
+    kind = tuple(row.request.kind for row in values.rows)
+    aim = replace(aim, weight=_weights(aim, candidates, (kind, values.unit), enough))
+    return Possible(aim, candidates, spot[used, :2], kind, values.unit, enough)
+
+
+def _places(scene: PlanScene, lengths_m: tuple[float, float] | None, most: int) -> Floats:
+    """(K, 3) where ends of lines may lie; the corners of all possible plates, plate by plate."""
+    if lengths_m is not None:
+        return scene.on_ground(spots(scene.area_m, scene.no_go_m, lengths_m[1], most))
+    middle = spots(scene.area_m, scene.no_go_m, PLATES_M, most)
+    corner = scene.plates_at(middle)
+    free = np.ones(len(middle), dtype=np.bool_)
+    for polygon in scene.no_go_m:
+        free &= ~contains(polygon, corner[..., :2].reshape(-1, 2)).reshape(-1, 4).any(axis=1)
+    return corner[free].reshape(-1, 3)
+
+
+def _groups(
+    scene: PlanScene, spot_m: Floats, certain: Bools, lengths_m: tuple[float, float] | None
+) -> tuple[Ints, Ints]:
+    """(N, m) spots that belong together, and (q, 2) between which of them lengths are known."""
+    shown = certain.astype(np.float64)
+    if lengths_m is None:
+        four = np.arange(len(spot_m)).reshape(-1, 4)
+        groups = four[certain[:, four].all(axis=2).any(axis=0)]
+        what, known = "plate", np.array(SIDES)
+    else:
+        groups = joined(spot_m, scene.no_go_m, shown.T @ shown > 0, lengths_m)
+        what, known = f"line of {lengths_m[0]:g} to {lengths_m[1]:g} m", np.array([[0, 1]])
+    if not len(groups):
+        way_out = (
+            "fly higher, take more photos, or allow shorter lines (shortest_line_m)"
+            if lengths_m
+            else f"fly lower or lay larger ones, of {FOUND_PX:.0f} pixels or more in the photos, "
+            "or take more photos"
+        )
+        raise GeometryError(
+            f"no {what} fits into the area, clear of what is out of bounds, and lies in a photo "
+            f"for certain: {way_out}"
+        )
+    return groups, known
+
+
+def require_seen(wanted: Wanted, certain: Bools) -> None:
+    """Make sure that each point is in a photo.
+
+    Raises
+    ------
+    GeometryError
+        Names those that are not.
+    """
+    shown = np.flatnonzero(np.count_nonzero(certain, axis=0))
+    hidden = [one for k, one in enumerate(wanted.label) if k not in shown]
+    if hidden:
+        raise GeometryError(
+            f"in no photo for certain: {', '.join(hidden[:6])}. Fly higher or take more photos, or "
+            "make the area smaller"
+        )
+
+
+def _by_value(rows: Sequence[Measurand], wanted: Wanted, good_enough: Floats | None) -> Floats:
+    """(M,) sigma that is good enough for each value; a request may give several."""
+    enough = np.full(len(wanted.requests), np.nan) if good_enough is None else good_enough
+    place = {request.name: k for k, request in enumerate(wanted.requests)}
+    return np.array([enough[place[row.request.name]] for row in rows])
+
+
+def _weights(
+    aim: Aim,
+    candidates: Candidates,
+    kind_unit: tuple[tuple[str, ...], tuple[str, ...]],
+    enough: Floats,
+) -> Floats:
+    """(M,) of the sigmas in the criterion: a mean in metres, others in proportion.
+
+    What states a sigma that is good enough counts by its share of that. Square metres and degrees
+    count as if their sigmas with a few lines were those of the lengths.
+    """
+    equal = equal_weights(*kind_unit)
+    lengths = equal > 0
+    if lengths.all() and np.isnan(enough).all():
+        return aim.weight
+    steps = greedy(aim, candidates, LINES_AT_FIRST)
+    lines = steps[-1].lines if steps else ()
+    sigma = aim.sigma(covariance_of(aim.information + candidates.information(lines)))
+    usual = float(sigma @ equal)
+    stated = ~np.isnan(enough)
+    size = np.where(stated, enough, np.where(lengths, usual, sigma))
+    typical = float(np.median(enough[stated & lengths])) if (stated & lengths).any() else usual
+    return np.asarray(typical / size / len(size))

@@ -1,0 +1,377 @@
+"""From a scenario with its section `plan:` to a scene in the axes of the world."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from uavgram.errors import InputError, near_miss
+from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.ground.polygons import counterclockwise, long_axis
+from uavgram.geometry.ground.shapes import polygon_self_intersects
+from uavgram.geometry.ground.squares import squares_on_plane
+from uavgram.io.area_file import Area, AreaFile, read_areas
+from uavgram.model.arrays import Floats, FrozenArrays
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.options import (
+    GroundOptions,
+    MountOptions,
+    Project,
+    TapeOptions,
+    TelemetryOptions,
+)
+from uavgram.model.planned.request import Corners, PlanRequest
+from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.synthetic.inputs import project_of
+from uavgram.synthetic.observe import Still
+from uavgram.synthetic.scenario import PlateSpec, Scenario, Site
+from uavgram.synthetic.scenario_file import measurement_fault, scenario_camera
+from uavgram.synthetic.scene import draw_surface
+from uavgram.synthetic.survey import calibration_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Logged:
+    """How well a log says where each photo was taken, beside what the flight has in common.
+
+    `position_sigma_m` is horizontal and vertical, `attitude_sigma_deg` of roll and pitch, and yaw.
+    """
+
+    position_sigma_m: tuple[float, float] = (0.5, 0.8)
+    attitude_sigma_deg: tuple[float, float] = (1.0, 2.0)
+    mount: MountOptions = field(default_factory=MountOptions)
+    telemetry: TelemetryOptions = field(default_factory=TelemetryOptions)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Deviation:
+    """How the drone departs from the plan: standard deviations of each axis."""
+
+    position_m: float = 2.0
+    attitude_deg: float = 1.8
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanScene(FrozenArrays):
+    """A scene to be measured.
+
+    Attributes
+    ----------
+    calibration
+        Of the camera.
+    height_m, slope, pivot_m
+        The ground: height at the pivot (2,), d up / d east and d up / d north (2,).
+    area_m
+        (V, 2) corners, counterclockwise.
+    no_go_m
+        Polygons (v, 2).
+    label, point_m
+        (K,), (K, 2) of what is measured.
+    requests
+        What is measured.
+    ground, tape
+        What is known of ground and tape beforehand; the ground's height is `height_m` there too.
+    plates
+        How large the plates are that could be laid, and how well they are known and found.
+    logged
+        The log; None: there is none.
+    picks_sigma_px, tape_sigma_m
+        Of picks and readings.
+    deviation
+        Of the flight from the plan.
+    """
+
+    calibration: Calibration
+    height_m: float = 0.0
+    slope: Annotated[Floats, 2] = field(default_factory=lambda: np.zeros(2))
+    pivot_m: Annotated[Floats, 2] = field(default_factory=lambda: np.zeros(2))
+    area_m: Annotated[Floats, "v", 2]
+    no_go_m: tuple[Floats, ...] = ()
+    label: Annotated[tuple[str, ...], "k"] = ()
+    point_m: Annotated[Floats, "k", 2] = field(default_factory=lambda: np.zeros((0, 2)))
+    requests: tuple[MeasurementRequest, ...] = ()
+    ground: GroundOptions = field(default_factory=GroundOptions)
+    tape: TapeOptions = field(default_factory=TapeOptions)
+    plates: PlateSpec = field(default_factory=PlateSpec)
+    logged: Logged | None = field(default_factory=Logged)
+    picks_sigma_px: float = 0.7
+    tape_sigma_m: float = 0.01
+    deviation: Deviation = field(default_factory=Deviation)
+
+    def on_ground(self, east_north_m: Floats) -> Floats:
+        """(..., 3) places on the ground at (..., 2)."""
+        up = self.height_m + (east_north_m - self.pivot_m) @ self.slope
+        return np.concatenate([east_north_m, up[..., None]], axis=-1)
+
+    def plates_at(self, east_north_m: Floats) -> Floats:
+        """(N, 4, 3) corners of plates on the ground about (N, 2), along the area's longer side."""
+        _, axis, _ = long_axis(self.area_m)
+        turn = np.full(len(east_north_m), np.arctan2(axis[1], axis[0]))
+        middle = self.on_ground(east_north_m)
+        return squares_on_plane(middle, self.slope, turn, self.plates.side_m)
+
+
+FAR_M = 5000.0
+"""An area farther than that from the scenario's site is another place."""
+
+NARROWEST_M = 0.3
+
+
+def site_of(site: Site, request: PlanRequest, file: AreaFile | None, path: Path) -> Site:
+    """The scenario's site; that of the area, where its file lies somewhere else.
+
+    Parameters
+    ----------
+    site, request
+        Of the scenario.
+    file
+        Of the area; None: it is given in metres.
+    path
+        The scenario, for messages.
+    """
+    if file is None:
+        return site
+    middle = file.areas[0].longitude_latitude_deg.mean(axis=0)
+    away = np.linalg.norm(on_map(middle[None], site)[0])
+    if away <= FAR_M:
+        return site
+    if np.linalg.norm(on_map(middle[None, ::-1], site)[0]) <= FAR_M:
+        raise InputError(
+            path.parent / str(request.area),
+            "has latitude and longitude in the wrong order: GeoJSON and KML have the longitude "
+            "first",
+        )
+    by_place = any(not isinstance(one, str) for each in request.wanted for one in each.points)
+    if by_place or (request.no_go and not isinstance(request.no_go, str)):
+        raise InputError(
+            path,
+            f"the area lies {away / 1000:.0f} km from the scenario's site, so the places that are "
+            "given in metres mean nothing: write latitude_deg and longitude_deg of `site:`",
+        )
+    return replace(
+        site,
+        latitude_deg=float(middle[1]),
+        longitude_deg=float(middle[0]),
+        scene_east_m=0.0,
+        scene_north_m=0.0,
+    )
+
+
+def on_map(longitude_latitude_deg: Floats, site: Site) -> Floats:
+    """(N, 2) east and north of places on a map [m]."""
+    longitude, latitude = longitude_latitude_deg.T
+    height = site.height_msl_m + site.undulation_m
+    origin = (site.latitude_deg, site.longitude_deg, height)
+    return enu_from_geodetic(latitude, longitude, height, origin)[:, :2]
+
+
+def area_of(request: PlanRequest, file: AreaFile | None, site: Site, path: Path) -> Floats:
+    """(V, 2) corners of the area.
+
+    Parameters
+    ----------
+    request
+        Of the scenario.
+    file
+        Of the area; None: it is given in metres.
+    site
+        Where the world lies.
+    path
+        The scenario, for messages.
+
+    Raises
+    ------
+    InputError
+        They enclose nothing, or the outline crosses itself.
+    """
+    if file is None:
+        assert not isinstance(request.area, str)  # noqa: S101  (else there is a file)
+        return _polygon(_in_world(request.area, site), "plan.area", path)
+    named = [one for one in file.areas if not _is_no_go(one)]
+    where = path.parent / str(request.area)
+    if len(named) != 1:
+        raise InputError(
+            where,
+            f"holds {len(named)} polygons for the area: leave one, and name the others `no-go` or "
+            "put them into a file of their own (plan: no_go)",
+        )
+    return _polygon(on_map(named[0].longitude_latitude_deg, site), "the area", where)
+
+
+def _in_world(corners: Corners, site: Site) -> Floats:
+    """(N, 2) east and north of places in the scene's axes; N may be 0."""
+    return site.in_world(np.array(corners, dtype=np.float64).reshape(-1, 2))
+
+
+def _polygon(corner: Floats, what: str, path: Path) -> Floats:
+    if len(corner) > 1 and np.allclose(corner[0], corner[-1], atol=1e-6):
+        corner = corner[:-1]
+    if len(corner) < 3 or _width(corner) < NARROWEST_M:
+        raise InputError(
+            path,
+            f"{what} encloses no ground ({len(corner)} different corners): give at least three "
+            "that do not lie in one line, one after the other around it",
+        )
+    if polygon_self_intersects(corner):
+        raise InputError(
+            path, f"the outline of {what} crosses itself: give its corners one after the other"
+        )
+    return counterclockwise(corner)
+
+
+def _width(corner: Floats) -> float:
+    """How far corners spread across the line that is nearest to all of them [m]."""
+    return float(np.linalg.svd(corner - corner.mean(axis=0), compute_uv=False).min())
+
+
+def _is_no_go(area: Area) -> bool:
+    return area.name.casefold().replace("-", "").replace("_", "").replace(" ", "") == "nogo"
+
+
+def no_go_of(request: PlanRequest, site: Site, path: Path) -> tuple[Floats, ...]:
+    """Polygons that nobody may enter: of their own file, of the area's, or in metres.
+
+    Parameters
+    ----------
+    request, site
+        Of the scenario; where the world lies.
+    path
+        The scenario: names of files are relative to it.
+    """
+    found: list[Floats] = []
+    for name, only in ((request.area, True), (request.no_go, False)):
+        if isinstance(name, str):
+            where = path.parent / name
+            found += [
+                _polygon(on_map(one.longitude_latitude_deg, site), "a no-go polygon", where)
+                for one in read_areas(where).areas
+                if _is_no_go(one) or not only
+            ]
+    if not isinstance(request.no_go, str):
+        found += [_polygon(_in_world(one, site), "plan.no_go", path) for one in request.no_go]
+    return tuple(found)
+
+
+class Asked(NamedTuple):
+    """A scenario's plan.
+
+    Attributes
+    ----------
+    scene
+        In the world's axes.
+    request
+        What is wanted of the plan.
+    site
+        The scenario's, or where the file of the area lies.
+    """
+
+    scene: PlanScene
+    request: PlanRequest
+    site: Site
+
+
+def scene_of(scenario: Scenario, path: Path) -> Asked:
+    """Read what a plan needs, and put it into the world's axes.
+
+    Parameters
+    ----------
+    scenario, path
+        The scenario and its file, to which other files' names are relative.
+
+    Raises
+    ------
+    InputError
+        There is no section `plan`, or its area, its points or a file are wrong.
+    """
+    request = scenario.plan
+    if request is None:
+        raise InputError(
+            path,
+            "has no section `plan:`, which says what to plan for: add `plan: {area: [[-20, -15], "
+            "[20, -15], [20, 15], [-20, 15]]}`, the corners of the scene in metres, or `plan: "
+            "{area: area.kml}`",
+        )
+    file = read_areas(path.parent / request.area) if isinstance(request.area, str) else None
+    site = site_of(scenario.site, request, file, path)
+    area = area_of(request, file, site, path)
+    no_go = no_go_of(request, site, path)
+    surface = draw_surface(replace(scenario, site=site), Still())
+    places = _places(scenario, file, site)
+    requests, label, point = _wanted(request, places, site, path)
+    project = project_of(scenario)
+    scene = PlanScene(
+        calibration=scenario_camera(path, scenario.camera) or calibration_of(scenario.camera),
+        height_m=surface.height_m + float((area.mean(axis=0) - surface.middle_m) @ surface.slope),
+        slope=surface.slope,
+        pivot_m=area.mean(axis=0),
+        area_m=area,
+        no_go_m=no_go,
+        label=label,
+        point_m=point,
+        requests=requests,
+        ground=replace(project.ground, roughness_sigma_m=request.roughness_m),
+        tape=project.tape,
+        plates=scenario.plates,
+        logged=None if project.log is None else _logged(project),
+        picks_sigma_px=project.picks_sigma_px,
+        tape_sigma_m=scenario.errors.tape_m,
+        deviation=Deviation(position_m=request.deviation_m, attitude_deg=request.deviation_deg),
+    )
+    return Asked(scene, request, site)
+
+
+def _logged(project: Project) -> Logged:
+    """What the project states of its log; else what is usual of each photo."""
+    stated, usual = project.telemetry, Logged()
+    position, attitude = stated.position_sigma_m, stated.attitude_sigma_deg
+    return Logged(
+        position_sigma_m=usual.position_sigma_m if position == "auto" else position,
+        attitude_sigma_deg=usual.attitude_sigma_deg if attitude == "auto" else attitude,
+        mount=project.mount,
+        telemetry=replace(stated, position_sigma_m="auto", attitude_sigma_deg="auto"),
+    )
+
+
+def _places(scenario: Scenario, file: AreaFile | None, site: Site) -> dict[str, Floats]:
+    """East and north of everything that has a name."""
+    xy = _in_world(tuple((one.x_m, one.y_m) for one in scenario.points), site)
+    places = dict(zip((one.label for one in scenario.points), xy, strict=True))
+    if file is not None and file.label:
+        at = on_map(file.longitude_latitude_deg, site)
+        places |= dict(zip(file.label, at, strict=True))
+    return places
+
+
+def _wanted(
+    request: PlanRequest, places: dict[str, Floats], site: Site, path: Path
+) -> tuple[tuple[MeasurementRequest, ...], tuple[str, ...], Floats]:
+    """Requests, and labels and places of the points that they name."""
+    label: dict[str, Floats] = {}
+    requests = []
+    for wanted in request.wanted:
+        names = []
+        for number, one in enumerate(wanted.points, start=1):
+            if not isinstance(one, str):
+                name, at = f"{wanted.name} {number}", _in_world((one,), site)[0]
+            elif one in places:
+                name, at = one, places[one]
+            else:
+                hint = near_miss(one, places)
+                raise InputError(
+                    path,
+                    f"plan.wanted: {wanted.name!r} names the point {one!r}, which is nowhere"
+                    f"{f' ({hint})' if hint else ''}: add it to `points:`, or give its place as "
+                    "[x, y]",
+                )
+            label[name] = at
+            names.append(name)
+        asked = MeasurementRequest(
+            name=wanted.name, kind=wanted.kind, points=tuple(names), parameters=wanted.parameters
+        )
+        if fault := measurement_fault(asked):
+            raise InputError(path, f"plan.wanted: {fault}")
+        requests.append(asked)
+    return tuple(requests), tuple(label), np.array(list(label.values())).reshape(-1, 2)

@@ -1,0 +1,361 @@
+"""The survey that a flight and its reference lines will be: no noise, in the real likelihood."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.estimation.measuring.propagation import propagate
+from uavgram.estimation.reliability.redundancy import minimal_detectable_bias, reliability
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
+from uavgram.estimation.solver.normal_equations import Block, NormalEquations
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.observed import Observations
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.frames import Frames
+from uavgram.model.flight.photo_poses import PhotoExposures
+from uavgram.model.flight.telemetry import Telemetry
+from uavgram.model.options import SolveOptions
+from uavgram.model.survey.observations import KnownLines, Picks
+from uavgram.model.target_families import CORNERS, corner_label
+from uavgram.stages.assemble import assemble
+from uavgram.stages.plate_sides import OWN_SHARE, SIDES, SQUARE, TAPE, own_scale
+from uavgram.stages.seed.poses import seed
+from uavgram.synthetic.plan.cameras import Cameras, Seen, large_enough, seen
+from uavgram.synthetic.plan.scene import Logged, PlanScene
+from uavgram.synthetic.plan.wanted import Wanted
+
+SHARP_PX = 0.1
+HARDLY_KNOWN = (300.0, 3.0)
+"""Sigmas of a pose [m, rad] of which nothing is known: layouts begin with no line at all."""
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """K marks on the ground and where photos show them.
+
+    Attributes
+    ----------
+    label, world_m
+        (K,), (K, 3) of each.
+    seen
+        In F photos.
+    corners
+        How many of them, the last ones, are corners of plates.
+    """
+
+    label: tuple[str, ...]
+    world_m: Floats
+    seen: Seen
+    corners: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """L known lengths between marks, taped ones or those of plates: (L,) names, (L, 2) rows."""
+
+    name: tuple[str, ...]
+    ends: Ints
+    of_plates: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedSurvey:
+    """A survey at its truth.
+
+    Attributes
+    ----------
+    problem
+        The likelihood.
+    state
+        The truth.
+    frames
+        The photos' times.
+    mark
+        (K,) which of the marks each label is.
+    """
+
+    problem: SurveyProblem
+    state: State
+    frames: Frames
+    mark: Ints
+
+    def blocks(self) -> dict[str, Block]:
+        """All observations at the truth: residuals are zero."""
+        blocks = self.problem.evaluate(self.state)
+        if blocks is None:
+            raise ValueError("a planned survey is seen from above the ground")
+        return blocks
+
+    def adjusted(self, blocks: dict[str, Block], *, weakly: bool = False) -> Adjustment:
+        """The adjustment of some of the observations.
+
+        Parameters
+        ----------
+        blocks
+            Which.
+        weakly
+            Let poses be known by `HARDLY_KNOWN` at least: without a line nothing else may hold
+            them.
+        """
+        layout = self.problem.layout
+        rows = [*blocks.values(), *([hardly_known(self.problem)] if weakly else [])]
+        factor = NormalEquations(rows, layout.size, layout.structure).factor()
+        minimum = Minimum(self.state, blocks, factor, 0.0, 0, converged=True)
+        return Adjustment(self.problem, minimum, factor.covariance())
+
+
+def hardly_known(problem: SurveyProblem) -> Block:
+    """Rows by which poses are known as badly as `HARDLY_KNOWN`; better where picks are sharper.
+
+    Beside very sharp picks so little would be lost in the rounding of the sums.
+    """
+    count = problem.layout.frames
+    sharp = min(float(problem.survey.pick_sigma_px.min()) / SHARP_PX, 1.0)
+    weight = np.diag(1.0 / np.repeat(HARDLY_KNOWN, 3)) / sharp
+    columns = problem.layout.frame_columns(np.arange(count))
+    return Block(np.zeros((count, 6)), columns, np.broadcast_to(weight, (count, 6, 6)))
+
+
+def planned_survey(scene: PlanScene, cameras: Cameras, marks: Marks, lines: Lines) -> PlannedSurvey:
+    """What will be picked and taped, without noise, as one survey.
+
+    Parameters
+    ----------
+    scene
+        The ground, and what errs how much.
+    cameras
+        The photos.
+    marks
+        What is picked in each photo that shows it for certain; marks that none shows stay out.
+    lines
+        What is known between marks.
+    """
+    plates = scene.plates
+    name = tuple(f"P{i + 1}" for i in range(len(cameras.center_m)))
+    mark, frame = np.nonzero(marks.seen.certain.T)
+    length = np.linalg.norm(np.diff(marks.world_m[lines.ends], axis=1)[:, 0], axis=1)
+    frames = _frames(name, cameras)
+    exposures = None if scene.logged is None else _exposures(name, cameras, scene.logged)
+    survey = assemble(
+        Observations(
+            calibration=scene.calibration,
+            picks=Picks(
+                image=tuple(name[i] for i in frame),
+                label=tuple(marks.label[k] for k in mark),
+                pixel_px=marks.seen.pixel_px[frame, mark],
+                sigma_px=np.where(
+                    mark < len(marks.label) - marks.corners, scene.picks_sigma_px, plates.corner_px
+                ),
+                height_m=np.full(len(mark), np.nan),
+            ),
+            lines=KnownLines(
+                name=lines.name,
+                start=tuple(marks.label[k] for k in lines.ends[:, 0]),
+                end=tuple(marks.label[k] for k in lines.ends[:, 1]),
+                length_m=length,
+                sigma_m=np.full(
+                    len(length),
+                    OWN_SHARE * plates.sigma_m if lines.of_plates else scene.tape_sigma_m,
+                ),
+                adjust=np.ones(len(length), dtype=np.bool_),
+                tape=(TAPE,) * len(length) if lines.of_plates else (),
+            ),
+            telemetry=None if exposures is None else _telemetry(frames, exposures, scene),
+            ground=replace(scene.ground, height_m=scene.height_m),
+            picks_sigma_px=scene.picks_sigma_px,
+            tape=scene.tape,
+            own_scale_sigma=own_scale(SQUARE * plates.side_m, plates.sigma_m)
+            if lines.of_plates
+            else (),
+            photos=name,
+        )
+    ).survey
+    row = {one: k for k, one in enumerate(marks.label)}
+    mark = np.array([row[one] for one in survey.label])
+    flown = {one: k for k, one in enumerate(name)}
+    used = np.array([flown[one] for one in survey.frame_id])
+    problem = SurveyProblem(survey, scene.pivot_m, np.ones(len(survey.line_start), dtype=np.bool_))
+    truth = _truth(scene, cameras, problem, marks.world_m[mark], used)
+    return PlannedSurvey(problem, truth, frames, mark)
+
+
+def _frames(name: tuple[str, ...], cameras: Cameras) -> Frames:
+    count = len(name)
+    return Frames(
+        frame_id=name,
+        time_utc_s=cameras.time_s,
+        sigma_time_s=np.zeros(count),
+        matched=np.ones(count, dtype=np.bool_),
+        reason=("",) * count,
+        clock_offset_s=0.0,
+        clock_offset_sigma_s=0.05,
+    )
+
+
+def _exposures(name: tuple[str, ...], cameras: Cameras, logged: Logged) -> PhotoExposures:
+    body = cameras.world_from_body
+    count = len(name)
+    return PhotoExposures(
+        frame_id=name,
+        position_world_m=cameras.center_m - body @ np.array(logged.mount.lever_arm_m),
+        world_from_body=body,
+        world_from_gimbal=cameras.world_from_gimbal,
+        sigma_position_m=np.tile(logged.position_sigma_m, (count, 1)),
+        sigma_attitude_rad=np.deg2rad(np.tile(logged.attitude_sigma_deg, (count, 1))),
+        by_course=np.zeros(count, dtype=np.bool_),
+        source="the plan",
+    )
+
+
+def _telemetry(frames: Frames, exposures: PhotoExposures, scene: PlanScene) -> Telemetry:
+    logged = scene.logged
+    assert logged is not None  # noqa: S101  (there are exposures)
+    return seed(frames, exposures, logged.mount, logged.telemetry)
+
+
+def _truth(
+    scene: PlanScene, cameras: Cameras, problem: SurveyProblem, world_m: Floats, used: Ints
+) -> State:
+    """The unknowns as they are, in the gauge of the survey."""
+    layout = problem.layout
+    center, rotation = cameras.center_m[used], cameras.world_from_camera[used]
+    plane = np.array([scene.height_m, *scene.slope])
+    if problem.survey.gauge == "plane":
+        world_m, center, rotation = in_plane_gauge(scene, world_m, center, rotation)
+        plane = np.zeros(3)
+    point = np.zeros((layout.points, layout.point_size))
+    point[:, :2] = world_m[:, :2]
+    return State(
+        point=point,
+        center=center,
+        rotation=rotation,
+        intrinsic=np.zeros(layout.intrinsics),
+        plane=plane,
+        relief=np.zeros(layout.relief),
+        telemetry=problem.telemetry_mean if layout.telemetry else np.zeros(0),
+        tape=np.zeros(layout.tape),
+        readout=np.zeros(layout.readout),
+        tie=np.zeros((0, layout.point_size)),
+    )
+
+
+def in_plane_gauge(
+    scene: PlanScene, world_m: Floats, center_m: Floats, rotation: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Points (K, 3) and poses (F, 3), (F, 3, 3) in the axes of a survey without a log.
+
+    The ground is z = 0, the first camera stands above x = y = 0, and up in its image is north.
+
+    Parameters
+    ----------
+    scene
+        The ground.
+    world_m
+        (K, 3) points.
+    center_m, rotation
+        (F, 3), (F, 3, 3) poses.
+    """
+    up = np.array([*-scene.slope, 1.0])
+    up /= np.linalg.norm(up)
+    # Up in the image is -y of the camera; what of it lies along the ground is north.
+    image_up = -rotation[0, :, 1]
+    north = image_up - (image_up @ up) * up
+    north /= np.linalg.norm(north)
+    axes = np.stack([np.cross(north, up), north, up])
+    above = center_m[0] - scene.on_ground(center_m[0, :2])
+    foot = center_m[0] - (above @ up) * up
+    return (world_m - foot) @ axes.T, (center_m - foot) @ axes.T, axes @ rotation
+
+
+@dataclass(frozen=True, eq=False)
+class Predicted:
+    """M values as they will be known.
+
+    Attributes
+    ----------
+    name, kind, unit, value, sigma
+        (M,) of each.
+    request
+        (M,) which of the requests each is of.
+    redundancy, mdb_m
+        (L,) of the lines, of plates of each of their lengths: see `PlannedLines`.
+    """
+
+    name: tuple[str, ...]
+    kind: tuple[str, ...]
+    unit: tuple[str, ...]
+    value: Floats
+    sigma: Floats
+    request: tuple[int, ...]
+    redundancy: Floats
+    mdb_m: Floats
+
+
+def survey_with(
+    scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats
+) -> PlannedSurvey:
+    """The survey of wanted points, and of lines or plates on the ground.
+
+    Parameters
+    ----------
+    scene, cameras, wanted
+        Ground, photos, and what is measured.
+    ends_m
+        (L, 2, 2) ends of the lines, or (L, 4, 2) corners of the plates.
+    """
+    count, (laid, marks_each) = len(wanted.label), ends_m.shape[:2]
+    of_plates = marks_each == CORNERS
+    world = scene.on_ground(np.concatenate([wanted.point_m, ends_m.reshape(-1, 2)]))
+    own = [
+        corner_label(i, c) if of_plates else f"L{i + 1}{'ab'[c]}"
+        for i, c in np.ndindex(laid, marks_each)
+    ]
+    found = seen(scene.calibration, cameras, world, scene.deviation)
+    found = large_enough(found, count) if of_plates else found
+    marks = Marks((*wanted.label, *own), world, found, len(own) if of_plates else 0)
+    groups = count + np.arange(len(own)).reshape(laid, marks_each)
+    pairs = groups[:, np.array(SIDES if of_plates else ((0, 1),))].reshape(-1, 2)
+    names = tuple(f"L{i + 1}" for i in range(len(pairs)))
+    return planned_survey(scene, cameras, marks, Lines(names, pairs, of_plates))
+
+
+def predicted(scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats) -> Predicted:
+    """What will be known of what is wanted, and how well the lines are checked.
+
+    Parameters
+    ----------
+    scene, cameras
+        Ground and photos.
+    wanted
+        What is measured.
+    ends_m
+        (L, 2, 2) ends of the reference lines, or (L, 4, 2) corners of the plates.
+
+    Raises
+    ------
+    SingularError
+        The lines do not hold the photos.
+    """
+    planned = survey_with(scene, cameras, wanted, ends_m)
+    blocks = planned.blocks()
+    adjustment = planned.adjusted(blocks)
+    values = propagate(adjustment, wanted.requests, planned.frames)
+    redundancy = np.zeros(0)
+    if len(ends_m):
+        redundancy = reliability(blocks["lengths"], adjustment.covariance).redundancy[:, 0]
+    sigma = planned.problem.survey.length_sigma_m
+    place = {request.name: k for k, request in enumerate(wanted.requests)}
+    return Predicted(
+        name=values.name,
+        kind=tuple(row.request.kind for row in values.rows),
+        unit=values.unit,
+        value=values.value,
+        sigma=values.sigma,
+        request=tuple(place[row.request.name] for row in values.rows),
+        redundancy=redundancy,
+        mdb_m=minimal_detectable_bias(redundancy, sigma, SolveOptions().significance),
+    )

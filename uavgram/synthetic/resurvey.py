@@ -1,0 +1,217 @@
+"""A real survey, repeated: what was adjusted is the truth, everything observed is drawn anew.
+
+Conditions (right angles, points in line) and lines of known position hold of the truth as far as
+they held of the survey: no reading of them could be another one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.errors import InputError, near_miss
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.observations.kinds import OBSERVATIONS
+from uavgram.estimation.survey.observed import Truth
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.survey.observations import (
+    KnownLines,
+    KnownPoints,
+    KnownWorldPoints,
+)
+from uavgram.model.survey.survey import Survey
+from uavgram.pipeline.measure.compute import compute, stated_observations
+from uavgram.pipeline.measure.inputs import NO_POINTS, Inputs, read_inputs
+from uavgram.pipeline.measure.plates import with_sides
+from uavgram.pipeline.measure.pose import Posed, pose_frames
+from uavgram.pipeline.threads import one_blas_thread
+from uavgram.synthetic.observe import Still
+from uavgram.synthetic.scenario import RepeatedSurvey
+from uavgram.synthetic.scenario_file import load_repeated
+from uavgram.synthetic.simulate import Drawn
+
+STILL_KINDS = frozenset({"skid_speed", "speed"})
+"""Measurements of which most of the uncertainty is not of the survey: not repeated."""
+
+
+@dataclass(frozen=True)
+class ProjectWorld:
+    """Repetitions of a real survey: name, unit and true value (M,) of what is measured.
+
+    `survey`, `pivot_m` and `line_used` make its likelihood, which itself cannot be sent to other
+    processes.
+    """
+
+    spec: RepeatedSurvey
+    inputs: Inputs
+    posed: Posed
+    survey: Survey
+    pivot_m: Floats
+    line_used: Bools
+    state: State
+    name: tuple[str, ...]
+    unit: tuple[str, ...]
+    value: Floats
+
+    def drawn(self, number: int) -> Drawn:
+        """One repetition; the same number gives the same one."""
+        seeds = np.random.SeedSequence([self.spec.seed, number]).spawn(len(OBSERVATIONS))
+        return self._drawn(map(np.random.default_rng, seeds))
+
+    def exact(self) -> Drawn:
+        """The survey without any error, its sigmas being as stated."""
+        drawn = self._drawn(Still() for _ in OBSERVATIONS)
+        options = replace(drawn.inputs.project.solve, noise="stated")
+        project = replace(drawn.inputs.project, solve=options)
+        return drawn._replace(inputs=replace(drawn.inputs, project=project))
+
+    def named(self) -> tuple[str, int]:
+        """Name and seed."""
+        return self.spec.name, self.spec.seed
+
+    def _drawn(self, rngs: Iterable[np.random.Generator]) -> Drawn:
+        """Draw each kind of observation anew, from a stream of its own."""
+        inputs, control = self.inputs, self.inputs.control
+        placed = KnownWorldPoints(
+            label=control.label, world_m=control.coordinates, sigma_m=control.sigma_m
+        )
+        observed = stated_observations(inputs, self.posed, placed)
+        problem = SurveyProblem(self.survey, self.pivot_m, self.line_used)
+        for kind, rng in zip(OBSERVATIONS, rngs, strict=True):
+            observed = kind.draw(observed, Truth(problem, self.state, rng))
+        placed = observed.control
+        again = replace(
+            inputs,
+            project=replace(inputs.project, ground=observed.ground),
+            calibration=observed.calibration,
+            picks=observed.picks,
+            ties=observed.ties,
+            lines=observed.lines,
+            known=observed.known,
+            control=KnownPoints(
+                label=placed.label,
+                kind="local",
+                coordinates=placed.world_m,
+                sigma_m=placed.sigma_m,
+            ),
+        )
+        posed = replace(self.posed, telemetry=observed.telemetry)
+        return Drawn(again, posed, self.name, self.unit, self.value)
+
+
+def read_project_world(project: Path, scenario: Path | None, seed: int | None) -> ProjectWorld:
+    """Read and adjust a project that is to be repeated.
+
+    Parameters
+    ----------
+    project
+        Its file.
+    scenario
+        A file of `RepeatedSurvey`; None: the survey as it is.
+    seed
+        In place of the file's.
+
+    Raises
+    ------
+    UavgramError
+        The project, or the file, cannot be read or has no result.
+    """
+    spec = RepeatedSurvey(name=project.stem) if scenario is None else load_repeated(scenario)
+    spec = spec if seed is None else replace(spec, seed=seed)
+    return project_world(spec, read_inputs(project), scenario)
+
+
+def project_world(spec: RepeatedSurvey, inputs: Inputs, scenario: Path | None) -> ProjectWorld:
+    """Adjust a survey that is to be repeated.
+
+    Parameters
+    ----------
+    spec, scenario
+        What is added to it, and the file that says so.
+    inputs
+        Of the survey.
+
+    Raises
+    ------
+    UavgramError
+        It has no result, or nothing that could be repeated.
+    """
+    posed = pose_frames(inputs)
+    with one_blas_thread():
+        computed = compute(inputs, posed=posed, curved=False)
+    adjustment, table = computed.refined.adjustment, computed.result.measurements
+    kept = [
+        i
+        for i, value in enumerate(table.value)
+        if np.isfinite(value) and table.kind[i] not in STILL_KINDS
+    ]
+    if not kept:
+        raise InputError(
+            inputs.project_path, "has no measurement that could be repeated: give some (measure)"
+        )
+    lines = with_sides(inputs.lines, inputs.picks, inputs.project.targets)
+    inputs = replace(
+        inputs,
+        lines=_with_more(scenario, lines, spec, adjustment.survey.label),
+        check=NO_POINTS,
+        digests=(),
+        messages=(),
+    )
+    return ProjectWorld(
+        spec,
+        inputs,
+        _only(posed, adjustment.survey.frame_id),
+        adjustment.survey,
+        adjustment.problem.pivot_m,
+        np.isin(np.arange(len(adjustment.survey.line_start)), adjustment.problem.line_index),
+        adjustment.state,
+        tuple(table.name[i] for i in kept),
+        tuple(table.unit[i] for i in kept),
+        table.value[kept],
+    )
+
+
+def _only(posed: Posed, frame_id: tuple[str, ...]) -> Posed:
+    """Telemetry of the frames that took part alone, in their order."""
+    telemetry = posed.telemetry
+    if telemetry is None:
+        return posed
+    row = {name: i for i, name in enumerate(telemetry.poses.frame_id)}
+    index = np.array([row[name] for name in frame_id], dtype=np.int64)
+    prior = replace(
+        telemetry.prior,
+        frame_index=np.arange(len(index)),
+        time_s=telemetry.prior.time_s[index],
+        covariance=telemetry.prior.covariance[index],
+    )
+    frames = replace(posed.frames, matched=np.isin(posed.frames.frame_id, frame_id))
+    some = replace(telemetry, poses=telemetry.poses.take(index), prior=prior)
+    return replace(posed, telemetry=some, frames=frames)
+
+
+def _with_more(
+    scenario: Path | None, lines: KnownLines, spec: RepeatedSurvey, labels: tuple[str, ...]
+) -> KnownLines:
+    """The lengths of the project and those that the file adds."""
+    for line in spec.lines:
+        for end in (line.start, line.end):
+            if end not in labels:
+                hint = near_miss(end, labels)
+                raise InputError(
+                    scenario or "",
+                    f"lines: {line.name!r} ends at {end!r}, which is no picked point of the project"
+                    f"{hint and f' ({hint})'}: name two points that were picked",
+                )
+    more = KnownLines(
+        name=tuple(line.name for line in spec.lines),
+        start=tuple(line.start for line in spec.lines),
+        end=tuple(line.end for line in spec.lines),
+        length_m=np.ones(len(spec.lines)),  # read anew in each repetition
+        sigma_m=np.full(len(spec.lines), spec.tape_m),
+        adjust=np.array([line.use == "adjust" for line in spec.lines], dtype=np.bool_),
+    )
+    return lines.with_more(more)

@@ -1,0 +1,220 @@
+"""Read and write scenario files."""
+
+from __future__ import annotations
+
+from dataclasses import MISSING, fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from uavgram.config.strict_yaml import Document, Plain, dotted, read_yaml, yaml_text
+from uavgram.config.validation import validate
+from uavgram.errors import InputError, near_miss
+from uavgram.io.cameras.drone_table import drone_cameras
+from uavgram.io.tables.measure import PARAMETERS, points_fault
+from uavgram.model.camera.assumed_errors import ORDINARY_EQUIVALENTS_MM
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.tags import CameraTags, DroneCamera
+from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.pipeline.cameras.by_name import camera_of_drone
+from uavgram.pipeline.cameras.read import read_camera
+from uavgram.stages.camera.assume import assume_camera, find_camera
+from uavgram.synthetic.errors import USUAL, USUALLY_LOST
+from uavgram.synthetic.scenario import CameraSpec, RepeatedSurvey, Scenario
+from uavgram.synthetic.simulate import ScenarioWorld
+from uavgram.synthetic.survey import senseless, simulate
+
+MOST_ITEMS = 2000
+"""Of all lists of a scenario together."""
+
+
+def load_scenario(path: str | Path) -> Scenario:
+    """Read the scenario of a simulated survey; what it leaves out is the demo's.
+
+    Raises
+    ------
+    InputError
+        Names file, line and key of every mistake.
+    """
+    return scenario_document(path)[0]
+
+
+def scenario_document(path: str | Path) -> tuple[Scenario, Document]:
+    """Read a scenario as `load_scenario` does, and where in its file everything stands."""
+    path = Path(path).absolute()
+    document = _nothing_lost(_with_usual(read_yaml(path, MOST_ITEMS)))
+    scenario = validate(Scenario, document)
+    camera = scenario.camera
+    if camera.file is not None:
+        file = str(path.parent / camera.file)
+        scenario = replace(scenario, camera=replace(camera, file=file))
+    return scenario, document
+
+
+def load_repeated(path: str | Path) -> RepeatedSurvey:
+    """Read what shall be repeated of a real survey.
+
+    Raises
+    ------
+    InputError
+        Names file, line and key of every mistake.
+    """
+    return validate(RepeatedSurvey, read_yaml(Path(path).absolute(), MOST_ITEMS))
+
+
+def _nothing_lost(document: Document) -> Document:
+    """The document; of a flight shorter than the demo's no exposure is lost unless it says so."""
+    data = document.data
+    flight = data.get("flight") if isinstance(data, dict) else None
+    if not isinstance(data, dict) or not isinstance(flight, dict):
+        return document
+    errors, photos = data.get("errors", {}), flight.get("photos_per_strip")
+    short = isinstance(photos, int) and 2 * photos <= USUALLY_LOST
+    if not short or not isinstance(errors, dict) or "lost_exposure" in errors:
+        return document
+    return replace(document, data={**data, "errors": {**errors, "lost_exposure": None}})
+
+
+def _with_usual(document: Document) -> Document:
+    """The document with what is usual of its class of telemetry, where it writes nothing."""
+    data = document.data
+    kind = data.get("telemetry") if isinstance(data, dict) else None
+    if not isinstance(data, dict) or not isinstance(kind, str) or kind not in USUAL:
+        return document
+    filled: dict[str, Plain] = dict(data)
+    for section, usual in USUAL[kind].items():
+        written = data.get(section, {})
+        if isinstance(written, dict):
+            own: dict[str, Plain] = {key: list(value) for key, value in usual.items()}
+            filled[section] = own | written
+    return replace(document, data=filled)
+
+
+def scenario_text(scenario: Scenario, remark: str = "") -> str:
+    """The text of a scenario file that reads back as the same scenario.
+
+    Parameters
+    ----------
+    scenario
+        What to write.
+    remark
+        First line, behind ``#``.
+    """
+    return (f"# {remark}\n" if remark else "") + yaml_text(_plain(scenario))
+
+
+def _plain(value: object) -> Plain:
+    if is_dataclass(value):
+        return {
+            one.name: _plain(getattr(value, one.name))
+            for one in fields(value)
+            if getattr(value, one.name) != _default(one)
+        }
+    if isinstance(value, tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, str | int | float | bool) or value is None:
+        return value
+    raise TypeError(f"{type(value).__name__} has no place in a scenario file")
+
+
+def _default(one: Any) -> object:  # noqa: ANN401  (a field of any class)
+    if one.default is not MISSING:
+        return one.default
+    return one.default_factory() if one.default_factory is not MISSING else MISSING
+
+
+def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
+    """Read a scenario that can be repeated.
+
+    Parameters
+    ----------
+    path
+        The scenario file.
+    seed
+        In place of its own.
+
+    Raises
+    ------
+    InputError
+        Names file, line and key of what is wrong, or makes no sense.
+    """
+    scenario, document = scenario_document(path)
+    scenario = scenario if seed is None else scenario.with_seed(seed)
+    wrong = [(i, measurement_fault(one)) for i, one in enumerate(scenario.measurements)]
+    if any(fault for _, fault in wrong):
+        named = [
+            (document.line_of(("measurements", i)), f"measurements[{i}]: {fault}")
+            for i, fault in wrong
+            if fault
+        ]
+        raise InputError.of_all(document.path, named)
+    calibration = scenario_camera(path, scenario.camera)
+    world = ScenarioWorld(scenario, calibration)
+    faults = list(senseless(simulate(scenario, calibration, exact=True)))
+    if faults:
+        placed = [(document.line_of(one.key), f"{dotted(one.key)}: {one.text}") for one in faults]
+        raise InputError.of_all(document.path, placed)
+    return world
+
+
+def measurement_fault(asked: MeasurementRequest) -> str:
+    """Why a measurement cannot be made of its points and parameters; empty where it can."""
+    given = dict(asked.parameters)
+    missing = [one for one in PARAMETERS.get(asked.kind, ()) if one not in given]
+    fault = points_fault(asked) or (missing and f"needs {' and '.join(missing)}")
+    return f"{asked.name!r}: {fault}" if fault else ""
+
+
+def scenario_camera(path: Path, camera: CameraSpec) -> Calibration | None:
+    """The camera of a file or of a drone; None: the scenario's own numbers.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or nobody knows the drone.
+    """
+    if camera.file is not None:
+        return read_camera(camera.file).calibration
+    if camera.drone is None:
+        return None
+    by_name = None if camera.focal_mm is not None else camera_of_drone(camera.drone)
+    if by_name is not None:
+        return by_name
+    known = drone_cameras()
+    named = CameraTags(path=str(path), width_px=1, height_px=1, model=camera.drone)
+    found = find_camera(named, known)
+    if found is None:
+        sold = {one.comment for one in known if one.make_model in ORDINARY_EQUIVALENTS_MM}
+        hint = near_miss(camera.drone, sorted({*sold, *(one.make_model for one in known)}))
+        raise InputError(
+            path,
+            f"camera.drone: the table of drone cameras has no {camera.drone!r}"
+            f"{hint and f' ({hint})'}: name it by make and model as its photos do, such as "
+            "'dji fc330', or as it is sold, such as 'DJI Mavic 2 Pro', or give camera.file. Drones "
+            "of one maker often have the same camera",
+        )
+    return _of_table(path, camera, _whole_colour(found, known))
+
+
+def _whole_colour(found: DroneCamera, known: tuple[DroneCamera, ...]) -> DroneCamera:
+    """Of several cameras of one name the colour camera with the most pixels."""
+    same = [one for one in known if one.make_model == found.make_model and not one.is_thermal]
+    return max(same, key=lambda one: one.width_px, default=found)
+
+
+def _of_table(path: Path, camera: CameraSpec, found: DroneCamera) -> Calibration:
+    focal_mm = found.focal_mm if camera.focal_mm is None else camera.focal_mm
+    if not focal_mm > 0:
+        raise InputError(
+            path,
+            f"camera.drone: the table of drone cameras does not know the focal length of "
+            f"{camera.drone!r}: write camera.focal_mm, the true one (not that of a 35 mm camera)",
+        )
+    tags = CameraTags(
+        path=str(path),
+        width_px=found.width_px,
+        height_px=found.height_px,
+        model=str(camera.drone),
+        focal_mm=focal_mm,
+    )
+    calibration, _ = assume_camera(tags, drone_cameras())
+    return replace(calibration, name=str(camera.drone))

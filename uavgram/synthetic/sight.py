@@ -1,0 +1,76 @@
+"""Find what a photo shows: marks off its edge, plates that are large enough, the horizon."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.target_families import CORNERS, FOUND_PX
+
+EDGE_PX = 12.0
+"""Nobody picks a mark that is cut off by the photo's edge."""
+
+LEVEL = 0.05
+"""Sine of the angle below the horizon above which nothing can be measured: 3 degrees."""
+
+
+def inside(camera: Calibration, pixel_px: Floats, room_px: Floats | float = 0.0) -> Bools:
+    """Find which pixels (..., 2) a photo shows `EDGE_PX` and more off its edge.
+
+    Parameters
+    ----------
+    camera
+        Whose photos.
+    pixel_px
+        NaN where nothing is seen.
+    room_px
+        (..., 2) more room that is asked for.
+    """
+    low = EDGE_PX + room_px
+    high = np.array([camera.width_px, camera.height_px]) - 1.0 - EDGE_PX - room_px
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.all((pixel_px > low) & (pixel_px < high), axis=-1))
+
+
+def large_plates(corner_px: Floats) -> Bools:
+    """Find corners (F, 4N) of plates that are large enough in a photo to be found there.
+
+    `corner_px` is (F, 4N, 2), plate by plate.
+    """
+    corner = corner_px.reshape(len(corner_px), -1, CORNERS, 2)
+    side = np.linalg.norm(np.roll(corner, -1, axis=2) - corner, axis=-1)
+    with np.errstate(invalid="ignore"):
+        return np.repeat(side.min(axis=2) >= FOUND_PX, CORNERS, axis=1)
+
+
+def corner_rays(camera: Calibration, intrinsics: Floats, rotation: Floats) -> Floats:
+    """Directions (F, 4, 3) in the world of a photo's corners, of unit length.
+
+    Parameters
+    ----------
+    camera, intrinsics
+        Size and lens model; its parameters.
+    rotation
+        (F, 3, 3) of the camera in the world.
+    """
+    w, h = camera.width_px - 1.0, camera.height_px - 1.0
+    corner = np.array([[0.0, 0.0], [w, 0.0], [0.0, h], [w, h]])
+    ray = back_project(camera.model, intrinsics, corner)
+    ray = ray / np.linalg.norm(ray, axis=1, keepdims=True)
+    return np.asarray(np.einsum("fij,kj->fki", rotation, ray))
+
+
+def shows_horizon(ray: Floats, slope: Floats) -> Bools:
+    """Find photos (F,) of which a corner looks level along the ground, or upwards.
+
+    Parameters
+    ----------
+    ray
+        (F, 4, 3) of the corners, in the world; NaN beyond the lens model.
+    slope
+        (2,) of the ground to the east and to the north.
+    """
+    above = ray @ [*-slope, 1.0]
+    return np.asarray((np.isnan(above) | (above > -LEVEL)).any(axis=1))

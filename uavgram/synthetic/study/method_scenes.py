@@ -1,0 +1,205 @@
+"""Single photos of level ground with known truth, on which methods of finding the pose compete."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.estimation.methods.features import FeatureRows, Logged
+from uavgram.geometry.camera.projection import project
+from uavgram.geometry.motion.rotation import (
+    ENU_FROM_NED,
+    GIMBAL_FROM_CAMERA,
+    exp_so3,
+    matrix_from_ypr,
+)
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.calibration import Calibration
+
+SIZE_PX = (4000, 3000)
+FOCAL_PX = 2250.0
+AREA_M = (40.0, 30.0)
+PAIRS = 12
+"""Withheld distances of a scene."""
+SHORTEST_M = 3.0
+"""Of the withheld distances: shorter ones tell little of the pose."""
+DRAWS = 400
+"""Candidates of lines, and of withheld distances, for each scene."""
+LOG_SIGMA = (1.5, 1.5, 3.0, *np.deg2rad([1.0, 1.0, 2.0]).tolist())
+"""Of a usual drone's log: centre [m], turn about the camera's axes [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """What scenes are like; numbers in pairs are the ends of a range.
+
+    Attributes
+    ----------
+    features
+        Lines in a scene, least and most.
+    length_m, tilt_deg, height_m
+        Of the lines; of the view from straight down; of the camera over the ground.
+    turn_deg
+        Directions of the lines, from that of the first.
+    share
+        Of the area, in which the lines lie: middle east and north as a share of it, and size.
+    pick_px, place_m, tape_m
+        Standard deviations.
+    relief_m
+        By how much points stand off the ground, though nobody says so: standard deviation.
+    bulge
+        Radial distortion k1 of the lens that nobody told the methods.
+    """
+
+    name: str
+    features: tuple[int, int] = (4, 8)
+    length_m: tuple[float, float] = (3.0, 15.0)
+    tilt_deg: tuple[float, float] = (0.0, 60.0)
+    height_m: float = 40.0
+    turn_deg: float = 180.0
+    share: float = 1.0
+    pick_px: float = 0.8
+    place_m: float = 0.01
+    tape_m: float = 0.01
+    relief_m: float = 0.0
+    bulge: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class MethodScenes:
+    """B scenes with n lines each.
+
+    Attributes
+    ----------
+    rows
+        What is observed of each; nothing of it is used yet.
+    center, rotation
+        (B, 3), (B, 3, 3) the truth.
+    logged
+        What a log says of it.
+    check_px, check_m
+        (B, m, 2, 2) picks of the ends of withheld distances; (B, m) these.
+    """
+
+    rows: FeatureRows
+    center: Floats
+    rotation: Floats
+    logged: Logged
+    check_px: Floats
+    check_m: Floats
+
+
+def method_scenes(setting: Setting, lines: int, count: int, seed: int) -> MethodScenes:
+    """Draw scenes.
+
+    Parameters
+    ----------
+    setting
+        What they are like.
+    lines, count
+        Lines in each; number of scenes.
+    seed
+        Of the draws.
+
+    Raises
+    ------
+    ValueError
+        The setting leaves no place for the lines in what a camera sees.
+    """
+    rng = np.random.default_rng((1909, seed, lines))
+    truth = study_camera(setting.bulge)
+    drawn = [_scene(setting, lines, truth, rng) for _ in range(count)]
+    center, rotation, ends, pairs = (np.stack(part) for part in zip(*drawn, strict=True))
+    measured = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1)
+    pixel = _seen(truth, center, rotation, _raised(ends, setting.relief_m, rng))
+    check = _raised(pairs, setting.relief_m, rng)
+    sigma = np.array(LOG_SIGMA)
+    error = sigma * rng.normal(size=(count, 6))
+    return MethodScenes(
+        rows=FeatureRows(
+            calibration=study_camera(0.0),
+            pixel_px=_noisy(pixel, setting.pick_px, rng),
+            pick_sigma_px=setting.pick_px,
+            place_m=ends + setting.place_m * rng.normal(size=ends.shape),
+            place_sigma_m=setting.place_m,
+            length_m=measured + setting.tape_m * rng.normal(size=measured.shape),
+            length_sigma_m=setting.tape_m,
+        ),
+        center=center,
+        rotation=rotation,
+        logged=Logged(center + error[:, :3], rotation @ exp_so3(error[:, 3:]), sigma),
+        check_px=_noisy(_seen(truth, center, rotation, check), setting.pick_px, rng),
+        check_m=np.linalg.norm(check[:, :, 1, :2] - check[:, :, 0, :2], axis=-1),
+    )
+
+
+def study_camera(bulge: float) -> Calibration:
+    """A camera of 12 megapixels with radial distortion k1."""
+    focal, (width, height) = FOCAL_PX, SIZE_PX
+    return Calibration(
+        name="study",
+        model="brown",
+        width_px=width,
+        height_px=height,
+        parameters=np.array([focal, focal, (width - 1) / 2, (height - 1) / 2, bulge, 0, 0, 0, 0]),
+        covariance=np.zeros((9, 9)),
+    )
+
+
+def _scene(
+    setting: Setting, lines: int, lens: Calibration, rng: np.random.Generator
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Centre, rotation, ends (n, 2, 2) of lines, and those (m, 2, 2) of withheld distances."""
+    pitch = np.deg2rad(rng.uniform(*setting.tilt_deg)) - np.pi / 2
+    roll = np.deg2rad(3.0) * rng.normal()
+    body = ENU_FROM_NED @ matrix_from_ypr(rng.uniform(0.0, 2.0 * np.pi), pitch, roll)
+    rotation = body @ GIMBAL_FROM_CAMERA
+    axis = rotation[:, 2]
+    center = -axis / -axis[2] * setting.height_m  # it looks at the middle of the area
+    camera = lens, center, rotation
+    found = _kept(_lines(setting, rng), camera, lines)
+    pairs = rng.uniform(-0.5, 0.5, (DRAWS, 2, 2)) * AREA_M
+    apart = np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1) >= SHORTEST_M
+    return center, rotation, found, _kept(pairs[apart], camera, PAIRS)
+
+
+def _lines(setting: Setting, rng: np.random.Generator) -> Floats:
+    """(k, 2, 2) ends of lines that lie in their part of the area."""
+    half = np.array(AREA_M) / 2 * setting.share
+    middle = (np.array(AREA_M) / 2 - half) * rng.choice([-1.0, 1.0], 2)
+    turn = np.deg2rad(setting.turn_deg) / 2
+    angle = rng.uniform(0.0, np.pi) + rng.uniform(-turn, turn, DRAWS)
+    start = middle + rng.uniform(-half, half, (DRAWS, 2))
+    ahead = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    end = start + ahead * rng.uniform(*setting.length_m, (DRAWS, 1))
+    inside = np.all(np.abs(end - middle) <= half, axis=1)
+    return np.asarray(np.stack([start, end], axis=1)[inside])
+
+
+def _kept(ends: Floats, camera: tuple[Calibration, Floats, Floats], count: int) -> Floats:
+    """The first (count, 2, 2) whose both ends a photo shows."""
+    lens, center, rotation = camera
+    world = np.concatenate([ends, np.zeros((*ends.shape[:2], 1))], axis=-1)
+    pixel = _seen(lens, center[None], rotation[None], world[None])[0]
+    with np.errstate(invalid="ignore"):
+        inside = ((pixel > 0) & (pixel < np.array(SIZE_PX) - 1)).all(axis=(1, 2))
+    if inside.sum() < count:
+        raise ValueError(f"a photo shows {inside.sum()} of the {count} lines that a scene needs")
+    return np.asarray(ends[inside][:count])
+
+
+def _raised(ends: Floats, relief_m: float, rng: np.random.Generator) -> Floats:
+    """(..., 3) places in the world, off the ground by relief."""
+    up = relief_m * rng.normal(size=(*ends.shape[:-1], 1))
+    return np.concatenate([ends, up], axis=-1)
+
+
+def _seen(lens: Calibration, center: Floats, rotation: Floats, world: Floats) -> Floats:
+    """Pixels (B, k, 2, 2) of places (B, k, 2, 3); NaN behind the camera."""
+    away = world - center[:, None, None]
+    return project(lens.model, lens.parameters, np.einsum("bji,bkej->bkei", rotation, away))
+
+
+def _noisy(pixel: Floats, sigma_px: float, rng: np.random.Generator) -> Floats:
+    return pixel + sigma_px * rng.normal(size=pixel.shape)

@@ -1,0 +1,276 @@
+"""Cells of studies that are one photo: predicted, then drawn and adjusted thousands of times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from zlib import crc32
+
+import numpy as np
+
+from uavgram.estimation.repeated.predicted_lengths import predict_lengths
+from uavgram.estimation.repeated.single_photo import adjust_photos
+from uavgram.geometry.camera.lens import distort
+from uavgram.geometry.camera.projection import project
+from uavgram.geometry.motion.rotation import exp_so3
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.options import GroundOptions
+from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
+from uavgram.model.study.study import Cell
+from uavgram.pipeline.threads import one_blas_thread
+from uavgram.synthetic.study.method_scenes import AREA_M, FOCAL_PX, LOG_SIGMA, SIZE_PX, study_camera
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudyScene:
+    """A photo, what is taped in it, and how wrong everything is.
+
+    Attributes
+    ----------
+    height_m, tilt_deg
+        Of the camera over the ground; of the view from straight down.
+    lines
+        Taped lengths around the scene.
+    pick_px
+        Of a pick.
+    tape_m, tape_scale
+        Of a length; of the tape, a share of all lengths.
+    focal_share, centre_px
+        Standard deviations of the focal length, a share of it, and of the principal point.
+    """
+
+    height_m: float = 40.0
+    tilt_deg: float = 20.0
+    lines: int = 6
+    pick_px: float = 0.8
+    tape_m: float = 0.01
+    tape_scale: float = 0.0
+    focal_share: float = 0.0
+    centre_px: float = 0.0
+
+
+WANTED, SHORTEST_M = 16, 5.0
+"""Distances that are measured, and the shortest of them."""
+
+EDGE = 0.75
+"""Of the half area: how far out the lengths are."""
+
+LINE_M = 10.0
+"""Of each taped length."""
+
+BEFOREHAND = np.array(LOG_SIGMA)
+"""Sigmas of the log's pose: centre [m], turn about the camera's axes [rad]."""
+
+GROUND = np.diag([GroundOptions.height_sigma_m, *[np.deg2rad(GroundOptions.slope_sigma_deg)] * 2])
+"""How well the ground's plane is known beforehand: as projects have it that state nothing."""
+
+CAMERA = study_camera(0.0)
+LENS = CAMERA.parameters
+
+
+@dataclass(frozen=True)
+class Photo:
+    """A scene's geometry: design, true pose, true places (E, 2), measured pairs (M, 2)."""
+
+    scene: StudyScene
+    design: PhotoDesign
+    center: Floats
+    rotation: Floats
+    place_m: Floats
+    pairs: Ints
+
+
+def photo_of(scene: StudyScene) -> Photo:
+    """Where everything lies.
+
+    Parameters
+    ----------
+    scene
+        The photo.
+
+    Raises
+    ------
+    ValueError
+        Something of it lies outside the photo.
+    """
+    ends, line = _taped(scene)
+    wanted = _wanted()
+    place = np.concatenate([ends, wanted.reshape(-1, 2)])
+    pairs = len(ends) + np.arange(2 * WANTED).reshape(-1, 2)
+    tilt = np.deg2rad(scene.tilt_deg)
+    center = np.array([0.0, -scene.height_m * np.tan(tilt), scene.height_m])
+    # Image up is north; tilting lifts the view from straight down to the north.
+    rotation = exp_so3(np.array([tilt, 0.0, 0.0])) @ np.diag([1.0, -1.0, -1.0])
+    pixel = _exactly(place, center, rotation)
+    if not (np.all(pixel > 0) and np.all(pixel < np.array(SIZE_PX))):
+        raise ValueError(f"not everything is in the photo: {scene}")
+    design = PhotoDesign(
+        calibration=CAMERA,
+        height_m=np.zeros(len(place)),
+        line=line,
+        pixel_sigma_px=np.full(len(place), scene.pick_px),
+        length_sigma_m=np.full(len(line), scene.tape_m),
+        information=np.diag(BEFOREHAND**-2.0),
+        camera_root=_camera_root(scene),
+        ground_root=GROUND,
+        tape_scale_sigma=scene.tape_scale,
+    )
+    return Photo(scene, design, center, rotation, place, pairs)
+
+
+def exact_draw(photo: Photo) -> PhotoDraws:
+    """The photo without any error.
+
+    Parameters
+    ----------
+    photo
+        The geometry.
+    """
+    pixel = _exactly(photo.place_m, photo.center, photo.rotation)
+    return PhotoDraws(
+        pixel_px=pixel[None],
+        length_m=_lengths(photo.place_m, photo.design.line)[None],
+        center_world_m=photo.center[None],
+        world_from_camera=photo.rotation[None],
+        ground=np.zeros((1, 3)),
+    )
+
+
+def draw(photo: Photo, count: int, rng: np.random.Generator) -> tuple[PhotoDraws, Floats]:
+    """Draws with all errors of the scene, and (B, M) the true distances.
+
+    Parameters
+    ----------
+    photo, count
+        What is drawn, how many times.
+    rng
+        Of the draws.
+    """
+    scene, design = photo.scene, photo.design
+    lens = np.repeat(LENS[:, None], count, axis=1)
+    if design.camera_root is not None:
+        lens += design.camera_root @ rng.standard_normal((design.camera_root.shape[1], count))
+    pixel = _seen(lens, photo)
+    noise = rng.standard_normal(pixel.shape) * design.pixel_sigma_px[:, None]
+    length = _lengths(photo.place_m, design.line)
+    reading = length + design.length_sigma_m * rng.standard_normal((count, len(length)))
+    # A tape of scale s reads l / (1 + s).
+    reading /= 1.0 + scene.tape_scale * rng.standard_normal((count, 1))
+    off = BEFOREHAND * rng.standard_normal((count, 6))
+    draws = PhotoDraws(
+        pixel_px=pixel + noise,
+        length_m=reading,
+        center_world_m=photo.center + off[:, :3],
+        # true = beforehand @ exp(error)
+        world_from_camera=photo.rotation @ exp_so3(-off[:, 3:]),
+        ground=rng.standard_normal((count, 3)) @ GROUND.T,
+    )
+    return draws, np.tile(_lengths(photo.place_m, photo.pairs), (count, 1))
+
+
+def _exactly(place_m: Floats, center: Floats, rotation: Floats) -> Floats:
+    """(E, 2) pixels of places on level ground by the lens as stated."""
+    world = np.column_stack([place_m, np.zeros(len(place_m))])
+    return project("brown", LENS, (world - center) @ rotation)
+
+
+def _camera_root(scene: StudyScene) -> Floats | None:
+    """Columns: the focal length, and both coordinates of the principal point."""
+    root = np.zeros((9, 3))
+    root[:2, 0] = scene.focal_share * FOCAL_PX
+    root[2, 1] = root[3, 2] = scene.centre_px
+    kept = root[:, np.any(root != 0, axis=0)]
+    return kept if kept.size else None
+
+
+def _taped(scene: StudyScene) -> tuple[Floats, Ints]:
+    """Ends (E, 2) of the taped lengths, and which of them belong together (L, 2)."""
+    turn = 2 * np.pi * (np.arange(scene.lines) + 0.5) / scene.lines
+    out = np.array([np.cos(turn), np.sin(turn)]).T * np.array(AREA_M) / 2 * EDGE
+    along = np.array([-np.sin(turn), np.cos(turn)]).T
+    reach = LINE_M / 2 * along
+    ends = np.stack([out - reach, out + reach], axis=1).reshape(-1, 2)
+    return ends, np.arange(2 * scene.lines).reshape(-1, 2)
+
+
+def _wanted() -> Floats:
+    """(M, 2, 2) ends of the measured distances: the same in all scenes."""
+    drawn = np.random.default_rng(1901).uniform(-0.5, 0.5, (200, 2, 2)) * np.array(AREA_M)
+    length = np.linalg.norm(drawn[:, 1] - drawn[:, 0], axis=1)
+    return np.asarray(drawn[length >= SHORTEST_M][:WANTED])
+
+
+def _lengths(place_m: Floats, pairs: Ints) -> Floats:
+    return np.asarray(
+        np.linalg.norm(place_m[..., pairs[:, 1], :] - place_m[..., pairs[:, 0], :], axis=-1)
+    )
+
+
+def _seen(lens: Floats, photo: Photo) -> Floats:
+    """(B, E, 2) pixels of the places by B lenses (9, B).
+
+    Nothing here lies beyond the lens's fold or behind the camera, which `project` would look for.
+    """
+    world = np.column_stack([photo.place_m, np.zeros(len(photo.place_m))])
+    x, y, ahead = ((world - photo.center) @ photo.rotation).T
+    fx, fy, cx, cy = lens[:4, :, None]
+    lens_at = distort("brown", lens[4:, :, None], x / ahead, y / ahead)
+    return np.stack([fx * lens_at.x + cx, fy * lens_at.y + cy], axis=2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where a cell stands in its study: curve, value on the axis and its words, and the scene."""
+
+    curve: str
+    at: float
+    label: str
+    scene: StudyScene
+
+
+def photo_cell(place: Place, repetitions: int) -> Cell:
+    """Predict and simulate.
+
+    Parameters
+    ----------
+    place
+        Which cell.
+    repetitions
+        How many draws.
+    """
+    scene = place.scene
+    with one_blas_thread():
+        photo = photo_of(scene)
+        expected = predict_lengths(photo.design, exact_draw(photo), photo.place_m, photo.pairs)
+        rng = np.random.default_rng([19, crc32(repr(scene).encode())])
+        draws, true = draw(photo, repetitions, rng)
+        found = adjust_photos(photo.design, draws, (photo.center, photo.rotation))
+    ends = found.place_m[:, photo.pairs]
+    error = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2) - true
+    good = found.converged & np.isfinite(error).all(axis=1)
+    error = error[good]
+    low, middle, high = ratio_of(error / expected.error_m)
+    total = expected.variance.sum()
+    return Cell(
+        curve=place.curve,
+        at=place.at,
+        label=place.label,
+        predicted_m=float(np.sqrt(np.mean(expected.error_m**2))),
+        simulated_m=float(np.sqrt(np.mean(error**2))),
+        ratio=middle,
+        ratio_range=(low, high),
+        bias_m=float(np.sqrt(np.mean(error.mean(axis=0) ** 2))),
+        shares=tuple(float(part.sum() / total) for part in expected.parts),
+        repetitions=repetitions,
+        lost=int((~good).sum()),
+    )
+
+
+def ratio_of(z: Floats) -> tuple[float, float, float]:
+    """Root mean square of (B, M), whose rows are independent, and its range of 95 %."""
+    each = np.mean(z**2, axis=1)
+    middle, half = float(each.mean()), 1.96 * float(each.std(ddof=1)) / np.sqrt(len(each))
+    return (
+        float(np.sqrt(max(middle - half, 0.0))),
+        float(np.sqrt(middle)),
+        float(np.sqrt(middle + half)),
+    )
