@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from poselib_lines import p3ll_starts, pnpl_starts
 
-from uavgram.estimation.methods.line_search import rivals
+from uavgram.estimation.first_poses.known_lines import rivals
 from uavgram.model.study.methods import MethodRow
 from uavgram.pipeline.study.method_scenes import Setting, method_scenes
 from uavgram.pipeline.study.method_starts import direct_starts, line_starts

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.estimation.first_poses.known_lines import direct_poses, poses_from_lines
 from uavgram.estimation.first_poses.length_conditions import LengthFrames
+from uavgram.estimation.first_poses.pose_problem import LineRows
 from uavgram.estimation.first_poses.resection import search_frames
-from uavgram.estimation.methods.line_search import direct_poses, poses_from_lines
-from uavgram.estimation.methods.on_lines import OnLines
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane_pose import pose_above_plane
 from uavgram.imaging.known_point_pose import FEWEST_POINTS, poses_from_points
@@ -18,7 +18,7 @@ Starts = tuple[Floats, Floats]
 """Centres (B, S, 3) and rotations (B, S, 3, 3) of S starts of each scene; NaN: no more."""
 
 
-def on_lines(scenes: MethodScenes) -> OnLines:
+def on_lines(scenes: MethodScenes) -> LineRows:
     """The picks of the scenes' lines, for a first pose."""
     rows = scenes.rows
     count = len(rows.pixel_px)
@@ -27,7 +27,7 @@ def on_lines(scenes: MethodScenes) -> OnLines:
     )
     along = rows.place_m[:, :, 1] - rows.place_m[:, :, 0]
     along = along / np.linalg.norm(along, axis=-1, keepdims=True)
-    return OnLines(
+    return LineRows(
         ray=ray,
         ray_root=by_pixel[..., :2, :] * rows.pick_sigma_px,
         start_m=rows.place_m.reshape(count, -1, 2),
@@ -40,7 +40,7 @@ def line_starts(scenes: MethodScenes) -> Starts:
     """The best poses that the search of lines finds."""
     ends = poses_from_lines(on_lines(scenes))
     some = np.isfinite(ends.cost)[..., None]
-    return np.where(some, ends.center, np.nan), np.where(some[..., None], ends.rotation, np.nan)
+    return np.where(some, ends.state[0], np.nan), np.where(some[..., None], ends.state[1], np.nan)
 
 
 def point_starts(scenes: MethodScenes) -> Starts:

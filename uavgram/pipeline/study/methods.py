@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.methods.damped import Ends, minimised
-from uavgram.estimation.methods.features import FeatureRows, first_points, ground_points
-from uavgram.estimation.methods.line_search import rivals
+from uavgram.estimation.first_poses.known_lines import rivals
+from uavgram.estimation.first_poses.pose_problem import FeatureRows, first_points, ground_points
+from uavgram.estimation.solver.batched import Ends, minimise_each
 from uavgram.model.arrays import Bools, Ints
 from uavgram.model.study.methods import MethodRow
 from uavgram.pipeline.study.method_results import Found, row_of
@@ -80,12 +80,7 @@ def solved(rows: FeatureRows, starts: Starts) -> Ends:
     rotation = np.where(good[:, None, None], rotation, np.eye(3))
     if rows.held is not None:  # each start holds its own gauge
         repeated = replace(repeated, held=(center, rotation))
-    ends = minimised(repeated, (center, rotation, point))
-    order = np.argsort(ends.cost.reshape(scenes, count), axis=1, kind="stable")
-    at = np.arange(scenes)[:, None] * count + order
-    return Ends(
-        ends.center[at], ends.rotation[at], ends.cost[at], ends.normal[at], ends.converged[at]
-    )
+    return minimise_each(repeated, (center, rotation, point)).lowest_first(count)
 
 
 def _some(rows: FeatureRows, which: Ints) -> FeatureRows:
@@ -103,7 +98,7 @@ def _some(rows: FeatureRows, which: Ints) -> FeatureRows:
 
 def _judged(scenes: MethodScenes, ends: Ends, told: Bools | None = None) -> Found:
     """Errors and predicted sigmas of the withheld distances under the best pose of each scene."""
-    center, rotation = ends.center[:, 0], ends.rotation[:, 0]
+    center, rotation = (part[:, 0] for part in ends.state[:2])
     lens, sigma_px = scenes.rows.calibration, scenes.rows.pick_sigma_px
     point, by_pose, by_pixel = ground_points(lens, scenes.check_px, center, rotation)
     away = point[:, :, 1] - point[:, :, 0]
@@ -138,7 +133,8 @@ def by_points_alone(scenes: MethodScenes) -> Found:
     cost = np.where(np.isfinite(center[:, :, 0]), 0.0, np.inf)
     nothing = np.full((count, center.shape[1], 6, 6), np.nan)
     nothing[:] = np.eye(6)
-    ends = Ends(center, rotation, cost, nothing, np.isfinite(cost))
+    fits = np.isfinite(cost)
+    ends = Ends((center, rotation), cost, nothing, fits, np.zeros(fits.shape, dtype=np.int64))
     found = _judged(scenes, ends, np.zeros(count, dtype=np.bool_))
     return replace(found, sigma_m=np.full(found.sigma_m.shape, np.nan))
 
