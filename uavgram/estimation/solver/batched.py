@@ -18,7 +18,7 @@ from uavgram.estimation.solver.small_systems import solve_each
 from uavgram.model.arrays import Bools, Floats, Ints
 
 ITERATIONS = 60
-DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e10
+DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-15, 1e10
 
 SETTLED = 1e-10
 """Expected fall of the sum of squares of the last step: 1e-5 sigma of any unknown."""
@@ -226,10 +226,10 @@ def minimise_each(
             put(np.ones(len(active), dtype=np.bool_), here)
             break
         step, fall = _damped_steps(linear, scale)
+        gain = fall * (1.0 + scale)
+        rests = _at_rest(linear, scale, step, fall, settled)
         steps[active] += 1
         there = problem.move(here, linear, step)
-        gain = fall * (1.0 + scale)
-        rests = gain < np.maximum(settled, ROUNDING * linear.cost)
         stuck = ~rests & (scale > MOST_DAMPING)
         if rests.any() or stuck.any():
             put(rests, there)
@@ -245,7 +245,7 @@ def minimise_each(
         compared = found.cost if found.compared is None else found.compared
         better = compared <= linear.cost
         better |= np.isfinite(found.cost) & ((gain < UNSEEN) | (not descending))
-        scale = np.where(better, np.maximum(0.1 * scale, LEAST_DAMPING), 10.0 * scale)
+        scale = np.where(better, np.maximum(scale / 8.0, LEAST_DAMPING), 5.0 * scale)
         here = _chosen(better, there, here, axis)
         linear = _linear(
             _chosen(better, found[:3], linear[:3], 0),
@@ -308,6 +308,23 @@ def _damped_steps(linear: Linear, damping: Floats) -> tuple[Floats, Floats]:
     whitened.reshape(len(whitened), -1)[:, :: size + 1] += (damping + BLIND)[:, None]
     step = -scale * solve_each(whitened, linear.gradient * scale)
     return step, -np.einsum("bi,bi->b", step, linear.gradient)
+
+
+def _at_rest(linear: Linear, damping: Floats, step: Floats, fall: Floats, settled: float) -> Bools:
+    """Whether steps (b, u) are the last; those are then written without damping.
+
+    A damped step along a direction that is hardly determined is short wherever it begins.
+    """
+    limit = np.maximum(settled, ROUNDING * linear.cost)
+    rests = fall < limit
+    rows = np.flatnonzero(rests & (damping > LEAST_DAMPING))
+    if len(rows):
+        few = _linear(_some(linear[:3], rows, 0), ())
+        newton, fall = _damped_steps(few, np.full(len(rows), LEAST_DAMPING))
+        rests[rows] = fall < limit[rows]
+        last = rests[rows]
+        step[rows[last]] = newton[last]
+    return rests
 
 
 def _along(array: Floats, axis: int) -> Floats:
