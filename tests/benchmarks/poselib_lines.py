@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 import poselib
 
-from uavgram.estimation.methods.on_lines import OnLines
+from uavgram.estimation.first_poses.pose_problem import LineRows
 from uavgram.model.arrays import Bools, Floats
 from uavgram.synthetic.study.method_scenes import MethodScenes
 from uavgram.synthetic.study.methods import Starts, on_lines
@@ -77,7 +77,7 @@ def pnpl_starts(scenes: MethodScenes) -> tuple[Starts, Bools]:
     return (center, rotation), below
 
 
-def _lines(scenes: MethodScenes, seen: OnLines, k: int) -> tuple[Floats, Floats, Floats]:
+def _lines(scenes: MethodScenes, seen: LineRows, k: int) -> tuple[Floats, Floats, Floats]:
     """Of each line the normal of its plane through the camera, a point on it, its direction."""
     ray = seen.ray[k].reshape(-1, 2, 3)
     normal = np.cross(ray[:, 0], ray[:, 1])
@@ -88,5 +88,5 @@ def _lines(scenes: MethodScenes, seen: OnLines, k: int) -> tuple[Floats, Floats,
     return normal, point, along
 
 
-def _misfit(seen: OnLines, k: int, center: Floats, rotation: Floats) -> float:
-    return float(seen.linearised(np.array([k]), (center[None], rotation[None])).cost[0])
+def _misfit(seen: LineRows, k: int, center: Floats, rotation: Floats) -> float:
+    return float(seen.linearise(np.array([k]), (center[None], rotation[None])).cost[0])

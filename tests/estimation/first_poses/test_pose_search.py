@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.first_poses.homography import resect_from_plane
-from uavgram.estimation.first_poses.pose_search import PlaneCandidate, search_planes
+from uavgram.estimation.first_poses.plane_search import PlaneCandidate, search_planes
 from uavgram.model.arrays import Floats, Ints
 
 DOWN = np.diag([1.0, -1.0, -1.0])

@@ -7,7 +7,7 @@ import pytest
 from lanes import Lane, lane
 
 from uavgram.estimation.first_poses.known_frames import frame_things
-from uavgram.estimation.first_poses.thing_search import KnownPlanes, search_known
+from uavgram.estimation.first_poses.plane_search import KnownPlanes, search_known
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from uavgram.estimation.repeated.small_systems import backward, cholesky, forward
 from uavgram.estimation.repeated.turns import turned
+from uavgram.estimation.solver.small_systems import backward, cholesky, forward
 
 
 def test_factors_and_solutions_are_those_of_numpy() -> None:

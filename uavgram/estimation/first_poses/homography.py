@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.motion.rotation import exp_so3, hat, nearest_rotation
+from uavgram.estimation.first_poses.pose_problem import RayRows
+from uavgram.estimation.solver.batched import minimise_each
+from uavgram.geometry.motion.rotation import nearest_rotation
 from uavgram.model.arrays import Floats
 
 Pose = tuple[Floats, Floats]
 """Centre (3,) in the axes of the plane [m], and rotation (3, 3), plane from camera."""
 
-POLISHING, SETTLED = 6, 1e-3
-"""Iterations; change of the sum of squares, as a share of it, that needs no other."""
+POLISHING = 20
+"""Iterations."""
 
 FLAT = 1e-9
 """Ratio of the second smallest to the largest singular value below which the points are in line."""
@@ -86,7 +88,7 @@ def other_pose(pose: Pose, point_m: Floats) -> Pose:
     return middle - turned @ sight, turned
 
 
-def polished(pose: Pose, world_m: Floats, ray: Floats) -> tuple[float, Pose] | None:
+def polished(pose: Pose, world_m: Floats, ray: Floats, sigma: Floats) -> tuple[float, Pose] | None:
     """The pose that fits the rays best, near another; and its sum of squares.
 
     Parameters
@@ -97,26 +99,20 @@ def polished(pose: Pose, world_m: Floats, ray: Floats) -> tuple[float, Pose] | N
         (N, 3) points on the plane z = 0 or near it.
     ray
         (N, 3) undistorted, z = 1.
+    sigma
+        (N,) of their x and y.
 
     Returns
     -------
     None
         Where a point is not before the camera, or the camera not above the plane.
     """
-    center, rotation = pose
-    cost = np.inf
-    for _ in range(POLISHING):
-        seen = (world_m - center) @ rotation
-        if not (seen[:, 2] > 0).all() or center[2] <= 0:
-            return None
-        off = seen[:, :2] / seen[:, 2:] - ray[:, :2]
-        before, cost = cost, float(np.sum(off**2))
-        if abs(before - cost) <= SETTLED * cost:
-            break
-        by_seen = np.zeros((len(seen), 2, 3))
-        by_seen[:, [0, 1], [0, 1]] = 1.0 / seen[:, 2:]
-        by_seen[:, :, 2] = -seen[:, :2] / seen[:, 2:] ** 2
-        jacobian = np.concatenate([by_seen @ -rotation.T, by_seen @ hat(seen)], axis=2)
-        step = np.linalg.lstsq(jacobian.reshape(-1, 6), -off.ravel(), rcond=FLAT)[0]
-        center, rotation = center + step[:3], rotation @ exp_so3(step[3:])
-    return cost, (center, rotation)
+    size = np.linalg.norm(ray, axis=1)[:, None]
+    across = np.zeros((len(ray), 2, 3))  # from unit vectors to x and y at z = 1
+    across[:, [0, 1], [0, 1]] = 1.0
+    across[:, :, 2] = -ray[:, :2]
+    across *= (size / sigma[:, None])[:, None]
+    rows = RayRows((ray / size)[None], across[None], world_m[None])
+    ends = minimise_each(rows, (pose[0][None], pose[1][None]), POLISHING)
+    (center, rotation), cost = ends.state, float(ends.cost[0])
+    return (cost, (center[0], rotation[0])) if cost < np.inf and center[0, 2] > 0 else None

@@ -10,9 +10,9 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.estimation.first_poses.network import SeenLines, placing, seen_lines
+from uavgram.estimation.first_poses.plane_search import KnownPlanes, search_known
 from uavgram.estimation.first_poses.plane_things import SCALED, PlaneThing, row_count
 from uavgram.estimation.first_poses.prior_gate import OUTSIDE
-from uavgram.estimation.first_poses.thing_search import KnownPlanes, search_known
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints

@@ -110,11 +110,11 @@ class PlaneNetwork:
         world = np.column_stack([target, height])
         sigma = self._survey.pick_sigma_px[known] / self._survey.calibration.parameters[0]
         ends = (
-            polished(pose, world, ray)
+            polished(pose, world, ray, sigma)
             for pose in (direct, other_pose(direct, target[flat]), *starts)
         )
         found = min(filter(None, ends), key=lambda end: end[0], default=(np.inf, direct))
-        return _Joined(float(np.sqrt(found[0] / np.sum(sigma**2))), found[1])
+        return _Joined(float(np.sqrt(found[0] / len(known))), found[1])
 
     def _over(self, planes: Iterable[Floats], known: Ints, target: Floats) -> list[Pose]:
         """Poses over planes of the frame's own, turned and shifted onto known points (n, 2).

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.first_poses.length_conditions import Block, Conditions, LengthFrames
-from uavgram.estimation.first_poses.pose_search import PlaneCandidate, search_planes
+from uavgram.estimation.first_poses.plane_search import PlaneCandidate, search_planes
 from uavgram.estimation.survey.likelihood import covariance_root
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints

@@ -22,8 +22,8 @@ from uavgram.estimation.repeated.common_errors import (
     sight_shifts,
     tape_scale,
 )
-from uavgram.estimation.repeated.small_systems import backward, cholesky, forward
 from uavgram.estimation.repeated.turns import turned
+from uavgram.estimation.solver.small_systems import backward, cholesky, forward
 from uavgram.geometry.camera.lens import distort, each
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
@@ -191,25 +191,16 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
     )
 
 
-def moved(
-    design: PhotoDesign, line: Line, state: State, damping: Floats | None = None
-) -> tuple[State, Floats]:
-    """The state after a step, and the step's squared length (B,) in sigmas.
+def moved(design: PhotoDesign, line: Line, state: State, step: Floats) -> State:
+    """Apply steps of the poses; errors and places follow.
 
     Parameters
     ----------
     design, line, state
         What was linearised where.
-    damping
-        (B,) Levenberg's, of the pose; None: none.
+    step
+        (6, B) of centre [m] and of the turn [rad].
     """
-    normal = line.normal
-    if damping is not None:
-        normal = normal.copy()
-        for k in range(6):
-            normal[k, k] *= 1.0 + damping
-    lower = cholesky(normal)
-    step = backward(lower, forward(lower, line.right))
     missed = line.misfit - np.einsum("lib,ib->lb", line.by_pose, step)
     force = backward(line.lower, missed)
     change = -line.error
@@ -226,15 +217,12 @@ def moved(
     rise = raised(design, common, state.place)
     fall = (shift[2] - slope[0] * shift[0] - slope[1] * shift[1] - rise) / line.falling
     place = np.einsum("kjeb,jeb->keb", line.to_place, seen) + shift[:2] - ray[:2] * fall
-    length2 = (change**2).sum(axis=(0, 1)) + (common**2).sum(axis=0)
-    length2 += np.einsum("ib,ijb,jb->b", step, line.normal, step)
-    there = State(
+    return State(
         state.center + step[:3],
         state.turn + step[3:],
         state.place + place,
         state.common + common,
     )
-    return there, length2
 
 
 def _shifted(shift: Floats, turn: Floats, ray: Floats) -> Floats:

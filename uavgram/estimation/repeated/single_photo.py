@@ -19,31 +19,32 @@ import numpy as np
 from uavgram.estimation.repeated.common_errors import common_count
 from uavgram.estimation.repeated.photo_step import (
     Draws,
+    Line,
     State,
     draws_last,
     linearise,
     moved,
     places_of,
 )
-from uavgram.estimation.repeated.small_systems import backward, cholesky, forward
 from uavgram.estimation.repeated.turns import turned
+from uavgram.estimation.solver.batched import Ends, Linear, minimise_each
+from uavgram.estimation.solver.batched import State as Unknowns
+from uavgram.estimation.solver.small_systems import backward, cholesky, forward
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.motion.rotation import log_so3
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws, PhotoPosesFound
 
 BLOCK = 2000
 """Draws at a time: so many that Python does not count, so few that the cache holds them."""
 
-AT_REST = 1e-14
-"""Squared length of a step in sigmas of what it moves, from which on it is the last: what comes
-after it is smaller by another factor of ten to a thousand."""
+SETTLED = 1e-14
+"""Expected fall of the sum of squares of the last step: what comes after it is smaller by another
+factor of ten to a thousand."""
 
-BEYOND_ROUNDING = 1e-10
-"""Squared length of steps whose gain no longer shows in the digits of the cost."""
-
-MOST_STEPS, MOST_DAMPED = 12, 200
-FIRST_DAMPING, LEAST_DAMPING = 1e-3, 1e-7
+NEWTON_STEPS, DAMPED_STEPS, LITTLE_DAMPING = 12, 200, 1e-9
+"""Steps at most, first without regard to the sum of squares and with hardly any damping; the few
+draws that do not come to rest so begin again with damped steps."""
 
 
 def adjust_photos(
@@ -107,19 +108,43 @@ def _some(draws: PhotoDraws, rows: slice) -> PhotoDraws:
 def _adjust_block(
     design: PhotoDesign, drawn: PhotoDraws, start: tuple[Floats, Floats] | None
 ) -> PhotoPosesFound:
-    """Gauss-Newton; what that does not bring to rest begins anew, with damping."""
-    draws = draws_last(drawn)
+    """Adjust draws that fit the processor's cache together."""
+    problem = _Problem(design, draws_last(drawn))
     first = _first(design, drawn, start)
-    state = State(*(value.copy() for value in first))
-    size = draws.length.shape[-1]
-    steps = np.zeros(size, dtype=np.int64)
-    at_rest = np.zeros(size, dtype=np.bool_)
-    active = np.flatnonzero(np.isfinite(first.place).all(axis=(0, 1)))
-    left = _newton(design, draws, state, active, steps, at_rest)
-    for own, begun in zip(state, first, strict=True):
-        own[..., left] = begun[..., left]
-    _damped(design, draws, state, left, steps, at_rest)
-    return _found(design, draws, state, steps, at_rest)
+    ends = minimise_each(
+        problem, first, NEWTON_STEPS, settled=SETTLED, damping=LITTLE_DAMPING, descending=False
+    )
+    left = np.flatnonzero(~ends.converged & np.isfinite(first.place).all(axis=(0, 1)))
+    if len(left):
+        again = _Problem(design, problem.part(left))
+        begun = tuple(value[..., left] for value in first)
+        ends.put(left, minimise_each(again, begun, DAMPED_STEPS, settled=SETTLED), again.axis)
+    return _found(design, problem.draws, ends)
+
+
+class _Problem:
+    """Poses of draws; errors and places are eliminated. The draw is the last axis."""
+
+    axis = -1
+
+    def __init__(self, design: PhotoDesign, draws: Draws) -> None:
+        self.design, self.draws = design, draws
+        self._some = np.arange(draws.length.shape[-1]), draws
+
+    def part(self, which: Ints) -> Draws:
+        """Some of the draws; copied only when others are asked for than before."""
+        if which is not self._some[0]:
+            self._some = which, Draws(*(value[..., which] for value in self.draws))
+        return self._some[1]
+
+    def linearise(self, which: Ints, state: Unknowns) -> Linear:
+        """Linearise some draws (b,) at a state."""
+        line = linearise(self.design, self.part(which), State(*state))
+        return Linear(line.cost, np.moveaxis(line.normal, -1, 0), -line.right.T, line)
+
+    def move(self, state: Unknowns, linear: Linear, step: Floats) -> Unknowns:
+        """Apply steps (b, 6) to a state."""
+        return moved(self.design, Line(*linear.rest), State(*state), step.T)
 
 
 def _first(design: PhotoDesign, draws: PhotoDraws, start: tuple[Floats, Floats] | None) -> State:
@@ -134,64 +159,14 @@ def _first(design: PhotoDesign, draws: PhotoDraws, start: tuple[Floats, Floats] 
     return State(center.T.copy(), turn.T.copy(), place[..., :2].transpose(2, 1, 0).copy(), common)
 
 
-def _newton(
-    design: PhotoDesign, draws: Draws, state: State, active: Ints, steps: Ints, at_rest: Bools
-) -> Ints:
-    """Steps without damping; state, steps and rest are written. Returns what is left."""
-    here, part, lost = _take(state, active), Draws(*_rows(draws, active)), []
-    for _ in range(MOST_STEPS):
-        if not active.size:
-            break
-        there, length = moved(design, linearise(design, part, here), here)
-        steps[active] += 1
-        rest, finite = length < AT_REST, np.isfinite(length)
-        if rest.any() or not finite.all():
-            done = active[rest]
-            for own, new in zip(state, there, strict=True):
-                own[..., done] = new[..., rest]
-            at_rest[done] = True
-            lost.append(active[~finite])
-            kept = np.flatnonzero(finite & ~rest)
-            active, there = active[kept], _take(there, kept)
-            part = Draws(*_rows(part, kept))
-        here = there
-    return np.concatenate([*lost, active])
-
-
-def _damped(
-    design: PhotoDesign, draws: Draws, state: State, active: Ints, steps: Ints, at_rest: Bools
-) -> None:
-    """Steps that never lead upwards, for the few that need them; state and rest are written."""
-    damping = np.full(len(active), FIRST_DAMPING)
-    for _ in range(MOST_DAMPED):
-        if not active.size:
-            return
-        part, here = Draws(*_rows(draws, active)), _take(state, active)
-        line = linearise(design, part, here)
-        there, length = moved(design, line, here, damping)
-        cost = linearise(design, part, there).cost
-        good = (cost <= line.cost) | (np.isfinite(cost) & (length < BEYOND_ROUNDING))
-        steps[active] += 1
-        for own, new in zip(state, there, strict=True):
-            own[..., active[good]] = new[..., good]
-        rest = good & (length < AT_REST) & (damping == 0.0)
-        at_rest[active[rest]] = True
-        less = np.where(damping / 10.0 < LEAST_DAMPING, 0.0, damping / 10.0)
-        damping = np.where(good, less, np.maximum(10.0 * damping, FIRST_DAMPING))[~rest]
-        active = active[~rest]
-
-
-def _found(
-    design: PhotoDesign, draws: Draws, state: State, steps: Ints, at_rest: Bools
-) -> PhotoPosesFound:
+def _found(design: PhotoDesign, draws: Draws, ends: Ends) -> PhotoPosesFound:
     """The poses with their covariances, of δcentre and of a turn in the camera's axes."""
-    line = linearise(design, draws, state)
+    state, at_rest = State(*ends.state), ends.converged
     rotation, by_turn = turned(draws.rotation, state.turn)
-    size = len(steps)
-    root = cholesky(line.normal)
-    unit = np.repeat(np.eye(6)[:, :, None], size, axis=2)
+    root = cholesky(np.ascontiguousarray(np.moveaxis(ends.normal, 0, -1)))
+    unit = np.repeat(np.eye(6)[:, :, None], len(at_rest), axis=2)
     covariance = backward(root, forward(root, unit))
-    by_step = np.zeros((6, 6, size))
+    by_step = np.zeros((6, 6, len(at_rest)))
     by_step[:3, :3] = np.eye(3)[:, :, None]
     by_step[3:, 3:] = np.einsum("jib,jkb->ikb", rotation, by_turn)
     covariance = np.einsum("ijb,jkb,lkb->bil", by_step, covariance, by_step, optimize=True)
@@ -201,15 +176,7 @@ def _found(
         covariance=np.where(at_rest[:, None, None], covariance, np.nan),
         place_m=places_of(design, draws, state).transpose(2, 1, 0),
         common=state.common.T,
-        cost=np.where(at_rest, line.cost, np.nan),
+        cost=np.where(at_rest, ends.cost, np.nan),
         converged=at_rest,
-        steps=steps,
+        steps=ends.steps,
     )
-
-
-def _rows(arrays: tuple[Floats, ...], rows: Ints) -> tuple[Floats, ...]:
-    return tuple(value[..., rows] for value in arrays)
-
-
-def _take(state: State, rows: Ints) -> State:
-    return State(*_rows(state, rows))

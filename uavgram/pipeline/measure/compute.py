@@ -17,7 +17,7 @@ import numpy as np
 
 from uavgram.config.project import relative_paths
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.line_poses import line_poses
+from uavgram.estimation.first_poses.known_lines import line_poses
 from uavgram.estimation.measuring.error_budget import error_budget, shares
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
 from uavgram.estimation.measuring.shifts import shifts

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.methods.features import FeatureRows, Logged
+from uavgram.estimation.first_poses.pose_problem import FeatureRows, Logged
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.rotation import (
     ENU_FROM_NED,

@@ -9,10 +9,14 @@ import numpy as np
 
 from uavgram.estimation.first_poses.length_conditions import LengthFrames
 from uavgram.estimation.first_poses.resection import search_frames
-from uavgram.estimation.methods.damped import Ends, minimised
-from uavgram.estimation.methods.features import FeatureRows, first_points, ground_points
-from uavgram.estimation.methods.line_search import direct_poses, poses_from_lines, rivals
-from uavgram.estimation.methods.on_lines import OnLines
+from uavgram.estimation.first_poses.known_lines import direct_poses, poses_from_lines, rivals
+from uavgram.estimation.first_poses.pose_problem import (
+    FeatureRows,
+    LineRows,
+    first_points,
+    ground_points,
+)
+from uavgram.estimation.solver.batched import Ends, minimise_each
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane_pose import pose_above_plane
 from uavgram.imaging.known_point_pose import FEWEST_POINTS, poses_from_points
@@ -24,7 +28,7 @@ Starts = tuple[Floats, Floats]
 """Centres (B, S, 3) and rotations (B, S, 3, 3) of S starts of each scene; NaN: no more."""
 
 
-def on_lines(scenes: MethodScenes) -> OnLines:
+def on_lines(scenes: MethodScenes) -> LineRows:
     """The picks of the scenes' lines, for a first pose."""
     rows = scenes.rows
     count = len(rows.pixel_px)
@@ -33,7 +37,7 @@ def on_lines(scenes: MethodScenes) -> OnLines:
     )
     along = rows.place_m[:, :, 1] - rows.place_m[:, :, 0]
     along = along / np.linalg.norm(along, axis=-1, keepdims=True)
-    return OnLines(
+    return LineRows(
         ray=ray,
         ray_root=by_pixel[..., :2, :] * rows.pick_sigma_px,
         start_m=rows.place_m.reshape(count, -1, 2),
@@ -46,7 +50,7 @@ def line_starts(scenes: MethodScenes) -> Starts:
     """The best poses that the search of lines finds."""
     ends = poses_from_lines(on_lines(scenes))
     some = np.isfinite(ends.cost)[..., None]
-    return np.where(some, ends.center, np.nan), np.where(some[..., None], ends.rotation, np.nan)
+    return np.where(some, ends.state[0], np.nan), np.where(some[..., None], ends.state[1], np.nan)
 
 
 def point_starts(scenes: MethodScenes) -> Starts:
@@ -241,12 +245,7 @@ def solved(rows: FeatureRows, starts: Starts) -> Ends:
     rotation = np.where(good[:, None, None], rotation, np.eye(3))
     if rows.held is not None:  # each start holds its own gauge
         repeated = replace(repeated, held=(center, rotation))
-    ends = minimised(repeated, (center, rotation, point))
-    order = np.argsort(ends.cost.reshape(scenes, count), axis=1, kind="stable")
-    at = np.arange(scenes)[:, None] * count + order
-    return Ends(
-        ends.center[at], ends.rotation[at], ends.cost[at], ends.normal[at], ends.converged[at]
-    )
+    return minimise_each(repeated, (center, rotation, point)).lowest_first(count)
 
 
 def _some(rows: FeatureRows, which: Ints) -> FeatureRows:
@@ -264,7 +263,7 @@ def _some(rows: FeatureRows, which: Ints) -> FeatureRows:
 
 def _judged(scenes: MethodScenes, ends: Ends, told: Bools | None = None) -> Found:
     """Errors and predicted sigmas of the withheld distances under the best pose of each scene."""
-    center, rotation = ends.center[:, 0], ends.rotation[:, 0]
+    center, rotation = (part[:, 0] for part in ends.state[:2])
     lens, sigma_px = scenes.rows.calibration, scenes.rows.pick_sigma_px
     point, by_pose, by_pixel = ground_points(lens, scenes.check_px, center, rotation)
     away = point[:, :, 1] - point[:, :, 0]
@@ -299,7 +298,8 @@ def by_points_alone(scenes: MethodScenes) -> Found:
     cost = np.where(np.isfinite(center[:, :, 0]), 0.0, np.inf)
     nothing = np.full((count, center.shape[1], 6, 6), np.nan)
     nothing[:] = np.eye(6)
-    ends = Ends(center, rotation, cost, nothing, np.isfinite(cost))
+    fits = np.isfinite(cost)
+    ends = Ends((center, rotation), cost, nothing, fits, np.zeros(fits.shape, dtype=np.int64))
     found = _judged(scenes, ends, np.zeros(count, dtype=np.bool_))
     return replace(found, sigma_m=np.full(found.sigma_m.shape, np.nan))
 

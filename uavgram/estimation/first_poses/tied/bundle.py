@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from uavgram.estimation.first_poses.pose_problem import across_rays, ray_residuals
 from uavgram.estimation.first_poses.tied.tied_rays import TiedRays
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.solver.sparse.structure import Structure
-from uavgram.geometry.motion.rotation import exp_so3, hat
+from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Bools, Floats, Ints
 
 STAY = 1.0
@@ -104,12 +105,7 @@ class _Rays:
 
     def __init__(self, sightings: TiedRays, frame: Ints, point: Ints, center: Floats) -> None:
         self._ray, self._frame, self._point = sightings.ray, frame, point
-        ray = sightings.ray
-        least = np.eye(3)[np.argmin(np.abs(ray), axis=1)]
-        first = np.cross(ray, least)
-        first /= np.linalg.norm(first, axis=1)[:, None]
-        second = np.cross(ray, first)
-        self._across = np.stack([first, second], axis=1) / sightings.sigma_rad[:, None, None]
+        self._across = across_rays(sightings.ray) / sightings.sigma_rad[:, None, None]
         self._first_frame = 3 * (int(point.max()) + 1)
         self._columns = np.concatenate(
             [
@@ -127,17 +123,18 @@ class _Rays:
 
     def blocks(self, state: _State) -> dict[str, Block] | None:
         center, rotation, place = state
-        turn = rotation[self._frame]
-        seen = np.einsum("nj,nji->ni", place[self._point] - center[self._frame], turn)
-        distance = np.linalg.norm(seen, axis=1)
-        if (np.einsum("ni,ni->n", seen, self._ray) <= 0.0).any():
+        residual, by_point, by_turn = (
+            part[:, 0]
+            for part in ray_residuals(
+                self._ray[:, None],
+                self._across[:, None],
+                place[self._point][:, None],
+                (center[self._frame], rotation[self._frame]),
+            )
+        )
+        if np.isnan(residual).any():  # a point is behind its camera
             return None
-        seen /= distance[:, None]
-        # Across is normal to the ray, and (I - seen seen^T) hat(seen) = hat(seen).
-        onto = self._across @ (np.eye(3) - seen[:, :, None] * seen[:, None, :])
-        by_point = onto @ turn.transpose(0, 2, 1) / distance[:, None, None]
-        jacobian = np.concatenate([by_point, -by_point, self._across @ hat(seen)], axis=2)
-        residual = np.einsum("nij,nj->ni", self._across, seen)
+        jacobian = np.concatenate([by_point, -by_point, by_turn], axis=2)
         stay = np.zeros((len(center), 6))
         stay[:, :3] = (center - self._center) / (STAY * self._size)
         held = np.zeros((len(center), 6, 6))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.motion.rotation import exp_so3, hat
+from uavgram.estimation.first_poses.pose_problem import RayRows, across_rays
+from uavgram.estimation.solver.batched import State, minimise_trimmed
 from uavgram.model.arrays import Floats, Ints
 
 SAMPLES = 60
@@ -13,7 +14,8 @@ SAMPLES = 60
 SCORED = 150
 """Points by which the solutions of the samples are told apart."""
 
-POLISHING = 6
+TRIMMED = 4.0
+"""Typical misses up to which a ray takes part in the pose."""
 
 
 def poses_from_three(world: Floats, ray: Floats) -> tuple[Floats, Floats]:
@@ -128,27 +130,13 @@ def resected(
     some = rng.permutation(len(world))[:SCORED]
     angle = np.median(ray_angles(center, rotation, world[some], ray[some]), axis=1)
     best = int(np.argmin(angle))
-    return _polished(center[best], rotation[best], world, ray)
+    across = across_rays(ray)
 
+    def angles(state: State) -> Floats:
+        return ray_angles(state[0], state[1], world, ray)
 
-def _polished(
-    center: Floats, rotation: Floats, world: Floats, ray: Floats
-) -> tuple[Floats, Floats, float] | None:
-    """The pose near another that the rays fit best, those apart that are far off it."""
-    best, miss = (center, rotation), np.inf
-    for _ in range(POLISHING):
-        angle = ray_angles(center[None], rotation[None], world, ray)[0]
-        spread = float(np.median(angle))
-        if spread > 0.995 * miss:
-            break
-        best, miss = (center, rotation), spread
-        good = angle <= 4.0 * spread + 1e-12
-        seen = (world[good] - center) @ rotation
-        distance = np.linalg.norm(seen, axis=1)
-        seen /= distance[:, None]
-        outer = np.eye(3) - seen[:, :, None] * seen[:, None, :]
-        by_place = -(outer @ rotation.T) / distance[:, None, None]
-        jacobian = np.concatenate([by_place, hat(seen)], axis=2).reshape(-1, 6)
-        step = np.linalg.lstsq(jacobian, (ray[good] - seen).ravel(), rcond=1e-10)[0]
-        center, rotation = center + step[:3], rotation @ exp_so3(step[3:])
-    return (*best, miss)
+    def weighted(weight: Floats) -> RayRows:
+        return RayRows(ray[None], across * weight[..., None, None], world[None])
+
+    pose, miss = minimise_trimmed(angles, weighted, (center[[best]], rotation[[best]]), TRIMMED)
+    return pose[0][0], pose[1][0], float(miss[0])

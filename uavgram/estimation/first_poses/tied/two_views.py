@@ -6,14 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.first_poses.pose_problem import across_rays
 from uavgram.estimation.first_poses.tied.essential import (
     epipolar_angles,
     epipolar_misses,
     essential_matrices,
     poses_of,
 )
+from uavgram.estimation.solver.batched import Explicit, State, minimise_trimmed
 from uavgram.geometry.motion.rotation import exp_so3, hat
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 
 SAMPLES = 60
 """Samples of five rays; with a tenth of the ties wrong, 59 % of them are free of wrong ones."""
@@ -26,6 +28,12 @@ MOST = 8
 
 ALIKE = 0.02
 """Between two refined poses: the same [rad]."""
+
+SIGMA = 1.4826
+"""Standard deviation of normal errors, in the median of their sizes."""
+
+TRIMMED = 3.0 * SIGMA
+"""Median misses up to which a ray takes part in a pose."""
 
 RIVAL = 3.0
 """Times the best misfit up to which another pose is kept: points in a plane allow two."""
@@ -60,18 +68,17 @@ def relative_poses(first: Floats, second: Floats, rng: np.random.Generator) -> l
         return []
     angles = epipolar_angles(essential, first[some], second[some])
     order = np.argsort(np.median(np.abs(angles), axis=1))
-    found: list[RelativePose] = []
-    tried: list[Floats] = []
-    for index in order:
-        flat = essential[index].ravel()
-        if any(abs(flat @ one) / 2.0 > np.cos(2.0 * ALIKE) for one in tried):
-            continue
-        tried.append(flat)
-        pose = _refined(_in_front(essential[index], first, second), first, second)
-        if pose is not None and not any(_same(pose, other) for other in found):
-            found.append(pose)
+    tried: list[int] = []
+    for index in order.tolist():
+        turned = np.abs(essential[tried].reshape(-1, 9) @ essential[index].ravel())
+        if not (turned / 2.0 > np.cos(2.0 * ALIKE)).any():
+            tried.append(index)
         if len(tried) >= MOST:
             break
+    found: list[RelativePose] = []
+    for pose in _refined(essential[tried], first, second):
+        if not any(_same(pose, other) for other in found):
+            found.append(pose)
     found.sort(key=lambda pose: pose.miss_rad)
     return [pose for pose in found if pose.miss_rad <= RIVAL * found[0].miss_rad]
 
@@ -81,12 +88,12 @@ def _same(one: RelativePose, other: RelativePose) -> bool:
     return bool(turn < ALIKE and np.linalg.norm(one.shift - other.shift) < 5.0 * ALIKE)
 
 
-def _in_front(essential: Floats, first: Floats, second: Floats) -> RelativePose:
+def _in_front(essential: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
     """Of the four poses, the one that has most points ahead of both cameras."""
     rotation, shift = poses_of(essential)
     ahead = [_ahead(r, t, first, second).sum() for r, t in zip(rotation, shift, strict=True)]
     best = int(np.argmax(ahead))
-    return RelativePose(rotation[best], shift[best], np.inf)
+    return rotation[best], shift[best]
 
 
 def _ahead(rotation: Floats, shift: Floats, first: Floats, second: Floats) -> Floats:
@@ -99,30 +106,46 @@ def _ahead(rotation: Floats, shift: Floats, first: Floats, second: Floats) -> Fl
     )
 
 
-def _refined(pose: RelativePose, first: Floats, second: Floats) -> RelativePose | None:
-    """The pose near another that misses least, by Gauss and Newton over rays that nearly meet."""
-    rotation, shift, miss = pose
-    for _ in range(8):
-        essential = hat(shift) @ rotation
-        value, slope = (v[0] for v in epipolar_misses(essential[None], first, second))
-        angle = value / slope
-        spread = 1.4826 * float(np.median(np.abs(angle)))
-        good = np.abs(angle) <= 3.0 * spread + 1e-12
-        if spread > 0.995 * miss or good.sum() < 6:
-            break
-        best, miss = (rotation, shift), spread
-        one, two = first[good], second[good]
-        # miss = r2 . [t] R r1; R exp(w): r2 . [t] R [w] r1; t + dt: r2 . [dt] R r1.
-        turned = one @ rotation.T
-        by_turn = np.cross(one, np.cross(two, shift) @ rotation)
-        across = np.linalg.svd(shift[None])[2][1:]
-        by_shift = np.cross(turned, two) @ across.T
-        jacobian = np.concatenate([by_turn, by_shift], axis=1) / slope[good, None]
-        step = np.linalg.lstsq(jacobian, -angle[good], rcond=1e-10)[0]
-        rotation = rotation @ exp_so3(step[:3])
-        shift = shift + step[3:] @ across
-        shift = shift / np.linalg.norm(shift)
-    if not np.isfinite(miss):
-        return None
-    kept = _ahead(*best, first, second).mean()
-    return RelativePose(*best, miss) if kept > 0.5 else None
+def _refined(essential: Floats, first: Floats, second: Floats) -> list[RelativePose]:
+    """The poses near matrices (m, 3, 3) that miss least, by the rays that nearly meet."""
+    start = tuple(
+        np.stack(part)
+        for part in zip(*(_in_front(one, first, second) for one in essential), strict=True)
+    )
+
+    def angles(state: State) -> Floats:
+        return np.abs(epipolar_angles(hat(state[1]) @ state[0], first, second))
+
+    def weighted(weight: Floats) -> Explicit:
+        def rows(which: Ints, state: State) -> tuple[Floats, Floats]:
+            residual, jacobian = _epipolar_rows(state[0], state[1], first, second)
+            return residual * weight[which], jacobian * weight[which][..., None]
+
+        return Explicit(rows, _moved)
+
+    pose, miss = minimise_trimmed(angles, weighted, start, TRIMMED)
+    return [
+        RelativePose(turn, way, SIGMA * size)
+        for turn, way, size in zip(pose[0], pose[1], miss.tolist(), strict=True)
+        if _ahead(turn, way, first, second).mean() > 0.5
+    ]
+
+
+def _epipolar_rows(
+    rotation: Floats, shift: Floats, first: Floats, second: Floats
+) -> tuple[Floats, Floats]:
+    """Angles (b, n) between rays, and their derivatives (b, n, 5) by a turn and across the shift.
+
+    miss = r2 . [t] R r1; R exp(w): r2 . [t] R [w] r1; t + dt: r2 . [dt] R r1.
+    """
+    miss, slope = epipolar_misses(hat(shift) @ rotation, first, second)
+    by_turn = np.cross(first, np.cross(second, shift[:, None]) @ rotation)
+    turned = first @ rotation.swapaxes(1, 2)
+    by_shift = np.cross(turned, second) @ across_rays(shift).swapaxes(1, 2)
+    return miss / slope, np.concatenate([by_turn, by_shift], axis=2) / slope[..., None]
+
+
+def _moved(state: State, step: Floats) -> State:
+    rotation, shift = state
+    shift = shift + (step[:, None, 3:] @ across_rays(shift))[:, 0]
+    return rotation @ exp_so3(step[:, :3]), shift / np.linalg.norm(shift, axis=1, keepdims=True)

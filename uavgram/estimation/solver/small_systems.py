@@ -1,7 +1,8 @@
-"""Many small symmetric systems at once, the number of the system as the last axis.
+"""Solve many small symmetric systems at once.
 
-One row of all systems is one array operation, so that for thousands of 6 x 6 systems nothing but
-arithmetic remains; LAPACK takes ten times as long for them, one after the other.
+Where thousands of systems are solved together, the number of the system is the last axis: one row
+of all systems is one array operation, so that nothing but arithmetic remains. LAPACK takes ten
+times as long for them, one after the other.
 """
 
 from __future__ import annotations
@@ -10,9 +11,12 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 
+MANY = 40
+"""Systems from which on they are solved together rather than one after the other by LAPACK."""
+
 
 def cholesky(matrix: Floats) -> Floats:
-    """Lower factors (n, n, B) of positive definite matrices (n, n, B); NaN where one is not.
+    """Factor positive definite matrices (n, n, B) into L L^T; NaN where one is not.
 
     Above the diagonal the result holds zeros.
     """
@@ -48,3 +52,19 @@ def backward(lower: Floats, right: Floats) -> Floats:
             rest -= lower[k, i] * out[k]
         out[i] = rest / lower[i, i]
     return out
+
+
+def solve_each(matrix: Floats, right: Floats) -> Floats:
+    """Solve B systems of n unknowns: (B, n, n), (B, n) -> (B, n).
+
+    Parameters
+    ----------
+    matrix
+        (B, n, n) positive definite.
+    right
+        (B, n).
+    """
+    if len(matrix) < MANY:
+        return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
+    lower = cholesky(np.ascontiguousarray(np.moveaxis(matrix, 0, -1)))
+    return np.asarray(backward(lower, forward(lower, np.ascontiguousarray(right.T))).T)

@@ -9,8 +9,8 @@ import pytest
 from derivatives import assert_derivative, central_differences
 from scipy.stats import chi2
 
-from uavgram.estimation.methods.damped import minimised
-from uavgram.estimation.methods.features import FeatureRows, first_points, ground_points
+from uavgram.estimation.first_poses.pose_problem import FeatureRows, first_points, ground_points
+from uavgram.estimation.solver.batched import minimise_each
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.observed import Observations
 from uavgram.model.options import GroundOptions, SolveOptions
@@ -51,15 +51,15 @@ def test_the_reduced_slope_is_that_of_the_sum_of_squares(name: str) -> None:
     point, good = first_points(rows, few.center, few.rotation)
     assert good.all()
     state = few.center + 0.1, few.rotation, point + 0.05
-    linear = rows.linearised(which, state)
+    linear = rows.linearise(which, state)
     with_pose = linear._replace(rest=(linear.rest[0] * 0.0, linear.rest[1]))
 
     def half_cost(step: np.ndarray) -> np.ndarray:
-        moved = rows.moved(state, with_pose, np.broadcast_to(step, (2, 6)))
-        return 0.5 * rows.linearised(which, moved).cost
+        moved = rows.move(state, with_pose, np.broadcast_to(step, (2, 6)))
+        return 0.5 * rows.linearise(which, moved).cost
 
     numeric = central_differences(half_cost, np.zeros(6), 1e-6)
-    assert_derivative(linear.slope[:, None], numeric[:, None], 1e-4)
+    assert_derivative(linear.gradient[:, None], numeric[:, None], 1e-4)
 
 
 @pytest.mark.parametrize("name", USES)
@@ -71,7 +71,7 @@ def test_sums_of_squares_and_poses_are_as_stated(scenes: MethodScenes, name: str
     assert ends.converged.all()
     total = float(ends.cost.sum())
     assert chi2.ppf(5e-4, count * degrees) <= total <= chi2.ppf(1 - 5e-4, count * degrees)
-    off = (ends.center[:, 0] - scenes.center)[:, :, None]
+    off = (ends.state[0][:, 0] - scenes.center)[:, :, None]
     covariance = np.linalg.inv(ends.normal[:, 0])[:, :3, :3]
     squares = float(np.sum(off.swapaxes(1, 2) @ np.linalg.solve(covariance, off)))
     assert chi2.ppf(5e-4, 3 * count) <= squares <= chi2.ppf(1 - 5e-4, 3 * count)
@@ -131,13 +131,13 @@ def test_it_is_the_surveys_own_pose(scenes: MethodScenes) -> None:
     for k in range(3):
         state = surveyed(scenes, k).adjustment.state
         sigma = np.sqrt(np.diag(np.linalg.inv(ends.normal[k, 0])))
-        assert np.abs((state.center[0] - ends.center[k, 0]) / sigma[:3]).max() < 1e-3
+        assert np.abs((state.center[0] - ends.state[0][k, 0]) / sigma[:3]).max() < 1e-3
 
 
 def test_a_start_below_the_ground_is_no_pose(scenes: MethodScenes) -> None:
     rows = rows_of(scenes, "points")
     point, _ = first_points(rows, scenes.center, scenes.rotation)
-    ends = minimised(rows, (scenes.center * [1, 1, -1], scenes.rotation.copy(), point))
+    ends = minimise_each(rows, (scenes.center * [1, 1, -1], scenes.rotation.copy(), point))
 
     assert np.isinf(ends.cost).all()
     assert not ends.converged.any()

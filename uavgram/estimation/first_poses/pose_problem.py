@@ -1,10 +1,14 @@
-"""One photo's pose by whatever is known of its features, by maximum likelihood, many at once.
+"""Poses of many photos at once, by maximum likelihood from whatever is known of what they show.
 
-The likelihood of a survey (`estimation.survey`) with one photo on level ground and a lens that is
-known: the pose and the ground points are unknown, picks are observed, and some of what follows:
-where points are, on what line they lie, how far two are apart, where a log has the camera. The
-points of one feature hang on the pose and on each other alone, so they are eliminated feature by
-feature.
+One problem for first poses, for single photos and for the comparison of methods; `minimise_each`
+(`estimation.solver.batched`) solves it for B photos together. The unknowns are the pose of each
+photo and, where picks are observations, the ground points of its own lines, which are eliminated
+line by line. The observations are kinds of rows:
+
+* `FeatureRows`: pixels of points on level ground, with any of: stated places, lines on which the
+  points lie, taped lengths, a log's pose;
+* `LineRows`: rays that end on lines of known position, the points eliminated beforehand;
+* `RayRows`: rays to points of known position.
 """
 
 from __future__ import annotations
@@ -13,16 +17,39 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.methods.damped import Linear, State, pose_moved
+from uavgram.estimation.solver.batched import Linear, State, normal_equations
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
-from uavgram.geometry.motion.rotation import hat, log_so3, right_jacobian_inverse
+from uavgram.geometry.motion.rotation import exp_so3, hat, log_so3, right_jacobian_inverse
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 
 LEAST_INFORMATION = 1e-9
 """Of a ground point's coordinates [1/m^2], where a pose that a step tried shows nothing of it."""
+
+
+def move_poses(state: State, step: Floats) -> State:
+    """Apply steps (b, 6) of centre [m] and rotation behind that of the photo [rad] to poses."""
+    return state[0] + step[:, :3], state[1] @ exp_so3(step[:, 3:])
+
+
+class PoseRows:
+    """Rows of poses alone: centres (b, 3) [m], rotations (b, 3, 3) world from camera."""
+
+    axis = 0
+
+    def rows(self, which: Ints, state: State) -> tuple[Floats, Floats]:
+        """Residuals (b, r) and Jacobians (b, r, 6) by centre and rotation of photos (b,)."""
+        raise NotImplementedError
+
+    def linearise(self, which: Ints, state: State) -> Linear:
+        """Normal equations of photos (b,) at a state."""
+        return normal_equations(*self.rows(which, state))
+
+    def move(self, state: State, linear: Linear, step: Floats) -> State:  # noqa: ARG002
+        """Apply steps (b, 6) to poses; `linear` is not needed."""
+        return move_poses(state, step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +98,7 @@ class FeatureRows:
     length: bool = False
     logged: Logged | None = None
     held: tuple[Floats, Floats] | None = None
+    axis: int = 0
 
     @property
     def degrees(self) -> int:
@@ -79,7 +107,7 @@ class FeatureRows:
         given = 6 if self.logged is not None else 3 if self.held is not None else 0
         return int(own * self.pixel_px.shape[1] + given - 6)
 
-    def linearised(self, which: Ints, state: State) -> Linear:
+    def linearise(self, which: Ints, state: State) -> Linear:
         """Normal equations of the poses, the points eliminated.
 
         With pose p and points q of a feature, N = [[A, B], [B^T, C]] and right side (a, c): the
@@ -93,26 +121,25 @@ class FeatureRows:
         a_right = np.einsum("bneri,bner->bi", by_pose, miss)
         b = np.einsum("bneri,bnerk->bniek", by_pose, by_point).reshape(*count, 6, 4)
         c = np.zeros((*count, 4, 4))
-        own = np.einsum("bneri,bnerk->bneik", by_point, by_point)
-        c[..., :2, :2], c[..., 2:, 2:] = own[:, :, 0], own[:, :, 1]
+        of_picks = np.einsum("bneri,bnerk->bneik", by_point, by_point)
+        c[..., :2, :2], c[..., 2:, 2:] = of_picks[:, :, 0], of_picks[:, :, 1]
         c_right = np.einsum("bneri,bner->bnei", by_point, miss).reshape(*count, 4)
-        for off, gradient in self._stated(which, point):
+        for off, by_ends in self._stated(which, point):
             cost = cost + np.sum(off**2, axis=1)
-            c += gradient[..., :, None] * gradient[..., None, :]
-            c_right += gradient * off[..., None]
+            c += by_ends[..., :, None] * by_ends[..., None, :]
+            c_right += by_ends * off[..., None]
         there = np.isfinite(cost)
         c += LEAST_INFORMATION * np.eye(4)
         inverse = np.linalg.inv(np.where(there[:, None, None, None], c, np.eye(4)))
         gone = b @ inverse
         normal = a - np.einsum("bnik,bnjk->bij", gone, b)
-        slope = a_right - np.einsum("bnik,bnk->bi", gone, c_right)
-        for off, gradient in self._of_pose(which, center, rotation):
-            cost = cost + np.sum(off**2, axis=1)
-            normal = normal + gradient.swapaxes(1, 2) @ gradient
-            slope = slope + (gradient.swapaxes(1, 2) @ off[..., None])[..., 0]
-        return Linear(cost, normal, slope, ((inverse @ c_right[..., None])[..., 0], gone))
+        gradient = a_right - np.einsum("bnik,bnk->bi", gone, c_right)
+        for rows in self._of_pose(which, center, rotation):
+            own = normal_equations(*rows)
+            cost, normal, gradient = cost + own.cost, normal + own.normal, gradient + own.gradient
+        return Linear(cost, normal, gradient, ((inverse @ c_right[..., None])[..., 0], gone))
 
-    def moved(self, state: State, linear: Linear, step: Floats) -> State:
+    def move(self, state: State, linear: Linear, step: Floats) -> State:
         """Poses after steps, and the points that follow.
 
         Parameters
@@ -126,7 +153,7 @@ class FeatureRows:
         """
         alone, gone = linear.rest
         points = -alone - np.einsum("bnik,bi->bnk", gone, step)
-        return (*pose_moved(state, step), state[2] + points.reshape(state[2].shape))
+        return (*move_poses(state, step), state[2] + points.reshape(state[2].shape))
 
     def _picks(
         self, which: Ints, center: Floats, rotation: Floats, point: Floats
@@ -255,3 +282,156 @@ def ground_points(
     by_ray = by_world @ turn
     by_pose = np.concatenate([by_center, -by_ray @ hat(ray)], axis=-1)
     return point[..., :2], by_pose[..., :2, :], (by_ray @ by_pixel)[..., :2, :]
+
+
+@dataclass(frozen=True, eq=False)
+class LineRows(PoseRows):
+    """N picks on lines in each of B photos, over ground at z = 0.
+
+    Attributes
+    ----------
+    ray
+        (B, N, 3) undistorted, z = 1.
+    ray_root
+        (B, N, 2, 2) L with L L^T the covariance of x and y of each ray.
+    start_m, along
+        (B, N, 2) a place on the line of each, and the line's unit vector.
+    sigma_m
+        (B, N) of the line's place, square to it.
+    """
+
+    ray: Floats
+    ray_root: Floats
+    start_m: Floats
+    along: Floats
+    sigma_m: Floats
+
+    def of_photos(self, photo: Ints) -> LineRows:
+        """Rows of photos (b,), which may repeat."""
+        return LineRows(
+            self.ray[photo],
+            self.ray_root[photo],
+            self.start_m[photo],
+            self.along[photo],
+            self.sigma_m[photo],
+        )
+
+    @property
+    def across(self) -> Floats:
+        """(B, N, 2) unit vectors square to the lines, to the left."""
+        return np.stack([-self.along[..., 1], self.along[..., 0]], axis=-1)
+
+    def rows(self, which: Ints, state: State) -> tuple[Floats, Floats]:
+        """Distances (b, N) of the picks from the images of their lines, over their sigmas.
+
+        NaN where a ray does not go down to the ground. The Jacobian (b, N, 6) is by centre [m] and
+        rotation [rad].
+
+        Notes
+        -----
+        A ray d (world) through the line at A along u: m . d = 0 with m = u x (A - C), the normal of
+        the plane through camera and line. Its variance is that of the ray, and that of the line,
+        which moves it by d_z; with both the quotient is the distance in sigmas to first order
+        (Sampson 1982).
+
+        From where a camera is to where its mirror image below the ground is, lines tell no
+        difference: they look the same from (x, y, -z) as rays have no direction on them (Xu, Zhang,
+        Cheng and Koch 2017, "Pose estimation from line correspondences: a complete analysis and a
+        series of solutions", on signs of the depth). Here rays go forward to the ground below the
+        camera: that one falls away.
+        """
+        center, rotation = state[:2]
+        ray, root, turn = self.ray[which], self.ray_root[which], rotation[:, None]
+        along = np.zeros(ray.shape)
+        along[..., :2] = self.along[which]
+        away = -np.broadcast_to(center[:, None], ray.shape)
+        away = away + np.concatenate([self.start_m[which], ray[..., 2:] * 0.0], axis=-1)
+        normal = _turned_back(turn, np.cross(along, away))  # of the plane, in the camera's axes
+        world = (turn @ ray[..., None])[..., 0]
+        down = np.where((world[..., 2] < 0) & (center[:, 2:] > 0), world[..., 2], np.nan)
+        miss = np.sum(normal * ray, axis=-1)
+        by_noise = (root.swapaxes(-1, -2) @ normal[..., :2, None])[..., 0]
+        variance = np.sum(by_noise**2, axis=-1) + (self.sigma_m[which] * down) ** 2
+        miss_by = np.concatenate([-np.cross(world, along), np.cross(ray, normal)], axis=-1)
+        # d normal / d centre = -R^T hat(u), / d rotation = hat(normal)
+        normal_by = np.concatenate([-turn.swapaxes(-1, -2) @ hat(along), hat(normal)], axis=-1)
+        half = np.einsum("bnij,bnj,bnik->bnk", root, by_noise, normal_by[..., :2, :])
+        down_by = -(turn @ hat(ray))[..., 2, :]
+        half[..., 3:] += (self.sigma_m[which] ** 2 * down)[..., None] * down_by
+        residual = miss / np.sqrt(variance)
+        jacobian = miss_by / np.sqrt(variance)[..., None]
+        jacobian -= (residual / variance)[..., None] * half
+        return residual, jacobian
+
+
+def _turned_back(turn: Floats, vectors: Floats) -> Floats:
+    return np.asarray((turn.swapaxes(-1, -2) @ vectors[..., None])[..., 0])
+
+
+@dataclass(frozen=True, eq=False)
+class RayRows(PoseRows):
+    """N rays to points of known position in each of B photos.
+
+    Attributes
+    ----------
+    ray
+        (B, N, 3) unit vectors in the camera.
+    across
+        (B, N, 2, 3) rows normal to the rays that turn small differences of unit vectors into
+        sigmas; zero of rays without a say.
+    world_m
+        (B, N, 3) points.
+    """
+
+    ray: Floats
+    across: Floats
+    world_m: Floats
+
+    def rows(self, which: Ints, state: State) -> tuple[Floats, Floats]:
+        """By how many sigmas rays miss their points: (b, 2 N), and Jacobians (b, 2 N, 6).
+
+        NaN where a point with a say is not before its camera.
+        """
+        residual, by_point, by_turn = ray_residuals(
+            self.ray[which], self.across[which], self.world_m[which], (state[0], state[1])
+        )
+        jacobian = np.concatenate([-by_point, by_turn], axis=-1)
+        return residual.reshape(len(which), -1), jacobian.reshape(len(which), -1, 6)
+
+
+def across_rays(ray: Floats) -> Floats:
+    """Two unit vectors (..., 2, 3) square to unit vectors (..., 3) and to each other."""
+    least = np.eye(3)[np.argmin(np.abs(ray), axis=-1)]
+    first = np.cross(ray, least)
+    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    return np.stack([first, np.cross(ray, first)], axis=-2)
+
+
+def ray_residuals(
+    ray: Floats, across: Floats, world_m: Floats, pose: tuple[Floats, Floats]
+) -> tuple[Floats, Floats, Floats]:
+    """Misses of rays against points, and their derivatives.
+
+    Parameters
+    ----------
+    ray, across, world_m
+        (..., N, 3), (..., N, 2, 3), (..., N, 3) as in `RayRows`.
+    pose
+        (..., 3), (..., 3, 3) centre and rotation of the camera, world from camera.
+
+    Returns
+    -------
+    residual : (..., N, 2)
+        NaN behind the camera.
+    by_point, by_turn : (..., N, 2, 3)
+        By the point, or minus the centre [1/m]; by a rotation behind that of the camera [1/rad].
+    """
+    center, rotation = pose[0][..., None, :], pose[1][..., None, :, :]
+    seen = ((world_m - center)[..., None, :] @ rotation)[..., 0, :]
+    distance = np.linalg.norm(seen, axis=-1, keepdims=True)
+    behind = (np.sum(seen * ray, axis=-1) <= 0.0) & (across != 0.0).any(axis=(-2, -1))
+    seen = np.where(behind[..., None], np.nan, seen / distance)
+    # Across is normal to the ray, and (I - seen seen^T) hat(seen) = hat(seen).
+    onto = across - (across @ seen[..., None]) * seen[..., None, :]
+    by_point = onto @ rotation.swapaxes(-1, -2) / distance[..., None]
+    return (across @ seen[..., None])[..., 0], by_point, across @ hat(seen)

@@ -10,9 +10,9 @@ import pytest
 from derivatives import assert_derivative, central_differences
 from scipy.spatial.transform import Rotation
 
-from uavgram.estimation.methods.damped import minimised
-from uavgram.estimation.methods.line_search import poses_from_lines, rivals, rotations
-from uavgram.estimation.methods.on_lines import OnLines
+from uavgram.estimation.first_poses.known_lines import poses_from_lines, rivals, rotations
+from uavgram.estimation.first_poses.pose_problem import LineRows
+from uavgram.estimation.solver.batched import minimise_each
 from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, method_scenes
 from uavgram.synthetic.study.methods import line_starts, on_lines, solved
 
@@ -24,7 +24,7 @@ def exact() -> MethodScenes:
     return method_scenes(EXACT, 5, 12, 3)
 
 
-def weighed(scenes: MethodScenes) -> OnLines:
+def weighed(scenes: MethodScenes) -> LineRows:
     """Exact lines with usual sigmas."""
     rows = replace(scenes.rows, pick_sigma_px=0.8, place_sigma_m=0.01)
     return on_lines(replace(scenes, rows=rows))
@@ -33,11 +33,11 @@ def weighed(scenes: MethodScenes) -> OnLines:
 def test_exact_lines_give_the_pose_back_above_the_ground(exact: MethodScenes) -> None:
     ends = poses_from_lines(weighed(exact))
 
-    np.testing.assert_allclose(ends.center[:, 0], exact.center, atol=1e-4)
-    np.testing.assert_allclose(ends.rotation[:, 0], exact.rotation, atol=1e-5)
+    np.testing.assert_allclose(ends.state[0][:, 0], exact.center, atol=1e-4)
+    np.testing.assert_allclose(ends.state[1][:, 0], exact.rotation, atol=1e-5)
     assert ends.cost[:, 0].max() < 1e-6
     solved_for = np.isfinite(ends.cost)
-    assert (ends.center[solved_for][:, 2] > 0).all()
+    assert (ends.state[0][solved_for][:, 2] > 0).all()
 
 
 def test_the_mirror_image_below_the_ground_fits_as_well_and_is_refused(exact: MethodScenes) -> None:
@@ -63,7 +63,7 @@ def test_the_mirror_image_below_the_ground_fits_as_well_and_is_refused(exact: Me
     # Every line's plane through the camera holds its image there too: no distance tells.
     inside = np.einsum("ni,ij,nj->n", normal, below[1].T, along)
     assert np.abs(inside).max() < 1e-6
-    told = seen.linearised(np.array([0]), (below[0][None], below[1][None]))
+    told = seen.linearise(np.array([0]), (below[0][None], below[1][None]))
     assert not np.isfinite(told.cost).any()
 
 
@@ -73,9 +73,9 @@ def test_derivatives_are_central_differences() -> None:
 
     def residuals(step: np.ndarray) -> np.ndarray:
         turned = scenes.rotation @ Rotation.from_rotvec(step[3:]).as_matrix()
-        return seen.residuals(which, scenes.center + step[:3], turned)[0]
+        return seen.rows(which, (scenes.center + step[:3], turned))[0]
 
-    _, jacobian = seen.residuals(which, scenes.center, scenes.rotation)
+    _, jacobian = seen.rows(which, (scenes.center, scenes.rotation))
     assert_derivative(jacobian, central_differences(residuals, np.zeros(6), 1e-5))
 
 
@@ -91,7 +91,7 @@ def test_four_lines_lead_to_the_best_minimum_or_are_told_to_be_ambiguous() -> No
     # What iterations from one rough pose alone reach: the search earns its cost.
     nadir = np.broadcast_to(np.diag([1.0, -1.0, -1.0]), scenes.rotation.shape)
     overhead = np.broadcast_to([0.0, 0.0, 40.0], scenes.center.shape)
-    alone = minimised(on_lines(scenes), (overhead.copy(), nadir.copy()))
+    alone = minimise_each(on_lines(scenes), (overhead.copy(), nadir.copy()))
     assert np.mean(alone.cost <= truth.cost[:, 0] + 1e-2) < 0.9
 
 

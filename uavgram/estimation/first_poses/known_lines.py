@@ -1,0 +1,331 @@
+"""Poses of photos from lines of known position, and which line contradicts the others."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtrc
+
+from uavgram.estimation.first_poses.known_height import known_height
+from uavgram.estimation.first_poses.network import placing
+from uavgram.estimation.first_poses.pose_problem import LineRows
+from uavgram.estimation.solver.batched import Ends, minimise_each
+from uavgram.geometry.camera.back_projection import back_project_with_jacobian
+from uavgram.geometry.motion.rotation import nearest_rotation
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.pose import CandidatePoses
+from uavgram.model.survey.survey import Survey
+
+FEWEST_ROWS = 6
+"""A pose has six unknowns."""
+WORSE = 25.0
+"""Rise of the sum of squares over the best, up to which another minimum is worth a try."""
+UNLIKELY = 1e-4
+"""Probability of a frame's sum of squares below which some line is wrong."""
+SURE = 2.0 * float(np.log(1000.0))
+"""Fall of the sum of squares by which one line is a likelier fault than any other."""
+MOST_FRAMES = 3
+"""Frames by which a line is judged: those that show most."""
+CONTROL = -1
+"""Number, in place of a line's, of what a control point says."""
+STEP_DEG = 20.0
+"""Between the rotations of the search."""
+TILTS_DEG = (0.0, 22.0, 40.0, 56.0, 72.0)
+LIKELIEST, FINALISTS = 64, 6
+"""Rotations from which the sum of squares is brought down; of these, how many to the end."""
+FIRST_STEPS, LAST_STEPS = 12, 100
+MOST_AT_ONCE = 400_000
+"""Rotations times picks that are tried at once."""
+SAME_DIRECTION_RAD, SAME_PLACE = 0.01, 0.02
+"""Poses closer than this, and by a share of the camera's height, are one."""
+
+
+class _Rows(NamedTuple):
+    """R picks on lines: pick, number of the thing; start, direction (R, 2), sigma (R,) [m]."""
+
+    pick: Ints
+    thing: Ints
+    start_m: Floats
+    along: Floats
+    sigma_m: Floats
+
+
+class _Rays(NamedTuple):
+    """(P, 3) rays of all picks, and roots (P, 2, 2) of the covariances of their x and y."""
+
+    ray: Floats
+    root: Floats
+
+
+def line_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
+    """Poses of every frame in which points on lines of known position are enough for one.
+
+    A control point counts as two lines, to the east and to the north: so a few may help out. A line
+    that contradicts the others has no say.
+    """
+    rows = _rows(survey)
+    if not len(rows.pick):
+        return ()
+    rays, height, odd = _rays(survey), known_height(survey), odd_lines(survey)
+    found = []
+    for frame, own in _by_frame(survey, rows, rays).items():
+        some = own[~np.isin(rows.thing[own], list(odd))]
+        ends = _poses(rows, rays, some if len(some) >= FEWEST_ROWS else own)
+        cost = ends.cost[0]
+        near = np.flatnonzero(np.isfinite(cost) & (cost <= cost[0] + WORSE))
+        if len(near):
+            found.append(
+                CandidatePoses(
+                    frame_id=survey.frame_id[frame],
+                    center_world_m=ends.state[0][0, near] + [0.0, 0.0, height],
+                    world_from_camera=ends.state[1][0, near],
+                    misfit=np.sqrt(cost[near] / len(own)),
+                )
+            )
+    return tuple(found)
+
+
+def odd_lines(survey: Survey) -> frozenset[int]:
+    """Number of the line of known position without which alone all others agree; or none.
+
+    Where several could be it, none is.
+    """
+    rows = _rows(survey)
+    if not len(rows.pick):
+        return frozenset()
+    rays = _rays(survey)
+    frames = _by_frame(survey, rows, rays)
+    misfits = [own for own in frames.values() if _cost(rows, rays, own) == np.inf]
+    if not misfits:
+        return frozenset()
+    misfits = sorted(misfits, key=len)[-MOST_FRAMES:]
+    shown = [set(rows.thing[own].tolist()) - {CONTROL} for own in misfits]
+    without = {
+        thing: sum(_cost(rows, rays, own[rows.thing[own] != thing]) for own in misfits)
+        for thing in set.intersection(*shown)
+    }
+    best, *others = sorted((cost, thing) for thing, cost in without.items()) or [(np.inf, CONTROL)]
+    is_sure = best[0] < np.inf and all(cost - best[0] >= SURE for cost, _ in others)
+    return frozenset([best[1]] if is_sure else ())
+
+
+def _cost(rows: _Rows, rays: _Rays, own: Ints) -> float:
+    """Sum of squares of lines that determine a pose, check it, and fit it; else infinite."""
+    degrees = len(own) - FEWEST_ROWS
+    if degrees <= 0:
+        return float("inf")
+    cost = float(_poses(rows, rays, own).cost[0, 0])
+    return cost if np.isfinite(cost) and chdtrc(degrees, cost) >= UNLIKELY else float("inf")
+
+
+def _poses(rows: _Rows, rays: _Rays, own: Ints) -> Ends:
+    """Of one frame by some of its rows, over ground at z = 0."""
+    pick = rows.pick[own]
+    return poses_from_lines(
+        LineRows(
+            ray=rays.ray[pick][None],
+            ray_root=rays.root[pick][None],
+            start_m=rows.start_m[own][None],
+            along=rows.along[own][None],
+            sigma_m=rows.sigma_m[own][None],
+        )
+    )
+
+
+def _by_frame(survey: Survey, rows: _Rows, rays: _Rays) -> dict[int, Ints]:
+    """Rows of each frame that has enough of them."""
+    usable = np.isfinite(rays.ray[rows.pick]).all(axis=1)
+    frame = survey.pick_frame[rows.pick]
+    found = {f: np.flatnonzero(usable & (frame == f)) for f in range(len(survey.frame_id))}
+    return {f: own for f, own in found.items() if len(own) >= FEWEST_ROWS}
+
+
+def _rays(survey: Survey) -> _Rays:
+    lens = survey.calibration
+    ray, by_pixel, _ = back_project_with_jacobian(lens.model, lens.parameters, survey.pixel_px)
+    return _Rays(ray, by_pixel[:, :2] * survey.pick_sigma_px[:, None, None])
+
+
+def _rows(survey: Survey) -> _Rows:
+    """Picks of points on the ground that lie on a line; no rows where there is no line."""
+    lines: dict[int, list[tuple[float, ...]]] = {}
+    for one in survey.known:
+        if one.position is None:
+            continue
+        start, end = one.position.ends_m[:, :2]
+        along = (end - start) / np.linalg.norm(end - start)
+        for label in one.label:
+            lines.setdefault(label, []).append((one.index, *start, *along, one.sigma))
+    if lines:
+        _add_control(survey, lines)
+    level = placing(survey) & (survey.height_above_m == 0.0)
+    found = [
+        (pick, *line)
+        for pick, label in enumerate(survey.pick_label.tolist())
+        if level[label]
+        for line in lines.get(label, ())
+    ]
+    table = np.array(found, dtype=np.float64).reshape(-1, 7)
+    index: Ints = table[:, :2].astype(np.int64)
+    return _Rows(index[:, 0], index[:, 1], table[:, 2:4], table[:, 4:6], table[:, 6])
+
+
+def _add_control(survey: Survey, lines: dict[int, list[tuple[float, ...]]]) -> None:
+    """Add each control point as a line to the north and one to the east."""
+    for label, (east, north, _), (sigma_east, sigma_north, _) in zip(
+        survey.control_label.tolist(),
+        survey.control_world_m.tolist(),
+        survey.control_sigma_m.tolist(),
+        strict=True,
+    ):
+        lines.setdefault(label, []).extend(
+            [
+                (CONTROL, east, north, 0.0, 1.0, sigma_east),
+                (CONTROL, east, north, 1.0, 0.0, sigma_north),
+            ]
+        )
+
+
+def are_alone(survey: Survey) -> bool:
+    """Whether nothing but lines of known position places a survey on the map."""
+    few = len(survey.control_label) < 2
+    return survey.telemetry is None and few and survey.gauge == "world"
+
+
+def poses_from_lines(seen: LineRows) -> Ends:
+    """Minima of each photo, the lowest first.
+
+    Returns
+    -------
+    Ends
+        With shapes (B, S, ...): S poses, of which some may be the same; cost inf: there is none.
+
+    Notes
+    -----
+    Starts: the direct linear transformation, where the picks are enough; and a search over
+    rotations. Given one, each pick is linear in the centre C: with the ray d = R r, which meets the
+    ground at C - (C_z / d_z) d, the condition is n . (C - (C_z / d_z) d) = n . A.
+    """
+    direct = direct_poses(seen)
+    found = _searched(seen)
+    center = np.concatenate([direct[0][:, None], found[0]], axis=1)
+    rotation = np.concatenate([direct[1][:, None], found[1]], axis=1)
+    near = _minima(seen, center, rotation, FIRST_STEPS)
+    center, rotation = (part[:, :FINALISTS] for part in near.state)
+    return _minima(seen, center, rotation, LAST_STEPS)
+
+
+def _minima(seen: LineRows, center: Floats, rotation: Floats, iterations: int) -> Ends:
+    """Minima (B, S, ...) from S starts of each photo, the lowest first."""
+    starts = center.shape[1]
+    photo = np.repeat(np.arange(len(center)), starts)
+    start = center.reshape(-1, 3), rotation.reshape(-1, 3, 3)
+    return minimise_each(seen.of_photos(photo), start, iterations).lowest_first(starts)
+
+
+def rivals(ends: Ends, within: float) -> Floats:
+    """(B,) by how much the next other minimum is worse than the best; beyond `within`, inf."""
+    (center, rotation), cost = ends.state[:2], ends.cost
+    height = np.maximum(center[:, :1, 2], 1e-9)
+    apart = np.linalg.norm(center - center[:, :1], axis=2) / height
+    turn = np.einsum("bij,bsij->bs", rotation[:, 0], rotation)
+    other = (apart > SAME_PLACE) | (np.arccos(np.clip((turn - 1) / 2, -1, 1)) > SAME_DIRECTION_RAD)
+    with np.errstate(invalid="ignore"):
+        worse = np.where(other & ends.converged, cost - cost[:, :1], np.inf)
+    least = np.nan_to_num(worse, nan=np.inf).min(axis=1)
+    return np.where(least <= within, least, np.inf)
+
+
+def direct_poses(seen: LineRows) -> tuple[Floats, Floats]:
+    """Centres (B, 3) and rotations (B, 3, 3) by direct linear transformation, least squares.
+
+    The homography G takes rays to the ground: with a line's coordinates l and a ray on it,
+    l^T G r = 0 (as Hartley and Zisserman 2004, sec. 4.1, for lines). Below eight picks the answer
+    means nothing; the search has others.
+    """
+    middle = seen.start_m.mean(axis=1)
+    size = np.sqrt(np.mean(np.sum((seen.start_m - middle[:, None]) ** 2, axis=2), axis=1))
+    local = (seen.start_m - middle[:, None]) / size[:, None, None]
+    line = np.concatenate(
+        [seen.across, -np.sum(seen.across * local, axis=2, keepdims=True)], axis=2
+    )
+    rows = np.einsum("bni,bnj->bnij", line, seen.ray).reshape(*line.shape[:2], 9)
+    _, _, vectors = np.linalg.svd(rows)
+    to_ground = vectors[:, -1].reshape(-1, 3, 3)
+    # G = [X_1 X_2 X_3] up to scale is the inverse of [r1 r2 t]: by cofactors it always exists.
+    first, second, third = (to_ground[:, i] for i in range(3))
+    columns = np.stack(
+        [np.cross(second, third), np.cross(third, first), np.cross(first, second)], axis=2
+    )
+    scale = np.sqrt(
+        np.linalg.norm(columns[:, :, 0], axis=1) * np.linalg.norm(columns[:, :, 1], axis=1)
+    )
+    columns /= np.maximum(scale, 1e-300)[:, None, None]
+    columns *= np.where(columns[:, 2:3, 2:3] < 0, -1.0, 1.0)  # the middle lies before the camera
+    rough = np.stack(
+        [columns[:, :, 0], columns[:, :, 1], np.cross(columns[:, :, 0], columns[:, :, 1])], axis=2
+    )
+    to_camera = nearest_rotation(rough)
+    center = -np.einsum("bji,bj->bi", to_camera, columns[:, :, 2]) * size[:, None]
+    center[:, :2] += middle
+    return center, to_camera.swapaxes(1, 2)
+
+
+def _searched(seen: LineRows) -> tuple[Floats, Floats]:
+    """Centres (B, S, 3) and rotations (B, S, 3, 3) of the likeliest rotations."""
+    grid = rotations()
+    block = max(1, MOST_AT_ONCE // (len(grid) * seen.ray.shape[1]))
+    parts = [_of_block(seen, grid, slice(k, k + block)) for k in range(0, len(seen.ray), block)]
+    center, rotation = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return center, rotation
+
+
+def _of_block(seen: LineRows, grid: Floats, photos: slice) -> tuple[Floats, Floats]:
+    across = seen.across[photos]
+    target = np.einsum("bni,bni->bn", across, seen.start_m[photos])[:, None]
+    ray = np.einsum("gij,bnj->bgni", grid, seen.ray[photos])
+    down = np.minimum(ray[..., 2], -1e-9)
+    rows = np.empty(ray.shape)
+    rows[..., :2] = across[:, None]
+    rows[..., 2] = -np.einsum("bni,bgni->bgn", across, ray[..., :2]) / down
+    weight = -down / np.linalg.norm(ray, axis=-1)  # far places move more by the same angle
+    weighted = rows * weight[..., None]
+    transposed = weighted.swapaxes(-1, -2)
+    normal = transposed @ weighted
+    normal += 1e-9 * np.trace(normal, axis1=-2, axis2=-1)[..., None, None] * np.eye(3)
+    right = transposed @ (weight * target)[..., None]
+    center = np.linalg.solve(normal, right)[..., 0]
+    off = (np.einsum("bgni,bgi->bgn", rows, center) - target) * weight
+    height = center[..., 2]
+    misfit = np.sum(off**2, axis=-1) / np.maximum(height, 1e-9) ** 2
+    upwards = (ray[..., 2] >= -1e-9).any(axis=-1)
+    misfit[(height <= 0) | upwards] = np.inf
+    best = np.argpartition(misfit, LIKELIEST, axis=1)[:, :LIKELIEST]
+    return np.take_along_axis(center, best[..., None], axis=1), grid[best]
+
+
+def rotations() -> Floats:
+    """(G, 3, 3) world from camera of cameras that look down, about `STEP_DEG` apart."""
+    roll = np.deg2rad(np.arange(0.0, 360.0, STEP_DEG))
+    found = []
+    for tilt in np.deg2rad(TILTS_DEG):
+        count = max(1, int(np.ceil(np.sin(tilt) * 2 * np.pi / np.deg2rad(STEP_DEG))))
+        azimuth = 2.0 * np.pi * np.arange(count) / count
+        about_up, about_axis = np.meshgrid(azimuth, roll, indexing="ij")
+        looking = _about_z(about_up.ravel()) @ _tilted(float(tilt)) @ _about_z(about_axis.ravel())
+        found.append(looking)
+    return np.concatenate(found)
+
+
+def _about_z(angle: Floats) -> Floats:
+    turn = np.zeros((len(angle), 3, 3))
+    turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
+    turn[:, 1, 0], turn[:, 0, 1], turn[:, 2, 2] = np.sin(angle), -np.sin(angle), 1.0
+    return turn
+
+
+def _tilted(tilt: float) -> Floats:
+    """World from camera of one that looks north and down, `tilt` away from straight down."""
+    sine, cosine = np.sin(tilt), np.cos(tilt)
+    return np.array([[1.0, 0.0, 0.0], [0.0, -cosine, sine], [0.0, -sine, -cosine]])

@@ -1,0 +1,336 @@
+"""First poses of single frames from what is known of points on the ground, without a log.
+
+Lengths, angles, parallels and equal lengths: three numbers of a pose over the plane (two of its
+tilt, one of its height) need three of them that say something different, one in metres. Three
+lengths have several exact solutions in about half of all scenes, a triangle nearly always; so the
+hemisphere of plane normals is searched, all candidates are refined together (`minimise_each`), and
+every distinct minimum is kept. Frames with lengths alone are searched together
+(`search_planes`), a frame with other known things by itself (`search_known`).
+"""
+
+from __future__ import annotations
+
+from functools import cache, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import chdtri
+
+from uavgram.estimation.first_poses.plane_things import (
+    SCALED,
+    PlaneThing,
+    fitting_heights,
+    row_count,
+    rows_on_planes,
+)
+from uavgram.estimation.solver.batched import (
+    Explicit,
+    Linear,
+    State,
+    minimise_each,
+    normal_equations,
+)
+from uavgram.geometry.ground.plane_pose import by_plane, lengths_on_plane, reach_of
+from uavgram.model.arrays import Bools, Floats, Ints
+
+TILT_STEP_DEG = 7.5
+MAX_TILT_DEG = 85.0
+NEIGHBOURS = 8
+"""Of a normal of the grid: those that a minimum has to undercut."""
+
+FEW = 4
+"""Lines up to which every normal of the grid is a start."""
+
+LOWEST = 40
+"""Normals of lowest cost that are starts beside the local minima over the grid."""
+
+PLAUSIBLE = 1e-4
+"""Probability below which a minimum no longer counts as an explanation of what is known."""
+
+BLOCK = 200_000
+"""Lines times candidates at a time: the temporaries stay in the processor's cache."""
+
+ROUNDS, NEAR = (5, 5, 10, 10), 0.01
+"""Steps of each round; of candidates within a hundredth of each other only the best goes on."""
+
+AT_REST = 1e-4
+"""What another step may still take off the cost of a candidate at rest."""
+
+UNKNOWN = 1.0
+"""Sigma of a plane as a share of its size, from which on its numbers mean nothing."""
+
+
+class PlaneCandidate(NamedTuple):
+    """A local minimum: the plane m (3,), and its weighted sum of squared residuals."""
+
+    plane: Floats
+    cost: float
+
+
+@cache
+def normal_grid() -> Floats:
+    """Unit vectors (S, 3) towards the ground, about evenly spread over the visible hemisphere."""
+    normals = [np.array([[0.0, 0.0, 1.0]])]
+    for tilt in np.deg2rad(np.arange(TILT_STEP_DEG, MAX_TILT_DEG + 1e-9, TILT_STEP_DEG)):
+        count = max(6, round(2 * np.pi * np.sin(tilt) / np.deg2rad(TILT_STEP_DEG)))
+        azimuth = 2 * np.pi * np.arange(count) / count
+        ring = [np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth)]
+        normals.append(np.stack([*ring, np.full(count, np.cos(tilt))], axis=-1))
+    grid = np.concatenate(normals)
+    grid.flags.writeable = False
+    return grid
+
+
+@cache
+def _neighbours() -> Ints:
+    """(NEIGHBOURS, S) nearest others of each normal of the grid."""
+    near = np.argsort(-normal_grid() @ normal_grid().T, axis=1, kind="stable")
+    return np.ascontiguousarray(near[:, 1 : NEIGHBOURS + 1].T)
+
+
+def _moved(state: State, step: Floats) -> State:
+    """Planes after steps (b, 3)."""
+    return (state[0] + step,)
+
+
+def _distinct(plane: Floats, cost: Floats, information: Floats, limit: float) -> list[int]:
+    """Candidates that no better one is within a sigma of, up to a cost above the first one's.
+
+    Parameters
+    ----------
+    plane, cost, information
+        (C, 3), (C,), (C, 3, 3) minima, the best first.
+    limit
+        Rise of the cost up to which what is known allows them.
+    """
+    kept: list[int] = []
+    rows = np.flatnonzero(cost <= cost[:1] + limit)
+    while len(rows):
+        best = int(rows[0])
+        kept.append(best)
+        apart = plane[rows] - plane[best]
+        rows = rows[np.einsum("ki,ij,kj->k", apart, information[best], apart) > 1.0]
+    return kept
+
+
+def search_planes(
+    start_ray: Floats, end_ray: Floats, length_m: Floats, sigma_m: Floats
+) -> list[tuple[PlaneCandidate, ...]]:
+    """All distinct planes that explain the lengths of each of many frames, best first.
+
+    Parameters
+    ----------
+    start_ray, end_ray
+        (B, L, 3) undistorted rays of the lines' ends, z = 1, camera frame.
+    length_m, sigma_m
+        (B, L) lengths, and the sigma of each with that of its two picks; an infinite sigma says
+        that a frame has no such line (its rays and length are any numbers).
+
+    Returns
+    -------
+    list of tuple of PlaneCandidate
+        Per frame: the best one always, and every other minimum that the lengths allow; empty where
+        no plane of the hemisphere lies in front of all rays, or fewer than three lines are there.
+    """
+    weight = 1.0 / sigma_m
+    there = weight > 0
+    count = there.sum(axis=1)
+    # A line that is not there becomes a copy of the first one that is, without weight.
+    stand_in = np.where(there, np.arange(there.shape[1]), there.argmax(axis=1)[:, None])
+    take = stand_in[..., None]
+    start_ray = np.take_along_axis(start_ray, take, axis=1)
+    end_ray = np.take_along_axis(end_ray, take, axis=1)
+    length_m = np.take_along_axis(length_m, stand_in, axis=1)
+    found: list[tuple[PlaneCandidate, ...]] = []
+    step = max(1, BLOCK // (len(normal_grid()) * max(1, there.shape[1])))
+    for first in range(0, len(length_m), step):
+        part = slice(first, first + step)
+        ends = np.stack([start_ray[part], end_ray[part]]).transpose(3, 0, 1, 2)
+        observed = length_m[part] * weight[part], weight[part]
+        found += _explanations(np.ascontiguousarray(ends), observed, count[part])
+    return found
+
+
+def _explanations(
+    ends: Floats, observed: tuple[Floats, Floats], count: Ints
+) -> list[tuple[PlaneCandidate, ...]]:
+    """Distinct minima of scenes: rays (3, 2, B, L), weighted lengths and weights (B, L)."""
+    start, scene = _starts(ends, observed, count)
+
+    def rows(which: Ints, state: State) -> tuple[Floats, Floats]:
+        own = scene[which]
+        wanted, weight = observed[0][own], observed[1][own]
+        lengths = lengths_on_plane(np.ascontiguousarray(state[0].T)[:, :, None], ends[:, :, own])
+        by = by_plane(lengths, reach_of(lengths)) * weight
+        return lengths.length * weight - wanted, np.moveaxis(by, 0, 2)
+
+    minima = minimise_each(Explicit(rows, _moved), (start,))
+    order = np.lexsort((minima.cost, scene))
+    bounds = np.searchsorted(scene[order], np.arange(len(count) + 1))
+    limit = np.asarray(chdtri(np.maximum(count - 3, 1), PLAUSIBLE))
+    found = []
+    for k in range(len(count)):
+        own = order[bounds[k] : bounds[k + 1]]
+        own = own[np.isfinite(minima.cost[own])]
+        plane, cost = minima.state[0][own], minima.cost[own]
+        kept = _distinct(plane, cost, minima.normal[own], float(limit[k]))
+        found.append(tuple(PlaneCandidate(plane[one], float(cost[one])) for one in kept))
+    return found
+
+
+def _starts(ends: Floats, observed: tuple[Floats, Floats], count: Ints) -> tuple[Floats, Ints]:
+    """First planes (C, 3) and their scenes (C,): every normal of the grid, or the promising ones.
+
+    The height over a normal follows in closed form: lengths are proportional to it. With it, the
+    cost over the hemisphere has the same minima as that over all planes: where the grid has a
+    local minimum, a start. Few lines may have several minima within one step of the grid; then
+    it is the direction from which a start comes that leads to the one or the other.
+    """
+    normal = normal_grid()
+    unit = lengths_on_plane(np.ascontiguousarray(normal.T)[:, None, :, None], ends[:, :, :, None])
+    wanted, weight = observed[0][:, None], observed[1][:, None]
+    scaled = unit.length * weight
+    square, mixed = np.sum(scaled * scaled, axis=-1), np.sum(scaled * wanted, axis=-1)
+    height = mixed / square
+    cost = np.sum(wanted * wanted, axis=-1) - mixed * height
+    usable = np.isfinite(cost) & (count >= 3)[:, None]
+    cost = np.where(usable, cost, np.inf)
+    lowest: Bools = np.ones(cost.shape, bool)
+    for near in _neighbours():
+        lowest &= cost <= cost[:, near]
+    lowest |= cost <= np.partition(cost, LOWEST, axis=1)[:, [LOWEST]]
+    scene, place = np.nonzero(usable & (lowest | (count <= FEW)[:, None]))
+    return normal[place] / height[scene, place, None], scene
+
+
+class KnownPlanes(NamedTuple):
+    """Planes that explain what a frame's known things say, best first.
+
+    Attributes
+    ----------
+    plane
+        (n, 3) m = normal / height in the camera frame [1/m].
+    covariance
+        (n, 3, 3) from things and picks; the lens counts as exact.
+    cost
+        (n,) weighted sum of squared misses; degrees of freedom: number of rows less three.
+    """
+
+    plane: Floats
+    covariance: Floats
+    cost: Floats
+
+
+NOTHING = KnownPlanes(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))
+
+
+def search_known(ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...]) -> KnownPlanes:
+    """All distinct planes that known things allow a frame.
+
+    Parameters
+    ----------
+    ray
+        (E, 3) undistorted rays of its picks, z = 1.
+    ray_sigma
+        (E,) of their x and y: those of the pixels over the focal length.
+    things
+        What is known of its points.
+
+    Returns
+    -------
+    KnownPlanes
+        None at all where the things do not determine one: fewer than three rows, none in metres,
+        or all of them about the same.
+    """
+    if row_total(things) < 3 or not any(one.kind in SCALED for one in things):
+        return NOTHING
+    used = sorted({k for one in things for k in one.pick})
+    at = {pick: k for k, pick in enumerate(used)}
+    things = tuple(one._replace(pick=tuple(at[k] for k in one.pick)) for one in things)
+    return _found(ray[used].tobytes(), ray_sigma[used].tobytes(), things)
+
+
+class _Things:
+    """Planes that should fulfil what is known; the sigmas follow the planes.
+
+    Of state are the planes, and the sigmas where the step to them began.
+    """
+
+    axis = 0
+
+    def __init__(self, ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...]) -> None:
+        self._known = ray, ray_sigma, things
+
+    def linearise(self, which: Ints, state: State) -> Linear:  # noqa: ARG002
+        """Normal equations at planes; they are compared by the sigmas of where they came from."""
+        rows = rows_on_planes(state[0], *self._known)
+        here = normal_equations(rows.value / rows.sigma, rows.by_plane / rows.sigma[..., None])
+        compared = np.sum((rows.value / state[1]) ** 2, axis=1)
+        return here._replace(rest=(rows.sigma,), compared=compared)
+
+    def move(self, state: State, linear: Linear, step: Floats) -> State:
+        """Apply steps (b, 3) to planes."""
+        return state[0] + step, linear.rest[0]
+
+    def minima(self, plane: Floats) -> Floats:
+        """Planes (c, 3) at rest from starts (C, 3)."""
+        rows = row_total(self._known[2])
+        for steps in ROUNDS:
+            ends = minimise_each(self, (plane, np.ones((len(plane), rows))), steps)
+            plane = ends.state[0][_best_of_near(ends.state[0], ends.cost)]
+        return plane
+
+
+@lru_cache(maxsize=256)
+def _found(rays: bytes, sigmas: bytes, things: tuple[PlaneThing, ...]) -> KnownPlanes:
+    """The planes; once for a frame, though an adjustment begins many times."""
+    ray, ray_sigma = np.frombuffer(rays).reshape(-1, 3), np.frombuffer(sigmas)
+    normal = normal_grid()
+    height = fitting_heights(normal, ray, ray_sigma, things)
+    problem = _Things(ray, ray_sigma, things)
+    plane = problem.minima((normal / height[:, None])[np.isfinite(height)])
+    rows = np.ones((len(plane), row_total(things)))
+    cost, information, gradient, *_ = problem.linearise(np.arange(len(plane)), (plane, rows))
+    covariance, determined = _covariances(plane, information, cost)
+    gain = np.einsum("ci,cij,cj->c", gradient, covariance, gradient)
+    resting = np.flatnonzero(gain < AT_REST)
+    # Where two solutions merge nothing determines the one that is left; it may be the true one.
+    order = resting[np.lexsort((cost[resting], ~determined[resting]))]
+    if not determined[order[:1]].any():
+        return NOTHING
+    limit = float(chdtri(max(row_total(things) - 3, 1), PLAUSIBLE))
+    kept = order[_distinct(plane[order], cost[order], information[order], limit)]
+    found = KnownPlanes(plane[kept], covariance[kept], cost[kept])
+    for column in found:
+        column.flags.writeable = False
+    return found
+
+
+def row_total(things: tuple[PlaneThing, ...]) -> int:
+    """Number of rows that known things have together."""
+    return sum(row_count(one.kind, len(one.pick)) for one in things)
+
+
+def _best_of_near(plane: Floats, cost: Floats) -> Ints:
+    """Of planes within a hundredth of each other, that of least cost; indices."""
+    size = np.linalg.norm(plane, axis=1)
+    cell = np.round(np.column_stack([plane / size[:, None], np.log(size)]) / NEAR)
+    order = np.argsort(cost, kind="stable")[: np.isfinite(cost).sum()]
+    _, first = np.unique(cell[order], axis=0, return_index=True)
+    return np.sort(order[first])
+
+
+def _covariances(plane: Floats, information: Floats, cost: Floats) -> tuple[Floats, Bools]:
+    """(C, 3, 3) inverses, no sigma above `UNKNOWN`, and (C,) whether none had been.
+
+    Parameters
+    ----------
+    plane, information, cost
+        (C, 3), (C, 3, 3), (C,): where the cost is NaN nothing is known.
+    """
+    size = np.linalg.norm(plane, axis=1)
+    relative = information * (size**2)[:, None, None]
+    relative[~np.isfinite(cost)] = 0.0
+    value, vector = np.linalg.eigh(relative)
+    turned = vector / np.maximum(value, UNKNOWN**-2)[:, None]
+    return turned @ vector.swapaxes(1, 2) * (size**2)[:, None, None], value[:, 0] > UNKNOWN**-2

@@ -1,1 +1,0 @@
-"""Poses of many single photos at once, over level ground: by points, lines, lengths or a log."""

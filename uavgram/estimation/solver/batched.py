@@ -1,0 +1,356 @@
+"""Minimise many small least-squares problems at once, each with its own damping.
+
+`levenberg_marquardt` minimises one large sparse problem. The problems here have a few unknowns
+each (a plane, a pose), and there are up to thousands: candidates of a search, photos of a board,
+draws of a simulation. The unknowns that belong to one problem alone (points) are eliminated by the
+problem itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from uavgram.estimation.solver.small_systems import solve_each
+from uavgram.model.arrays import Bools, Floats, Ints
+
+ITERATIONS = 60
+DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-15, 1e10
+
+SETTLED = 1e-10
+"""Expected fall of the sum of squares of the last step: 1e-5 sigma of any unknown."""
+
+ROUNDING = 1e-14
+"""Share of the sum of squares below which its fall disappears in rounding."""
+
+UNSEEN = 1e-10
+"""Expected fall below which rounding decides whether the sum of squares falls: such a step is taken
+in any case, for it is as good as Newton's."""
+
+STUCK = 1e-4
+"""Squared gradient, in sigmas, up to which a problem that no step improves counts as solved."""
+
+BLIND = 1e-12
+"""Share of the normal matrix's trace that keeps a system solvable which is blind to an unknown."""
+
+TRIMMINGS, TRIMMED_STEPS, STILL_FALLS = 8, 2, 0.995
+"""Times that observations are chosen anew; steps each time; ratio of medians from which on that
+leads no further."""
+
+State = tuple[Floats, ...]
+"""Unknowns of b problems, one array for each kind."""
+
+
+class Linear(NamedTuple):
+    """b problems linearised at a state.
+
+    Attributes
+    ----------
+    cost
+        (b,) sums of squares; NaN or infinite where the state is impossible.
+    normal, gradient
+        (b, u, u), (b, u) J^T J and J^T r of the u unknowns that remain after elimination.
+    rest
+        Arrays over the b problems from which the problem computes the steps of all else.
+    compared
+        (b,) the sum of squares with the weights of the state from which a step led here, where
+        weights depend on the state; None: the cost itself.
+    """
+
+    cost: Floats
+    normal: Floats
+    gradient: Floats
+    rest: tuple[Floats, ...] = ()
+    compared: Floats | None = None
+
+
+class Problem(Protocol):
+    """B problems with u unknowns each."""
+
+    @property
+    def axis(self) -> int:
+        """The axis of states and of `Linear.rest` that counts the problems: 0 or -1."""
+        ...
+
+    def linearise(self, which: Ints, state: State) -> Linear:
+        """Linearise problems `which` (b,) at a state of these b."""
+        ...
+
+    def move(self, state: State, linear: Linear, step: Floats) -> State:
+        """Apply steps (b, u) to the state at which b problems were linearised."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Explicit:
+    """Problems that state their residuals and Jacobians; nothing is eliminated.
+
+    Attributes
+    ----------
+    rows
+        From problems (b,) and their state to residuals (b, r) and Jacobians (b, r, u).
+    update
+        From a state and steps (b, u) to the state after them.
+    """
+
+    rows: Callable[[Ints, State], tuple[Floats, Floats]]
+    update: Callable[[State, Floats], State]
+    axis: int = 0
+
+    def linearise(self, which: Ints, state: State) -> Linear:
+        """Multiply the Jacobians of problems `which` (b,) at a state."""
+        return normal_equations(*self.rows(which, state))
+
+    def move(self, state: State, linear: Linear, step: Floats) -> State:  # noqa: ARG002
+        """Apply steps (b, u) to a state of b problems; `linear` is not needed."""
+        return self.update(state, step)
+
+
+def normal_equations(residual: Floats, jacobian: Floats) -> Linear:
+    """Normal equations of residuals (b, r) and Jacobians (b, r, u)."""
+    transposed = jacobian.swapaxes(1, 2)
+    return Linear(
+        np.einsum("br,br->b", residual, residual),
+        transposed @ jacobian,
+        (transposed @ residual[..., None])[..., 0],
+    )
+
+
+class Ends(NamedTuple):
+    """Where B minimisations ended.
+
+    Attributes
+    ----------
+    state
+        Unknowns.
+    cost
+        (B,) sum of squares; infinite where the start was impossible.
+    normal
+        (B, u, u) inverse of the covariance of the unknowns.
+    converged
+        (B,) whether nothing was left to gain.
+    steps
+        (B,) steps tried.
+    """
+
+    state: State
+    cost: Floats
+    normal: Floats
+    converged: Bools
+    steps: Ints
+
+    def put(self, rows: Ints, other: Ends, axis: int) -> None:
+        """Write other ends of some problems over theirs; the steps add up."""
+        for whole, part in zip(self.state, other.state, strict=True):
+            _along(whole, axis)[rows] = _along(part, axis)
+        self.cost[rows], self.normal[rows] = other.cost, other.normal
+        self.converged[rows] = other.converged
+        self.steps[rows] += other.steps
+
+    def lowest_first(self, starts: int) -> Ends:
+        """Arrange minima of each group of so many neighbours by cost: (B / starts, starts, ...)."""
+        groups = len(self.cost) // starts
+        order = np.argsort(self.cost.reshape(groups, starts), axis=1, kind="stable")
+        at = np.arange(groups)[:, None] * starts + order
+        return Ends(
+            tuple(part[at] for part in self.state),
+            self.cost[at],
+            self.normal[at],
+            self.converged[at],
+            self.steps[at],
+        )
+
+
+def minimise_each(
+    problem: Problem,
+    start: State,
+    iterations: int = ITERATIONS,
+    *,
+    settled: float = SETTLED,
+    damping: float = DAMPING,
+    descending: bool = True,
+) -> Ends:
+    """Minimise the sum of squares of each problem from its start.
+
+    Parameters
+    ----------
+    problem
+        B problems.
+    start
+        State of all B.
+    iterations
+        Steps of each problem, tried or taken, at most; what has not settled then is not converged.
+    settled
+        Expected fall of the sum of squares from which on a step is the last.
+    damping
+        At the start: small where the starts are so good that Newton's steps lead to the minimum.
+    descending
+        Whether every step has to lower the sum of squares. Where much is eliminated, Newton's steps
+        are quicker without that.
+
+    Notes
+    -----
+    Marquardt 1963: the damping counts in each unknown's own scale. A step that should lower the
+    sum of squares by less than `settled` is taken unseen.
+    """
+    axis = problem.axis
+    end = tuple(part.copy() for part in start)
+    count = start[0].shape[axis]
+    active = np.arange(count)
+    here = tuple(part.copy() for part in start)
+    linear = problem.linearise(active, here)
+    size = linear.gradient.shape[1]
+    cost, normal = np.full(count, np.inf), np.full((count, size, size), np.nan)
+    converged, steps = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.int64)
+    scale = np.full(count, damping)
+
+    def put(done: Bools, state: State) -> None:
+        rows = active[done]
+        for whole, part in zip(end, state, strict=True):
+            _along(whole, axis)[rows] = _along(part, axis)[done]
+        cost[rows], normal[rows] = linear.cost[done], linear.normal[done]
+
+    kept = np.isfinite(linear.cost)
+    normal[~kept] = linear.normal[~kept]
+    for iteration in range(iterations + 1):
+        if not kept.all():
+            rows = np.flatnonzero(kept)
+            active, scale, here = active[rows], scale[rows], _some(here, rows, axis)
+            linear = _some_linear(linear, rows, axis)
+        if not len(active):
+            break
+        if iteration == iterations:
+            put(np.ones(len(active), dtype=np.bool_), here)
+            break
+        step, fall = _damped_steps(linear, scale)
+        gain = fall * (1.0 + scale)
+        rests = _at_rest(linear, scale, step, fall, settled)
+        steps[active] += 1
+        there = problem.move(here, linear, step)
+        stuck = ~rests & (scale > MOST_DAMPING)
+        if rests.any() or stuck.any():
+            put(rests, there)
+            put(stuck, here)
+            converged[active] = rests | (stuck & (gain < STUCK))
+            rows = np.flatnonzero(~(rests | stuck))
+            active, scale, gain = active[rows], scale[rows], gain[rows]
+            here, there = _some(here, rows, axis), _some(there, rows, axis)
+            linear = _some_linear(linear, rows, axis)
+            if not len(active):
+                break
+        found = problem.linearise(active, there)
+        compared = found.cost if found.compared is None else found.compared
+        better = compared <= linear.cost
+        better |= np.isfinite(found.cost) & ((gain < UNSEEN) | (not descending))
+        scale = np.where(better, np.maximum(scale / 8.0, LEAST_DAMPING), 5.0 * scale)
+        here = _chosen(better, there, here, axis)
+        linear = _linear(
+            _chosen(better, found[:3], linear[:3], 0),
+            _chosen(better, found.rest, linear.rest, axis),
+        )
+        kept = np.isfinite(linear.cost)
+    return Ends(end, cost, normal, converged, steps)
+
+
+def minimise_trimmed(
+    misses: Callable[[State], Floats],
+    weighted: Callable[[Floats], Problem],
+    start: State,
+    limit: float,
+) -> tuple[State, Floats]:
+    """Fit B problems to those of their observations that nearly agree.
+
+    Least trimmed squares (Rousseeuw and Van Driessen 2006, "Computing LTS regression for large data
+    sets"): fit what misses little, and choose anew, as long as the median of the misses falls.
+
+    Parameters
+    ----------
+    misses
+        From a state to the sizes (B, n) of all misses.
+    weighted
+        From weights (B, n) of the observations to the problem.
+    start
+        State of all B.
+    limit
+        Median misses up to which an observation takes part.
+
+    Returns
+    -------
+    state, median
+        With the smallest median (B,) of the misses.
+    """
+    best = tuple(part.copy() for part in start)
+    here, least = start, np.full(len(start[0]), np.inf)
+    for _ in range(TRIMMINGS):
+        miss = misses(here)
+        median = np.median(miss, axis=1)
+        better = median <= STILL_FALLS * least
+        if not better.any():
+            break
+        least[better] = median[better]
+        for whole, part in zip(best, here, strict=True):
+            whole[better] = part[better]
+        middle = median[:, None] + 1e-12
+        weight = np.where(miss <= limit * middle, 1.0 / middle, 0.0)
+        here = minimise_each(weighted(weight), here, TRIMMED_STEPS).state
+    return best, least
+
+
+def _damped_steps(linear: Linear, damping: Floats) -> tuple[Floats, Floats]:
+    """Steps (b, u), and the falls (b,) of the sums of squares that they promise."""
+    own = np.einsum("bii->bi", linear.normal)
+    scale = 1.0 / np.sqrt(np.maximum(own, BLIND * own.sum(axis=1, keepdims=True) + 1e-300))
+    whitened = linear.normal * (scale[:, :, None] * scale[:, None, :])
+    size = whitened.shape[1]
+    whitened.reshape(len(whitened), -1)[:, :: size + 1] += (damping + BLIND)[:, None]
+    step = -scale * solve_each(whitened, linear.gradient * scale)
+    return step, -np.einsum("bi,bi->b", step, linear.gradient)
+
+
+def _at_rest(linear: Linear, damping: Floats, step: Floats, fall: Floats, settled: float) -> Bools:
+    """Whether steps (b, u) are the last; those are then written without damping.
+
+    A damped step along a direction that is hardly determined is short wherever it begins.
+    """
+    limit = np.maximum(settled, ROUNDING * linear.cost)
+    rests = fall < limit
+    rows = np.flatnonzero(rests & (damping > LEAST_DAMPING))
+    if len(rows):
+        few = _linear(_some(linear[:3], rows, 0), ())
+        newton, fall = _damped_steps(few, np.full(len(rows), LEAST_DAMPING))
+        rests[rows] = fall < limit[rows]
+        last = rests[rows]
+        step[rows[last]] = newton[last]
+    return rests
+
+
+def _along(array: Floats, axis: int) -> Floats:
+    """View of an array with its problems along the first axis."""
+    return array if axis == 0 else np.moveaxis(array, axis, 0)
+
+
+def _some(arrays: State, rows: Ints, axis: int) -> State:
+    return tuple(array.take(rows, axis=axis) for array in arrays)
+
+
+def _some_linear(linear: Linear, rows: Ints, axis: int) -> Linear:
+    """The normal equations of some problems."""
+    return _linear(_some(linear[:3], rows, 0), _some(linear.rest, rows, axis))
+
+
+def _linear(equations: State, rest: State) -> Linear:
+    cost, normal, gradient = equations
+    return Linear(cost, normal, gradient, rest)
+
+
+def _chosen(better: Bools, new: State, old: State, axis: int) -> State:
+    """The new arrays of problems that became better (b,), the old ones of all others."""
+    if better.all():
+        return new
+    rows = np.flatnonzero(better)
+    for whole, part in zip(old, new, strict=True):
+        _along(whole, axis)[rows] = _along(part, axis)[rows]
+    return old
