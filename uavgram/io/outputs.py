@@ -328,11 +328,8 @@ def _is_own(stale: Path, folder: Path, name: Path) -> bool:
 
 
 def _flush(path: Path) -> None:
-    handle = os.open(path, os.O_RDWR)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+    with path.open("r+b") as stream:
+        os.fsync(stream.fileno())
 
 
 def _keep(path: Path, backup: Path) -> None:
