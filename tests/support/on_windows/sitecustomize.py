@@ -14,7 +14,6 @@ it starts. `windows_desk` runs commands so.
 * uavgram opens no text file without naming its encoding.
 """
 
-# ruff: noqa: PTH, SIM905  (calls of the system as they are, lists of names)
 from __future__ import annotations
 
 import builtins
