@@ -24,12 +24,19 @@ Flag = Annotated[bool, Parameter(negative=())]
 Verbose = Annotated[bool, Parameter(name=["--verbose", "-v"], negative=())]
 Seed = Annotated[int, Parameter(validator=validators.Number(gte=0))]
 
-DONE, PROBLEM, WRONG_USAGE = 0, 1, 2
+Json = Annotated[bool, Parameter(name="--json", negative=())]
+
+DONE, PROBLEM, WRONG_USAGE, VERDICT = 0, 1, 2, 3
+QUIET = "--quiet"
+"""Taken by every command, at any place before a `--`."""
 
 app = App(
     name="uavgram",
     help="Ground measurements with honest uncertainties from a drone's photos, its flight log and "
     "a few taped lengths.",
+    help_epilogue="Every command takes --quiet: it writes nothing but problems (and what --json "
+    "asks for). Exit status: 0 done, 1 a problem that you can solve, 2 wrong usage, 3 the verdict "
+    "of `run --fail-on`, 130 stopped by Ctrl+C.",
     help_format="plaintext",
     version_flags=["--version"],
     print_error=False,  # `entry.main` tells every error in one form

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import cyclopts
 
-from uavgram.cli.application import DONE, PROBLEM, WRONG_USAGE, app
+from uavgram.cli.application import DONE, PROBLEM, QUIET, WRONG_USAGE, app
 from uavgram.cli.commands import (  # noqa: F401  (each registers itself with the application)
     batch,
     calibrate,
@@ -30,7 +30,7 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
     view,
 )
 from uavgram.cli.interrupt import has_come
-from uavgram.cli.terminal import as_told, drop_output, tell_in
+from uavgram.cli.terminal import as_told, be_quiet, drop_output, tell_in
 from uavgram.errors import UavgramError
 from uavgram.model.units import METRIC
 
@@ -40,9 +40,13 @@ __all__ = ["app", "called"]
 def called(arguments: Sequence[str] | None) -> int:
     """Run the command that the arguments, or the process's own, name; its exit status."""
     tell_in(METRIC)
+    typed = sys.argv[1:] if arguments is None else list(arguments)
+    options = typed[: typed.index("--")] if "--" in typed else typed
+    be_quiet(quiet=QUIET in options)
+    rest = [one for one in options if one != QUIET] + typed[len(options) :]
     try:
         try:
-            status = app(arguments)
+            status = app(rest)
         except Exception as fault:
             if has_come():  # what the fault says is of a library that Ctrl+C broke off
                 raise KeyboardInterrupt from fault

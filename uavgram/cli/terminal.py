@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import io
+import json
 import logging
 import os
 import sys
@@ -21,9 +23,15 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 
 _UNITS: ContextVar[Units] = ContextVar("units of what is told", default=METRIC)
+_QUIET: ContextVar[bool] = ContextVar("nothing but problems is told", default=False)
 _KNOWN: ContextVar[tuple[tuple[str, ...], tuple[float, ...]]] = ContextVar(
     "names that look like lengths, and lengths that are told rounded", default=((), ())
 )
+
+
+def be_quiet(*, quiet: bool) -> None:
+    """From now on write no text but problems, and no progress; JSON is written all the same."""
+    _QUIET.set(quiet)
 
 
 def tell_in(units: Units) -> None:
@@ -68,24 +76,42 @@ def say(*lines: str) -> None:
 
 
 def say_as_is(*lines: str) -> None:
-    """Write lines to standard output, such as JSON, which keeps metres.
+    """Write lines to standard output, such as converted files, which keep metres.
 
     Raises
     ------
     OutputError
         It takes no more, such as a full disk; what the command did stays done.
     """
+    if not _QUIET.get():
+        _write("\n".join(lines))
+
+
+def say_json(content: object) -> None:
+    """Write a JSON object to standard output, in ASCII: no encoding of a pipe harms it.
+
+    Raises
+    ------
+    OutputError
+        It takes no more; what the command did stays done.
+    """
+    _write(json.dumps(content, indent=1, allow_nan=False))
+
+
+def _write(text: str) -> None:
     if sys.stdout is None:  # closed by who started the program, as some schedulers do
         return
     if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal without ± is no reason to fail
         sys.stdout.reconfigure(errors="replace")
     try:
-        sys.stdout.write("\n".join(lines) + "\n")
+        sys.stdout.write(text + "\n")
         sys.stdout.flush()
     except BrokenPipeError:
         raise
     except OSError as fault:
         drop_output()
+        if sys.platform == "win32" and fault.errno == errno.EINVAL:  # its reader has left
+            raise BrokenPipeError from fault
         raise OutputError(
             f"standard output takes no text ({fault.strerror}): what was asked for is done, only "
             "what there was to say of it is lost"
@@ -121,7 +147,7 @@ def progress() -> Progress:
     """Progress bars on a terminal, nothing elsewhere."""
     from uavgram.pipeline.progress import silent
 
-    if not sys.stderr.isatty():
+    if _QUIET.get() or not sys.stderr.isatty():
         return silent
     from rich.console import Console
     from rich.progress import track

@@ -1,6 +1,6 @@
-"""Locks that end with the process that holds them; and that of a project's tables, which say whose.
+"""Files that are locks: held by one process, and given up by the operating system when it ends.
 
-The operating system holds them, so what a killed process left behind is no lock.
+What a killed process left behind is no lock. A lock on a project's tables names its process.
 """
 
 from __future__ import annotations
@@ -9,21 +9,27 @@ import errno
 import logging
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 from uavgram.errors import OutputError, UavgramError
 from uavgram.io.own_files import open_own
 
-if sys.platform != "win32":
+if sys.platform == "win32":
+    import msvcrt
+else:
     import fcntl
 
 log = logging.getLogger(__name__)
 
 LOCK = "pick.lock"
 
+_LOCKED_BYTE = 1 << 30
+"""Windows locks bytes, and nobody else may read them: one behind the end, as files may have."""
+
 
 def lock(handle: int) -> None:
-    """Lock an open file or folder for this process.
+    """Lock an open file for this process.
 
     Raises
     ------
@@ -33,8 +39,76 @@ def lock(handle: int) -> None:
         There are no locks here, as on some network file systems.
     """
     if sys.platform == "win32":
-        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
-    fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
+        try:
+            msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)
+        except PermissionError as fault:
+            raise BlockingIOError(errno.EAGAIN, os.strerror(errno.EAGAIN)) from fault
+    else:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+class FileLock:
+    """A locked file, removed when it is released.
+
+    Parameters
+    ----------
+    path
+        The file; made if absent.
+
+    Attributes
+    ----------
+    why_not
+        Why the system locks no files here; empty where it does.
+
+    Raises
+    ------
+    BlockingIOError
+        Another process holds it; its text is what that process wrote into the file.
+    OutputError
+        The path is a link.
+    OSError
+        The file cannot be opened.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.why_not = path, ""
+        while True:
+            self._handle = open_own(path, os.O_RDWR | os.O_CREAT)
+            try:
+                lock(self._handle)
+            except BlockingIOError as fault:
+                os.lseek(self._handle, 0, os.SEEK_SET)
+                note = os.read(self._handle, 32).decode(errors="replace").strip()
+                os.close(self._handle)
+                raise BlockingIOError(errno.EAGAIN, note) from fault
+            except OSError as fault:
+                self.why_not = fault.strerror or str(fault)
+            if self._is_ours():
+                return
+            os.close(self._handle)  # it was released, and so removed, between opening and locking
+
+    def write(self, note: str) -> None:
+        """Write a note of at most 32 bytes, for processes that do not get the lock."""
+        os.ftruncate(self._handle, 0)
+        os.lseek(self._handle, 0, os.SEEK_SET)
+        os.write(self._handle, note.encode())
+
+    def release(self) -> None:
+        """Give it up."""
+        if sys.platform == "win32":  # removes no open file: not ours, nor that of the next process
+            os.close(self._handle)
+            with suppress(OSError):
+                self.path.unlink()
+        else:  # while it is locked: no other process has this file
+            self.path.unlink(missing_ok=True)
+            os.close(self._handle)
+
+    def _is_ours(self) -> bool:
+        try:
+            return os.path.samestat(os.fstat(self._handle), self.path.stat())
+        except FileNotFoundError:
+            return False
 
 
 class ProjectLock:
@@ -56,46 +130,32 @@ class ProjectLock:
     """
 
     def __init__(self, folder: Path, project: str) -> None:
-        self._path = folder / LOCK
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._handle = self._locked(project)
-            os.ftruncate(self._handle, 0)
-            os.pwrite(self._handle, f"{os.getpid()}\n".encode(), 0)
+            self._lock = FileLock(folder / LOCK)
+            self._lock.write(f"{os.getpid()}\n")
+        except BlockingIOError as fault:
+            raise UavgramError(
+                f"{project}: is open in another picking page or search for points, process "
+                f"{fault.strerror or 'unknown'}: use that one, or end it with Ctrl+C first"
+            ) from fault
         except OSError as fault:
             raise OutputError(
                 f"{folder}: cannot be written to ({fault.strerror}); name another folder as "
                 "`output` in the project"
             ) from fault
+        if self._lock.why_not:
+            log.warning("a second writer of this project is not noticed: %s", self._lock.why_not)
 
     def release(self) -> None:
         """Let others write."""
-        self._path.unlink(missing_ok=True)  # while it is locked: nobody else holds this file
-        os.close(self._handle)
-
-    def _locked(self, project: str) -> int:
-        while True:
-            handle = open_own(self._path, os.O_RDWR | os.O_CREAT)
-            try:
-                lock(handle)
-            except BlockingIOError as fault:
-                holder = os.pread(handle, 32, 0).decode(errors="replace").strip() or "unknown"
-                os.close(handle)
-                raise UavgramError(
-                    f"{project}: is open in another picking page or search for points, process "
-                    f"{holder}: use that one, or end it with Ctrl+C first"
-                ) from fault
-            except OSError as fault:
-                log.warning("a second writer of this project is not noticed: %s", fault.strerror)
-            if self._path.exists() and os.path.samestat(os.fstat(handle), self._path.stat()):
-                return handle
-            os.close(handle)  # it was released, and so removed, between opening and locking
+        self._lock.release()
 
 
-def is_locked(folder: Path) -> bool:
-    """Whether a process holds the lock of a project with this output folder."""
+def is_locked(path: Path) -> bool:
+    """Return whether a process holds a lock file."""
     try:
-        handle = open_own(folder / LOCK, os.O_RDONLY)
+        handle = open_own(path, os.O_RDONLY)
     except (OSError, OutputError):
         return False
     try:

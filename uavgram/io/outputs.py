@@ -6,22 +6,29 @@ import errno
 import logging
 import os
 import shutil
+import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterable, Iterator, Set
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from uavgram.errors import OutputError
-from uavgram.io.locks import lock
-from uavgram.io.own_files import NO_FOLLOW
+from uavgram.io.locks import FileLock
 
 log = logging.getLogger(__name__)
 
 PREFIX = ".uavgram-unfinished-"
+IN_USE = ".uavgram-in-use-"
+"""A lock with the rest of the hidden folder's name, held by the run that writes into it."""
 LAST = "results.json"  # whoever finds a new one finds everything else new too
 NEW, EARLIER, MOVING = "files", "earlier", "moving.txt"
 """In the hidden folder: what is to be moved, what it replaces, and its list while it is moved."""
 _END = Path()  # ends the list
+_DEVICES = {"CON", "PRN", "AUX", "NUL"} | {f"{s}{k}" for s in ("COM", "LPT") for k in range(10)}
+_MOST_LETTERS = 259  # of a path on Windows, unless its user allows long ones
+_PATIENCE_S = (0.05, 0.1, 0.2, 0.4)
+"""Between attempts to replace a file that another program holds, perhaps only for a moment."""
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
@@ -38,7 +45,8 @@ def staged_output(
     the same name one by one (``os.replace``), `results.json` last; other files stay. On any
     failure, Ctrl-C included, the files of `folder` are as before, and the hidden folder is gone;
     what a killed run left behind goes when the next run starts, and what it had moved already is
-    put back.
+    put back. A file that another program keeps from being replaced, as Excel does, is written
+    beside it under another name (`newer`), with a warning.
 
     Parameters
     ----------
@@ -65,10 +73,9 @@ def staged_output(
         existed = folder.is_dir()
         folder.mkdir(parents=True, exist_ok=True)
         _remove_stale(folder)
-        staging = Path(tempfile.mkdtemp(prefix=PREFIX, dir=folder))
-        held = _lock(staging)
+        held, staging = _hidden_folder(folder)
         try:
-            (staging / NEW).mkdir()
+            (staging / NEW).mkdir(parents=True)
             yield staging / NEW
             _check_targets(staging / NEW, folder, inputs, photo_folders)
             if hold is not None:
@@ -77,8 +84,7 @@ def staged_output(
             _commit(staging, folder)
         finally:
             shutil.rmtree(staging, ignore_errors=True)
-            if held is not None:
-                os.close(held)
+            held.release()
             if not existed:
                 with suppress(OSError):  # it holds results now, or someone else's files
                     folder.rmdir()
@@ -106,9 +112,35 @@ def replace_bytes(path: Path, content: bytes) -> None:
                 stream.write(content)
                 stream.flush()
                 os.fsync(stream.fileno())
-            unfinished.replace(path)
+            replace(unfinished, path)
         finally:
             unfinished.unlink(missing_ok=True)
+
+
+def replace(source: Path, target: Path) -> None:
+    """Put a file in the place of another one.
+
+    On Windows, what another program has open is not replaced: a virus scanner that looks at a new
+    file is waited for.
+
+    Raises
+    ------
+    OSError
+        It cannot be moved there.
+    """
+    for wait_s in _PATIENCE_S if sys.platform == "win32" else ():
+        try:
+            source.replace(target)
+        except PermissionError:
+            time.sleep(wait_s)
+        else:
+            return
+    source.replace(target)
+
+
+def newer(path: Path) -> Path:
+    """Name of a file that was to replace one which another program has open."""
+    return path.with_name(f"{path.stem}.newer{path.suffix}")
 
 
 @contextmanager
@@ -121,6 +153,13 @@ def as_output_errors(folder: Path) -> Iterator[None]:
         is_ours = isinstance(name, str) and Path(name).is_relative_to(folder)
         if fault.errno in _FULL:
             why = "the disk is full; free some space, or choose another folder with --output"
+        elif is_ours and sys.platform == "win32" and len(name) > _MOST_LETTERS:
+            why = (
+                f"a path of {len(name)} letters is too long for Windows as it is set here; choose "
+                f"a folder with a shorter path with --output ({name})"
+            )
+        elif is_ours and isinstance(fault, PermissionError) and fault.filename2 is not None:
+            why = f"{fault.filename2} may not be replaced; if another program has it open, close it"
         elif is_ours or name in {str(parent) for parent in folder.parents}:
             why = f"{fault.strerror} ({name}); choose another folder with --output"
         else:
@@ -130,27 +169,36 @@ def as_output_errors(folder: Path) -> Iterator[None]:
         ) from fault
 
 
-def _lock(staging: Path) -> int | None:
-    """Mark a hidden folder as in use, for as long as this process lives."""
-    handle = None
-    with suppress(OSError):  # without locks, what killed runs left behind stays
-        handle = os.open(staging, os.O_RDONLY)
-        lock(handle)
-    return handle
+def _hidden_folder(folder: Path) -> tuple[FileLock, Path]:
+    """A lock that marks a hidden folder as in use, and that folder, which is not there yet."""
+    _refuse_reserved(folder)
+    while True:
+        handle, name = tempfile.mkstemp(prefix=IN_USE, dir=folder)
+        os.close(handle)
+        with suppress(BlockingIOError):  # another run looks whether its owner was killed
+            return FileLock(Path(name)), folder / f"{PREFIX}{name.rpartition(IN_USE)[2]}"
 
 
 def _remove_stale(folder: Path) -> None:
-    """Remove hidden folders and files whose process is no more."""
+    """Remove hidden folders whose process is no more."""
     for stale in folder.glob(f"{PREFIX}*"):
-        with suppress(OSError):  # locked by a living run, or gone already
-            handle = os.open(stale, os.O_RDONLY | NO_FOLLOW)
+        in_use = folder / stale.name.replace(PREFIX, IN_USE, 1)
+        with suppress(OSError, OutputError):  # locked by a living run, or gone already
+            held = FileLock(in_use) if stale.is_dir() and not stale.is_symlink() else None
+            if held is None:
+                continue
+            if held.why_not:  # without locks, what killed runs left behind stays
+                held.release()
+                continue
             try:
-                lock(handle)
                 log.info("removing %s, which a killed run left behind", stale)
                 _put_back(stale, folder)
-                shutil.rmtree(stale) if stale.is_dir() else stale.unlink()
+                shutil.rmtree(stale)
             finally:
-                os.close(handle)
+                held.release()
+    for in_use in folder.glob(f"{IN_USE}*"):  # killed before it made its folder
+        with suppress(OSError, OutputError):
+            FileLock(in_use).release()
 
 
 def _stop_moving(folder: Path, own: Path) -> None:
@@ -202,36 +250,73 @@ def _commit(staging: Path, folder: Path) -> None:
         (path.relative_to(source) for path in source.rglob("*") if path.is_file()),
         key=lambda name: (name.as_posix() == LAST, name.as_posix()),
     )
+    kept = []
     for name in names:
         _flush(source / name)
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        if (folder / name).is_file():
-            (backup / name).parent.mkdir(parents=True, exist_ok=True)
-            _keep(folder / name, backup / name)
-    (staging / MOVING).write_text("\n".join(name.as_posix() for name in [*names, _END]))
+        with suppress(PermissionError):  # what nobody may read now is not replaced either
+            for one in _names_for(name):
+                if (folder / one).is_file():
+                    (backup / one).parent.mkdir(parents=True, exist_ok=True)
+                    _keep(folder / one, backup / one)
+            kept.append(name)
+    list_text = "\n".join(name.as_posix() for name in [*kept, _END])
+    (staging / MOVING).write_text(list_text, encoding="utf-8")
     _flush(staging / MOVING)
     try:
         for name in names:
-            (source / name).replace(folder / name)
+            _move(source / name, folder / name)
     except BaseException:
         # Whoever takes the hidden folder away puts back what is in it.
-        for name in names if (staging / MOVING).is_file() else ():
-            _restore(source / name, backup / name, folder / name)
+        for name in kept if (staging / MOVING).is_file() else ():
+            _restore(staging, folder, name)
         raise
+    # What is whole now is never put back, by whoever finds what could not be removed.
+    (staging / MOVING).unlink(missing_ok=True)
+
+
+def _names_for(path: Path) -> list[Path]:
+    """Names under which a result may be written: the first that no other program keeps."""
+    again = (path.with_name(f"{path.stem}.newer-{k}{path.suffix}") for k in (2, 3))
+    return [path, newer(path), *again]
+
+
+def _move(source: Path, target: Path) -> None:
+    """Move a file into its place, or beside it where another program keeps that."""
+    names = _names_for(target)
+    for name in names:
+        try:
+            replace(source, name)
+        except PermissionError:
+            if name is names[-1] or not name.is_file():
+                raise
+            continue
+        if name is not target:
+            log.warning(
+                "%s is open in another program and could not be replaced: the new one is %s "
+                "beside it. Close the program, and use that one, or run this again",
+                target,
+                name.name,
+            )
+        break
+    if name is target:
+        for other in names[1:]:  # from an earlier run
+            with suppress(OSError):
+                other.unlink(missing_ok=True)
 
 
 def _put_back(stale: Path, folder: Path) -> None:
     """Undo what a run had moved when it was killed, unless it had moved everything."""
     if not (stale / MOVING).is_file():
         return
-    *names, end = map(Path, (stale / MOVING).read_text().split("\n"))
+    *names, end = map(Path, (stale / MOVING).read_text(encoding="utf-8").split("\n"))
     if not all(_is_own(stale, folder, name) for name in names):
         log.warning("%s is not of this program's making: nothing of it is put back", stale)
         return
     # Killed while the list was written: nothing had moved.
     if end == _END and any((stale / NEW / name).exists() for name in names):
         for name in names:
-            _restore(stale / NEW / name, stale / EARLIER / name, folder / name)
+            _restore(stale, folder, name)
 
 
 def _is_own(stale: Path, folder: Path, name: Path) -> bool:
@@ -243,25 +328,48 @@ def _is_own(stale: Path, folder: Path, name: Path) -> bool:
 
 
 def _flush(path: Path) -> None:
-    handle = os.open(path, os.O_RDWR)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
+    with path.open("r+b") as stream:
+        os.fsync(stream.fileno())
 
 
 def _keep(path: Path, backup: Path) -> None:
-    """Keep a second name of a file, which costs nothing; a copy where that is not possible."""
+    """Keep a second name of a file, which costs nothing; a copy where that is not possible.
+
+    Windows removes no name of a file that another program has open.
+    """
     try:
-        backup.hardlink_to(path)
+        if sys.platform == "win32":
+            shutil.copy2(path, backup)
+        else:
+            backup.hardlink_to(path)
     except OSError:
         shutil.copy2(path, backup)
 
 
-def _restore(source: Path, backup: Path, target: Path) -> None:
-    if source.exists():
+def _restore(staging: Path, folder: Path, name: Path) -> None:
+    """Put back a file that was moved already, and what was beside it."""
+    if (staging / NEW / name).exists():
         return  # was not moved yet
-    if backup.exists():
-        backup.replace(target)
-    else:
-        target.unlink(missing_ok=True)
+    for one in _names_for(name):
+        backup, target = staging / EARLIER / one, folder / one
+        with suppress(PermissionError):  # open in another program: it could not be replaced either
+            if backup.exists():
+                backup.replace(target)
+            else:
+                target.unlink(missing_ok=True)
+
+
+def _refuse_reserved(folder: Path) -> None:
+    """Refuse the names that Windows keeps for devices.
+
+    Raises
+    ------
+    OutputError
+        A part of the path is one.
+    """
+    for part in folder.parts if sys.platform == "win32" else ():
+        if part.partition(".")[0].rstrip().upper() in _DEVICES:
+            raise OutputError(
+                f"{folder}: Windows keeps the name {part} for a device, so nothing can be written "
+                "there; choose another folder with --output"
+            )

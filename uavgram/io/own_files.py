@@ -10,7 +10,9 @@ from pathlib import Path
 from uavgram.errors import OutputError
 
 # Not there on Windows, where links need a right that few have.
-NO_FOLLOW = getattr(os, "O_NOFOLLOW", 0)
+NO_FOLLOW: int = getattr(os, "O_NOFOLLOW", 0)
+# There alone: without it, Windows writes two bytes for the end of a line.
+_BINARY: int = getattr(os, "O_BINARY", 0)
 
 
 def open_own(path: Path, flags: int, mode: int = 0o600) -> int:
@@ -31,7 +33,7 @@ def open_own(path: Path, flags: int, mode: int = 0o600) -> int:
         It cannot be opened for another reason.
     """
     check_own(path)
-    return os.open(path, flags | NO_FOLLOW, mode)
+    return os.open(path, flags | NO_FOLLOW | _BINARY, mode)
 
 
 def check_own(path: Path) -> None:

@@ -103,6 +103,8 @@ def make_sample(folder: Path, progress: Progress = silent) -> Path:
                 zip(survey.lines.start, survey.lines.end, survey.truth.line_length_m, strict=True)
             )
             (made / TAPED).write_text(text, encoding="utf-8")
+            if folder.exists():  # empty; Windows moves nothing over it
+                folder.rmdir()
             made.rename(folder)
     except OSError as fault:
         raise OutputError(

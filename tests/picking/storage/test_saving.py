@@ -342,14 +342,14 @@ def test_a_full_disk_is_told_before_anything_is_confirmed(
     journal = Journal(path, fresh=True)
     journal.open(State(), {"picks": None}, resumed=False)
     whole = path.read_bytes()
-    real = os.pwrite
+    real = os.write
 
-    def full(handle: int, data: bytes, place: int) -> int:
+    def full(handle: int, data: bytes) -> int:
         if len(data) > 10:
-            return real(handle, data[:10], place)
+            return real(handle, data[:10])
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(os, "pwrite", full)
+    monkeypatch.setattr(os, "write", full)
     with pytest.raises(UavgramError, match="No space left"):
         journal.record(PLACE, 0)
     monkeypatch.undo()

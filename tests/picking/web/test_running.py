@@ -74,7 +74,7 @@ def test_who_ends_the_server_leaves_no_door(tmp_path: Path, how: signal.Signals)
             process.kill()
     assert process.returncode == 128 + signal.SIGTERM
     assert not door.exists()
-    assert not is_locked(door.parent)
+    assert not is_locked(door.parent / LOCK)
 
 
 def test_the_browser_is_led_by_a_file_that_is_gone_when_it_has_come(

@@ -9,7 +9,7 @@ import pytest
 
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.stages.log_summary import summarise_log
-from uavgram.views.flight_log.json_summary import log_summary_json
+from uavgram.views.flight_log.json_summary import log_summary_object
 
 
 def summary_of(path: Path) -> dict[str, Any]:
@@ -17,7 +17,9 @@ def summary_of(path: Path) -> dict[str, Any]:
         raise AssertionError(f"{constant} is no JSON")
 
     summary = summarise_log(read_flight_log(path, positions_needed=False))
-    told: dict[str, Any] = json.loads(log_summary_json(summary), parse_constant=refuse)
+    told: dict[str, Any] = json.loads(
+        json.dumps(log_summary_object(summary)), parse_constant=refuse
+    )
     return told
 
 

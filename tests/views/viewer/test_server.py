@@ -32,6 +32,7 @@ class StartOptions(TypedDict):
     stdin: int
     env: dict[str, str]
     start_new_session: bool
+    creationflags: int
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
-from uavgram.cli.application import DONE, Decimal, app
-from uavgram.cli.terminal import say
+from uavgram.cli.application import DONE, Decimal, Json, app
+from uavgram.cli.terminal import say, say_json
 from uavgram.errors import InputError
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def camera(
     distance: Decimal | None = None,
     to: Literal["uavgram", "opencv", "colmap"] | None = None,
     output: Path | None = None,
+    json: Json = False,
 ) -> int:
     """Show a camera, convert it for another program or image size, or compare it with another.
 
@@ -64,14 +65,23 @@ def camera(
         Convert for uavgram, opencv or colmap; without --output to the terminal.
     output
         File to write.
+    json
+        Print a JSON object instead of text: of the camera, or of what the other one projects
+        elsewhere.
     """
+    from uavgram.cli.as_json import camera_object
     from uavgram.pipeline.cameras.read import camera_in, read_camera, write_camera
     from uavgram.views.terminal import message_lines
 
     read = read_camera(file, name)
     changed = _changed(read, crop, size)
     if to is None and output is None:
-        say(*_shown(changed) if compare is None else _compared(changed, compare, distance))
+        if compare is not None:
+            _compare(changed, compare, distance, json=json)
+        elif json:
+            say_json(camera_object(changed))
+        else:
+            say(*_shown(changed))
         return DONE
     form = "uavgram" if to is None else to
     options = {key: value for key, value in (("crop", crop), ("size", size)) if value is not None}
@@ -117,7 +127,8 @@ def _shown(read: CameraRead) -> list[str]:
     return [*lines, *([""] if notes else []), *notes]
 
 
-def _compared(first: CameraRead, other: Path, distance: float | None) -> list[str]:
+def _compare(first: CameraRead, other: Path, distance: float | None, *, json: bool) -> None:
+    from uavgram.cli.as_json import difference_object
     from uavgram.estimation.calibration.difference import camera_difference
     from uavgram.pipeline.cameras.read import read_camera
     from uavgram.views.calibration.camera_text import difference_lines
@@ -125,6 +136,9 @@ def _compared(first: CameraRead, other: Path, distance: float | None) -> list[st
 
     second = read_camera(other)
     difference = camera_difference(first.calibration, second.calibration, distance=distance)
+    if json:
+        say_json(difference_object(first, second, difference))
+        return
     lines = difference_lines(first.calibration, second.calibration, difference)
     notes = message_lines((*first.messages, *second.messages))
-    return [*lines, *([""] if notes else []), *notes]
+    say(*lines, *([""] if notes else []), *notes)

@@ -4,24 +4,30 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from uavgram.cli.application import DONE, app
-from uavgram.cli.terminal import say, tell_as
+from uavgram.cli.application import DONE, Json, app
+from uavgram.cli.terminal import say, say_json, tell_as
 
 
 @app.command
-def check(project: Path = Path(), /) -> int:
+def check(project: Path = Path(), /, *, json: Json = False) -> int:
     """Read and validate every input of a project; run nothing.
 
     Parameters
     ----------
     project
         The project file, or the folder of a project.yaml; by default the present folder.
+    json
+        Print a JSON object instead of text.
     """
+    from uavgram.cli.as_json import check_object
     from uavgram.pipeline.check import check as check_project
     from uavgram.views.terminal import check_lines
 
     tell_as(project)
     checked = check_project(project)
+    if json:
+        say_json(check_object(checked, project))
+        return DONE
     posed = checked.posed
     say(*check_lines(checked.inputs.photos, posed.frames, posed.pairing, checked.messages))
     return DONE

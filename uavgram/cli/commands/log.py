@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from uavgram.cli.application import DONE, Flag, app
-from uavgram.cli.terminal import say, say_as_is
+from uavgram.cli.application import DONE, Json, app
+from uavgram.cli.terminal import say, say_json
 
 
 @app.command(name="log")
@@ -13,7 +13,7 @@ def show_log(
     file: Path,
     /,
     *,
-    json: Flag = False,
+    json: Json = False,
     plot: Path | None = None,
 ) -> int:
     """Say what is in a flight log: span, vehicle, boots, messages, clock, camera events.
@@ -30,7 +30,7 @@ def show_log(
     from uavgram.io.logs.flight_log import read_flight_log
     from uavgram.io.outputs import replace_bytes
     from uavgram.stages.log_summary import summarise_log
-    from uavgram.views.flight_log.json_summary import log_summary_json
+    from uavgram.views.flight_log.json_summary import log_summary_object
     from uavgram.views.flight_log.text import log_summary_lines
 
     summary = summarise_log(read_flight_log(file, positions_needed=False))
@@ -38,5 +38,5 @@ def show_log(
         from uavgram.views.flight_log.plot import log_plot_png
 
         replace_bytes(plot, log_plot_png(summary))
-    say_as_is(log_summary_json(summary)) if json else say(*log_summary_lines(summary))
+    say_json(log_summary_object(summary)) if json else say(*log_summary_lines(summary))
     return DONE

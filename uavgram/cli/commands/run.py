@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter, validators
 
-from uavgram.cli.application import DONE, Flag, Seed, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, progress, say, tell_as, tell_of
+from uavgram.cli.application import DONE, VERDICT, Flag, Json, Seed, Verbose, app
+from uavgram.cli.terminal import log_to_stderr, progress, say, say_json, tell_as, tell_of
 
 TABLE_ROWS = 40
 Rows = Annotated[int, Parameter(validator=validators.Number(gte=0))]
@@ -40,6 +40,23 @@ class Printed:
     plan_scale: Scale | None = None
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ForPrograms:
+    """What other programs need.
+
+    Parameters
+    ----------
+    json
+        Print a JSON object (verdict, measurements, checks, messages) instead of text.
+    fail_on
+        Exit with status 3 where the verdict is this or worse; the results are written all the same.
+    """
+
+    json: Json = False
+    fail_on: Literal["red", "amber"] | None = None
+
+
 @app.command
 def run(
     project: Path = Path(),
@@ -51,6 +68,7 @@ def run(
     rows: Rows = TABLE_ROWS,
     view: Flag = False,
     printed: Printed | None = None,
+    programs: ForPrograms | None = None,
     verbose: Verbose = False,
 ) -> int:
     """Measure: read the project, adjust, and write all outputs.
@@ -71,9 +89,12 @@ def run(
         Open the review in the Rerun viewer afterwards.
     printed
         What is made for printing.
+    programs
+        What other programs need.
     verbose
         Say what is being done.
     """
+    from uavgram.cli.as_json import run_object
     from uavgram.cli.commands.view import show
     from uavgram.config.project import load_project
     from uavgram.model.maps.plan import PlanWish
@@ -92,9 +113,14 @@ def run(
     result = run_project(project, target, progress(), sampling, paper.pdf, plan)
     tell_of(result)
     folder = Path(load_project(project).output) if output is None else output
-    say(measurement_table(result, rows), *unshown_rows(result, rows, folder))
-    say("", light_line(result), "", *message_lines(result.messages, verbose=verbose))
-    say("", verdict_sentence(result))  # last, so that nobody has to scroll back for it
+    wanted = ForPrograms() if programs is None else programs
+    if wanted.json:
+        say_json(run_object(result, folder))
+    else:
+        say(measurement_table(result, rows), *unshown_rows(result, rows, folder))
+        say("", light_line(result), "", *message_lines(result.messages, verbose=verbose))
+        say("", verdict_sentence(result))  # last, so that nobody has to scroll back for it
     if view:
         show(folder / "recording.rrd", web=False)
-    return DONE
+    fails = {"red": ("red",), "amber": ("red", "amber"), None: ()}[wanted.fail_on]
+    return VERDICT if result.verdict.level in fails else DONE

@@ -106,8 +106,8 @@ def _decoded_into(
 
     OpenCV alone fills an array of its own and copies it: twice the memory, and up to half as much
     time again.
-    A file that cannot be read leaves the array as it was, without a word: so its last row says
-    whether it was filled.
+    A file that cannot be read, as one with an umlaut in its name on Windows, leaves the array as it
+    was, without a word: so its last row shows whether it was filled.
     """
     width, height = (-(-side // reduction) for side in size_px)
     shape = height, width, 3

@@ -7,6 +7,7 @@ import struct
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from uavgram.errors import InputError, no_file
 from uavgram.io.photos.exif import read_exif_tags
@@ -78,9 +79,12 @@ def _tiff_size(path: str | Path) -> tuple[int, int] | None:
 
 
 def _decoded_size(path: str | Path) -> tuple[int, int] | None:
-    if not cv2.haveImageReader(str(path)):
+    if str(path).isascii() and not cv2.haveImageReader(str(path)):
         return None
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION)
+    # By its content, as OpenCV finds no file with an umlaut in its name on Windows.
+    image = cv2.imdecode(
+        np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
+    )
     if image is None:
         return None
     return image.shape[1], image.shape[0]

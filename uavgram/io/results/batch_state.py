@@ -47,15 +47,13 @@ def append_record(path: Path, record: SurveyRecord) -> None:
     line = json.dumps(encode(record), ensure_ascii=False).encode() + b"\n"
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("ab+") as stream:
-        if stream.tell() and not _ends_a_line(stream.fileno(), stream.tell()):
-            line = b"\n" + line  # a killed batch cut the last one short
+        if stream.tell():
+            stream.seek(-1, os.SEEK_END)
+            if stream.read(1) != b"\n":
+                line = b"\n" + line  # a killed batch cut the last one short
         stream.write(line)
         stream.flush()
         os.fsync(stream.fileno())
-
-
-def _ends_a_line(handle: int, size: int) -> bool:
-    return os.pread(handle, 1, size - 1) == b"\n"
 
 
 def stat_of(path: str | Path) -> tuple[int, int]:

@@ -96,10 +96,10 @@ class Journal:
     def _append(self, entry: dict[str, Any]) -> None:
         line = (json.dumps(entry, ensure_ascii=False, allow_nan=False) + "\n").encode()
         try:
-            written = 0
+            written = os.lseek(self._handle, self._size, os.SEEK_SET) - self._size
             while written < len(line):
-                written += os.pwrite(self._handle, line[written:], self._size + written)
-            os.fdatasync(self._handle)
+                written += os.write(self._handle, line[written:])
+            os.fsync(self._handle)
         except OSError as fault:
             with suppress(OSError):  # half a line is worth nothing
                 os.ftruncate(self._handle, self._size)

@@ -33,7 +33,7 @@ class SetAside:
 
     def rename(self, end: str) -> None:
         """Say in the file's name what became of it."""
-        self.path.rename(self.path.with_name(f"{self.path.name}.{end}"))
+        self.path.replace(self.path.with_name(f"{self.path.name}.{end}"))
 
 
 def oldest_set_aside(folder: Path) -> SetAside | None:

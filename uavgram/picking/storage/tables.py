@@ -10,7 +10,6 @@ import errno
 import hashlib
 import logging
 import os
-import shutil
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -259,7 +258,7 @@ class Tables:
                         path.write_bytes(content)
                         _READERS[role](path)
             except InputError as fault:
-                return str(fault).splitlines()[0].replace(f"{folder}/", "")
+                return str(fault).splitlines()[0].replace(f"{folder}{os.sep}", "")
             except (TypeError, ValueError) as fault:
                 return f"{fault!r:.200}"
         return ""
@@ -267,7 +266,7 @@ class Tables:
     def _put_aside(self, journal: Path, why: str) -> None:
         moment = datetime.now(UTC).strftime("%Y%m%dT%H%M%S%f")
         aside = journal.with_name(f"{journal.stem}-{moment}{journal.suffix}")
-        shutil.move(journal, aside)
+        journal.replace(aside)
         text = (
             "An earlier session ended without saving, and its changes cannot be taken over: "
             f"{why}. They are kept in {aside}."

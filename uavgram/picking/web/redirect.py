@@ -12,6 +12,8 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from uavgram.io.own_files import open_own
+
 
 class RedirectFile:
     """A file of this user alone that leads to an address, until it is removed.
@@ -30,7 +32,7 @@ class RedirectFile:
     def __init__(self, address: str) -> None:
         self._folder = Path(tempfile.mkdtemp(prefix="uavgram-"))  # mode 0700
         path = self._folder / "open.html"
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        handle = open_own(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
         with os.fdopen(handle, "w", encoding="utf-8") as stream:
             stream.write(leading_to(address))
         self.uri = path.as_uri()

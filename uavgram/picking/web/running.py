@@ -19,7 +19,7 @@ from pathlib import Path
 
 from uavgram.config.project import load_project
 from uavgram.errors import UavgramError
-from uavgram.io.locks import is_locked
+from uavgram.io.locks import LOCK, is_locked
 from uavgram.io.own_files import check_own, open_own, read_own
 
 log = logging.getLogger(__name__)
@@ -121,7 +121,7 @@ def fresh_address(project: Path) -> FreshAddress | None:
     folder = Path(load_project(project, unfinished=True).output)
     door = _read(folder / FILE)
     # What a killed server left behind says nothing: its port may be somebody else's by now.
-    if door is None or not is_locked(folder):
+    if door is None or not is_locked(folder / LOCK):
         return None
     token = _asked(door, {})
     return FreshAddress(door, token) if _TOKEN.fullmatch(token) else None

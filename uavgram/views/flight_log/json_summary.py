@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from typing import Any
 
@@ -20,7 +19,7 @@ from uavgram.model.flight.log import (
 from uavgram.model.flight.log_summary import BootSummary, LogSummary
 
 
-def log_summary_json(summary: LogSummary) -> str:
+def log_summary_object(summary: LogSummary) -> Any:  # noqa: ANN401
     """Write down what is in a log; numbers that the log has not are null."""
     log = summary.log
     content = {
@@ -37,7 +36,7 @@ def log_summary_json(summary: LogSummary) -> str:
         ],
         "notes": list(log.notes),
     }
-    return json.dumps(_without_nan(content), indent=2, allow_nan=False, ensure_ascii=False)
+    return _without_nan(content)
 
 
 def _boot(summary: BootSummary) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 import threading
 from pathlib import Path
 from typing import BinaryIO
@@ -16,6 +17,7 @@ from typing import BinaryIO
 PIECE_BYTES = 1 << 20
 # Opening one of these opens the file descriptor once more (Linux, macOS; not Windows).
 DESCRIPTORS = Path("/dev/fd")
+_HAS_DESCRIPTORS = sys.platform != "win32" and DESCRIPTORS.is_dir()
 
 
 class FileSink:
@@ -33,7 +35,7 @@ class FileSink:
         self._target = target
         self._failure: OSError | None = None
         self._thread: threading.Thread | None = None
-        self._ends: tuple[int, int] | None = os.pipe() if DESCRIPTORS.is_dir() else None
+        self._ends: tuple[int, int] | None = os.pipe() if _HAS_DESCRIPTORS else None
         self.path = target if self._ends is None else DESCRIPTORS / str(self._ends[1])
 
     def start(self) -> None:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-import signal
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from urllib.parse import quote
 
@@ -20,9 +18,6 @@ from uavgram.views.viewer.proxy import LOOPBACK, ViewerGate
 MAGIC = (b"RRF2", b"RRIO", b"RRF0", b"RRF1")
 START_S = 30.0
 """Longest wait for the viewer's server."""
-
-END_S = 5.0
-"""Longest wait for its end, before it is killed."""
 
 _POLL_S = 0.05
 
@@ -150,28 +145,25 @@ def _start(arguments: list[str], **environment: str) -> subprocess.Popen[bytes]:
     # -P: no file of the folder that somebody stands in is taken for a module of the program.
     command = [sys.executable, "-P", viewer_process.__file__, *arguments]
     given = {name: value for name, value in os.environ.items() if name not in _FORCED}
-    # In a session of its own: what it starts ends with it, and Ctrl-C comes to us alone.
+    # In a session or group of its own: Ctrl-C comes to us alone.
     return subprocess.Popen(  # noqa: S603  (our own interpreter)
         command,
         stdin=subprocess.PIPE,
         env=given | _NO_ANALYTICS | environment,
-        start_new_session=True,
+        start_new_session=True,  # Windows has no sessions, the others no such flag
+        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
     )
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End the viewer's program, and all that it started."""
-    with suppress(ProcessLookupError):  # all of it has ended
-        os.killpg(process.pid, signal.SIGTERM)
-        process.wait()
-        end = time.monotonic() + END_S
-        while time.monotonic() < end:
-            os.killpg(process.pid, 0)  # what it started may need longer
-            time.sleep(_POLL_S)
-        os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
+    """End the viewer's program, and the viewer that it runs."""
     if process.stdin is not None:
         process.stdin.close()
+    try:
+        process.wait(2.0 * viewer_process.END_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 def _check(recording: Path) -> None:
