@@ -35,6 +35,7 @@ MADE = {
 }
 """Codes that no rule below finds: where, and all that it can be."""
 
+UNRESOLVED = "unresolved"
 CODE = re.compile(r"[a-z0-9]+(-[a-z0-9]+)+|misfit")
 
 
@@ -149,8 +150,8 @@ def in_loop(function: ast.FunctionDef, name: str) -> set[str]:
     return set()
 
 
-def messages_of(package: Path) -> Iterator[tuple[str, set[str], str]]:
-    """Where (``file: expression``), codes and level (or empty) of each `Message(...)`."""
+def messages_of(package: Path) -> Iterator[tuple[str, set[str], set[str]]]:
+    """Where (``file: expression``), codes and levels (or none) of each `Message(...)`."""
     everything = sources(package)
     for source in everything:
         if not source.says():
@@ -159,23 +160,23 @@ def messages_of(package: Path) -> Iterator[tuple[str, set[str], str]]:
         for call in (*calls_of(source, "Message"), *changed):
             code, level = argument(call, "code", 1), argument(call, "level", 0)
             if code is not None and not is_handed_on(code):
-                stated = level.value if isinstance(level, ast.Constant) else ""
+                levels = values_of(level, source, everything) if level else set()
                 where = f"{source.path}: {ast.unparse(code)}"
                 found = values_of(code, source, everything)
-                yield where, found, stated if isinstance(stated, str) else ""
+                yield where, found, levels
 
 
 @pytest.fixture
-def said(repository: Path) -> list[tuple[str, set[str], str]]:
+def said(repository: Path) -> list[tuple[str, set[str], set[str]]]:
     return list(messages_of(repository / "uavgram"))
 
 
-def all_codes(said: list[tuple[str, set[str], str]]) -> set[str]:
+def all_codes(said: list[tuple[str, set[str], set[str]]]) -> set[str]:
     """Codes of everything that is said; what has none stands for no message."""
     return set().union(*(codes or MADE.get(where, set()) for where, codes, _ in said)) - {""}
 
 
-def test_every_code_in_the_source_is_found(said: list[tuple[str, set[str], str]]) -> None:
+def test_every_code_in_the_source_is_found(said: list[tuple[str, set[str], set[str]]]) -> None:
     unresolved = {where for where, codes, _ in said if not codes}
 
     assert unresolved == MADE.keys()  # else add where, and what it can be
@@ -185,7 +186,7 @@ def test_every_code_in_the_source_is_found(said: list[tuple[str, set[str], str]]
 
 
 def test_the_catalogue_has_an_entry_for_every_code_and_no_other(
-    said: list[tuple[str, set[str], str]],
+    said: list[tuple[str, set[str], set[str]]],
 ) -> None:
     entries = [entry.code for subject in SUBJECTS for entry in subject.entries]
 
@@ -194,14 +195,17 @@ def test_the_catalogue_has_an_entry_for_every_code_and_no_other(
     assert len(entries) == len(set(entries))
 
 
-def test_each_entry_has_the_levels_of_its_messages(said: list[tuple[str, set[str], str]]) -> None:
+def test_each_entry_has_the_levels_of_its_messages(
+    said: list[tuple[str, set[str], set[str]]],
+) -> None:
     of_code: dict[str, set[str]] = {}
-    for where, codes, level in said:
+    for where, codes, levels in said:
         for code in (codes or MADE[where]) - {""}:
-            of_code.setdefault(code, set()).add(level)
-    for code, levels in of_code.items():
-        if "" not in levels:  # a level that depends on something
-            assert set(CATALOGUE[code].levels) == levels, code
+            of_code.setdefault(code, set()).update(levels or {UNRESOLVED})
+    unlike = {code for code, found in of_code.items() if set(CATALOGUE[code].levels) != found}
+
+    assert unlike == {"weak-lengths"}  # its level depends on more than the source shows
+    assert UNRESOLVED in of_code["weak-lengths"]
 
 
 def test_the_page_is_that_of_the_catalogue(repository: Path) -> None:

@@ -213,7 +213,7 @@ IMPORTS = (
         "gcp-zero-heights",
         WARNING,
         finding="Points have the height 0, which programs write for an unknown height.",
-        consequence="These heights are not used.",
+        consequence="These heights get a wide sigma, so that they have no effect.",
         action=(
             "If they are true, state `--control-sigma-up-m`. Otherwise write the heights in the "
             "table."

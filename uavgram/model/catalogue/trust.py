@@ -68,7 +68,7 @@ TRUST = (
     ),
     Entry(
         "ambiguous-pose",
-        WARNING,
+        WARNING_OR_NOTE,
         finding="The camera may have been at one of several positions that fit about equally well.",
         consequence=(
             'The measurements differ between them. The report shows the other values after "or".'

@@ -1,4 +1,4 @@
-"""Columns of points and measurements for maps, drawings and spreadsheets: a cell for each row."""
+"""Columns of results for maps, drawings and spreadsheets: a number or text for each row."""
 
 from __future__ import annotations
 
@@ -139,6 +139,28 @@ POINTS = (
     ),
 )
 
+LENGTHS = (
+    FileColumn("name", attrgetter("lines.name"), ("map",)),
+    FileColumn("from", attrgetter("lines.start"), ("map",)),
+    FileColumn("to", attrgetter("lines.end"), ("map",)),
+    FileColumn("status", attrgetter("lines.status"), ("map",)),
+    FileColumn("length_m", attrgetter("lines.length_m"), ("map",)),
+    FileColumn("sigma_m", attrgetter("lines.sigma_m"), ("map",)),
+    FileColumn("adjusted_m", attrgetter("lines.adjusted_m"), ("map",)),
+    FileColumn("adjusted_sigma_m", attrgetter("lines.adjusted_sigma_m"), ("map",)),
+    FileColumn("residual_m", attrgetter("lines.residual_m"), ("map",)),
+    FileColumn("w", attrgetter("lines.w"), ("map",)),
+)
+
+CONTROL_LINES = (
+    FileColumn("name", attrgetter("control_lines.name"), ("map",)),
+    FileColumn("points", attrgetter("control_lines.points"), ("map",), joint=";"),
+    FileColumn("status", attrgetter("control_lines.status"), ("map",)),
+    FileColumn("sigma_m", attrgetter("control_lines.sigma_m"), ("map",)),
+    FileColumn("offset_m", attrgetter("control_lines.offset_m"), ("map",)),
+    FileColumn("w", attrgetter("control_lines.w"), ("map",)),
+)
+
 
 def listed_columns(table: Sequence[FileColumn], result: Result) -> dict[str, Values]:
     """Return the columns of a table as GeoJSON has them: lists stay lists."""
@@ -153,7 +175,7 @@ def attributes(
     Parameters
     ----------
     table
-        `POINTS` or `MEASUREMENTS`.
+        `POINTS`, `MEASUREMENTS`, `LENGTHS` or `CONTROL_LINES`.
     result
         Of a run.
     rows

@@ -11,7 +11,13 @@ from uavgram.model.flight.pose import Poses
 from uavgram.model.maps.layers import Features, Layer
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PlanarUncertainty, PointResults
-from uavgram.stages.products.columns import MEASUREMENTS, POINTS, attributes
+from uavgram.stages.products.columns import (
+    CONTROL_LINES,
+    LENGTHS,
+    MEASUREMENTS,
+    POINTS,
+    attributes,
+)
 from uavgram.stages.products.measured_shapes import ENCLOSED, counterclockwise, shape
 from uavgram.stages.products.off_ground import (
     ground_below,
@@ -25,9 +31,6 @@ ELLIPSE_VERTICES = 36
 
 BORDER_SAMPLES = 8
 """On each side of a photo: its border on the ground is curved by the lens."""
-
-LENGTH_COLUMNS = ("length_m", "sigma_m", "adjusted_m", "adjusted_sigma_m", "residual_m", "w")
-"""Numbers of a known length that maps and drawings carry."""
 
 
 def features_of(result: Result, crs: str | None, unit_m: float = 1.0) -> Features:
@@ -226,30 +229,16 @@ def _known_lengths(result: Result) -> Layer:
         kind="line",
         vertices_m=vertices,
         above_ground_m=over_ground(result.points, vertices, ends),
-        attributes={
-            "name": lines.name,
-            "from": lines.start,
-            "to": lines.end,
-            "status": lines.status,
-            **{name: _column(getattr(lines, name)) for name in LENGTH_COLUMNS},
-        },
+        attributes=attributes(LENGTHS, result),
     )
 
 
 def _control_lines(result: Result) -> Layer:
-    lines = result.control_lines
     return Layer(
         name="control_lines",
         kind="line",
         vertices_m=tuple(position_strips(result)),
-        attributes={
-            "name": lines.name,
-            "points": tuple(";".join(points) for points in lines.points),
-            "status": lines.status,
-            "sigma_m": _column(lines.sigma_m),
-            "offset_m": _column(lines.offset_m),
-            "w": _column(lines.w),
-        },
+        attributes=attributes(CONTROL_LINES, result),
     )
 
 
