@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, ndtr, ndtri, stdtrit
+from scipy.special import chdtrc, ndtr, ndtri
 
 from uavgram.estimation.solver.normal_equations import AT_ONCE, Block, Covariance, Factor
 from uavgram.model.arrays import Floats
@@ -48,19 +48,9 @@ def reliability(block: Block, covariance: Covariance) -> Reliability:
     return Reliability(redundancy, w)
 
 
-def critical_value(significance: float, degrees: float = np.inf) -> float:
-    """Two-sided critical value of a standardised residual.
-
-    Parameters
-    ----------
-    significance
-        Of the test.
-    degrees
-        Of freedom that the sigma was learnt from: the residual is distributed as Student's t.
-    """
-    if np.isinf(degrees):
-        return float(ndtri(1.0 - significance / 2.0))
-    return float(stdtrit(degrees, 1.0 - significance / 2.0))
+def critical_value(significance: float) -> float:
+    """Two-sided critical value of a standardised residual."""
+    return float(ndtri(1.0 - significance / 2.0))
 
 
 def level_of_each(significance: float, tests: int) -> float:

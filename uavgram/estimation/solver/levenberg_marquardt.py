@@ -50,7 +50,7 @@ REFUSED_EACH = 5e-9
 """Predicted fall by unknown up to which a step that hardly comes true is the last: kinks of the
 interpolated flight refuse it, and in large systems each try costs a factorisation."""
 
-MAX_ITERATIONS = 100
+MAX_ITERATIONS = 80
 MAX_DAMPING = 1e12
 
 

@@ -53,15 +53,6 @@ class LearntSigma:
     factor: float
     sigma: float
 
-    @property
-    def degrees(self) -> float:
-        """Degrees of freedom that the sigma was learnt from, what was stated included.
-
-        The logarithm of a sigma that is estimated from n of them has a standard deviation of
-        1 / sqrt(2 n).
-        """
-        return 0.5 * (self.factor / self.sigma) ** 2
-
 
 @dataclass(frozen=True, kw_only=True)
 class AreaNoise:
@@ -108,10 +99,6 @@ class Noise:
     roughness: tuple[AreaNoise, ...]
     lengths: LearntSigma | None = None
     identification: LearntSigma | None = None
-
-    def degrees(self, kind: str) -> float:
-        """Degrees of freedom behind the sigma of a group of observations; infinite where known."""
-        return self.lengths.degrees if kind == "lengths" and self.lengths else math.inf
 
     def called(self, picks: PickNoise) -> str:
         """What picks of one source are called; just picks where people made all."""

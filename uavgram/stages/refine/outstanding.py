@@ -101,10 +101,10 @@ def _limit(adjustment: Adjustment, name: str, falls: list[float], noise: float) 
     n, axes = block.residual.shape
     level = level_of_each(CLEAR, n)
     if weight is None:
-        return noise * float(chdtri(axes, level))
+        return float(noise * chdtri(axes, level))
     rest = weight + max(float(np.sum(block.residual**2)) - sum(falls), 0.0)
     degrees = weight + max(redundancy_of(adjustment, name) - axes * len(falls), 0.0)
-    return max(rest / degrees, 1.0) * axes * float(fdtri(axes, degrees, 1.0 - level))
+    return float(max(rest / degrees, 1.0) * axes * fdtri(axes, degrees, 1.0 - level))
 
 
 def _of_group(adjustment: Adjustment, name: str, worst: list[_Fall]) -> Outstanding:

@@ -111,7 +111,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     told = (*told, *tied, *off_ground_remarks(refined), *readout, *noise_remarks(refined.noise))
     told = (*told, *learnt_remarks(refined.adjustment))
     if not any("lengths" in one.message.code for one in begun.causes):
-        search += open_questions(refined)
+        search += open_questions(refined.adjustment)
     return refined, (*told, *remarks(survey, refined), *search)
 
 

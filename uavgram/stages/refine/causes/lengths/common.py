@@ -12,11 +12,11 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
-from uavgram.estimation.reliability.redundancy import critical_value
 from uavgram.estimation.reliability.test_statistics import falls_without
-from uavgram.estimation.survey.adjustment import Adjustment, Refined
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.tapes import taped_lines
 from uavgram.estimation.survey.size import by_size
 from uavgram.model.arrays import Floats, Ints
@@ -134,23 +134,21 @@ def _taped_level(standing: Standing, names: tuple[str, ...], _: Explained | None
     return Message("warning", "lengths-level", text, lengths=names)
 
 
-def open_questions(refined: Refined) -> Iterator[Message]:
+def open_questions(adjustment: Adjustment) -> Iterator[Message]:
     """Report what all lengths may have in common, where the observations do not exclude it.
 
     An offset that makes everything fit better, beyond chance at the level `OPEN`; or lengths taped
     level on a slope, where the file does not state how and that is likelier than not.
     """
-    adjustment = refined.adjustment
     if "lengths" not in adjustment.minimum.blocks or not adjustment.minimum.converged:
         return
-    degrees = refined.noise.degrees("lengths") if refined.noise else np.inf
     labels, names = adjustment.survey.label, adjustment.survey.line_name
     offsets = [one for one in _common(adjustment) if not one.is_factor]
     tests = explained(adjustment, [one.moved for one in offsets], CHECKED)
-    limit = critical_value(OPEN / max(len(offsets), 1), degrees)
+    level = OPEN / max(len(offsets), 1)
     for one, found in zip(offsets, tests, strict=True):
         value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
-        if found.gain > limit**2 and abs(value) <= LARGEST_OFFSET_M:
+        if found.gain > chdtri(1, level) and abs(value) <= LARGEST_OFFSET_M:
             how = "long" if value > 0 else "short"
             text = (
                 f"Everything fits better if {one.tape.words[0].lower()}{one.tape.words[1:]} are "
