@@ -250,7 +250,8 @@ def _plate(survey: SimulatedSurvey, number: int, corner_m: Floats) -> Detail:
     place = (rim - affine[:, 2]) @ np.linalg.inv(affine[:, :2]).T
     ground = survey.truth.surface
     offset = corner_m[:, :2] - ground.middle_m
-    plane = np.linalg.lstsq(np.column_stack([np.ones(CORNERS), offset]), corner_m[:, 2])[0]
+    rows = np.column_stack([np.ones(CORNERS), offset])
+    plane = np.asarray(np.linalg.lstsq(rows, corner_m[:, 2])[0], np.float64)
     return Detail(
         image=image,
         pixel_from_scene=affine,
