@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,9 @@ from uavgram.estimation.calibration.normals import (
     unit_diagonal,
 )
 from uavgram.estimation.calibration.problem import POSE, Corners, Lens, Linear, State, linearise
-from uavgram.model.arrays import Floats
+from uavgram.estimation.solver.batched import Explicit, minimise_each
+from uavgram.estimation.solver.batched import State as Unknowns
+from uavgram.model.arrays import Floats, Ints
 
 CONVERGED = 1e-14
 """Predicted fall of the weighted sum of squares at which the rest is rounding."""
@@ -160,36 +162,23 @@ def fit_poses(lens: Lens, corners: Corners, start: State) -> tuple[State, Floats
         Weighted sum of squares of each photo; infinite where a corner lies behind the camera.
     """
     fixed = lens.without_border()
-    state, linear = start, linearise(fixed, corners, start)
-    if linear is None:
-        return start, np.full(len(start.middle_camera_m), np.inf)
-    cost = np.sum(linear.residual**2, axis=1)
-    damping = np.full(len(cost), 1e-3)
-    for _ in range(MAX_ITERATIONS):
-        normal = np.swapaxes(linear.pose, 1, 2) @ linear.pose
-        gradient = np.einsum("mri,mr->mi", linear.pose, linear.residual)
-        scaled, scale = unit_diagonal(normal)
-        scaled += damping[:, None, None] * np.eye(POSE)
-        step = -np.linalg.solve(scaled, (gradient / scale)[..., None])[..., 0] / scale
-        # Newton's decrement: at rest where the step would change nothing to speak of.
-        if (-np.sum(step * gradient, axis=1) < CONVERGED * np.maximum(cost, 1.0)).all():
-            break
-        trial = state.moved(fixed, np.zeros(0), step)
-        trial_linear = linearise(fixed, corners, trial)
-        if trial_linear is None:
-            damping *= 10.0
-            continue
-        trial_cost = np.sum(trial_linear.residual**2, axis=1)
-        better = trial_cost <= cost
-        damping = np.where(better, damping * 0.1, np.minimum(damping * 10.0, MAX_DAMPING))
-        state = trial.where(better, state)
-        linear = Linear(
-            np.where(better[:, None], trial_linear.residual, linear.residual),
-            np.where(better[:, None, None], trial_linear.pose, linear.pose),
-            linear.border,
-        )
-        cost = np.where(better, trial_cost, cost)
-    return state, cost
+
+    def state_of(poses: Unknowns) -> State:
+        return replace(start, camera_from_board=poses[0], middle_camera_m=poses[1])
+
+    def rows(which: Ints, poses: Unknowns) -> tuple[Floats, Floats]:
+        linear = linearise(fixed, corners.take(which), state_of(poses), partial=True)
+        assert linear is not None  # noqa: S101  (of some photos, it is NaN)
+        return linear.residual, linear.pose
+
+    def update(poses: Unknowns, step: Floats) -> Unknowns:
+        there = state_of(poses).moved(fixed, np.zeros(0), step)
+        return there.camera_from_board, there.middle_camera_m
+
+    ends = minimise_each(
+        Explicit(rows, update), (start.camera_from_board, start.middle_camera_m), MAX_ITERATIONS
+    )
+    return state_of(ends.state), ends.cost
 
 
 def _rank(normal: Floats) -> int:

@@ -285,7 +285,9 @@ class Linear(NamedTuple):
     border: Floats
 
 
-def linearise(lens: Lens, corners: Corners, state: State) -> Linear | None:
+def linearise(
+    lens: Lens, corners: Corners, state: State, *, partial: bool = False
+) -> Linear | None:
     """Residuals and Jacobians; None where an observed corner lies behind the camera.
 
     Parameters
@@ -294,6 +296,8 @@ def linearise(lens: Lens, corners: Corners, state: State) -> Linear | None:
         What is sought, and the observations of M photos.
     state
         Where to linearise.
+    partial
+        Whether photos with a corner behind the camera are NaN, and the others as they are.
     """
     photos, n = corners.weight.shape
     # d corner / d bow is the board's normal in the camera's frame times the shape function.
@@ -304,7 +308,7 @@ def linearise(lens: Lens, corners: Corners, state: State) -> Linear | None:
     pixel, d_camera, d_parameters = project_with_jacobian(
         lens.model, state.parameters, camera, beyond_fold="extend"
     )
-    if not np.isfinite(pixel).all():
+    if not partial and not np.isfinite(pixel).all():
         return None
     weight = corners.weight[:, :, None]
     d_camera *= weight[..., None]
