@@ -30,7 +30,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-PACKAGE = os.environ["UAVGRAM_PACKAGE"]
+PACKAGE = os.environ["UAVGRAM_PACKAGE"] + os.sep
 ELSEWHERE = "UAVGRAM_OPEN_ELSEWHERE"
 MOST_LETTERS = 259
 BINARY = 0o100000  # a flag that does nothing on Linux
