@@ -26,11 +26,9 @@ camera:
 """
 COMMANDS = [
     ("check", SURVEY),
-    ("check", SURVEY, "--json"),
     ("log", f"{SURVEY}/flight.tlog", "--plot", "Höhe.png"),
     ("camera", f"{SURVEY}/camera.yaml", "--to", "opencv", "--output", "Kamera für alle.yml"),
     ("picks", "match", SURVEY),
-    ("picks", "targets", SURVEY),
     ("picks", "ties", SURVEY),
     ("rectify", SURVEY),
     ("geotag", SURVEY, "--exif"),
@@ -38,7 +36,6 @@ COMMANDS = [
     ("plan", "--from", f"{SURVEY}/project.yaml", "--output", "Plan für Köln"),
     ("simulate", "Köln.yaml", "--repetitions", "2", "--output", "simuliert"),
     ("study", "view", "--repetitions", "2", "--workers", "1", "--output", "Studie"),
-    ("batch", SURVEY, "--workers", "2", "--output", "alle"),
     ("batch", SURVEY, "--workers", "2", "--output", "alle"),
 ]
 
@@ -131,24 +128,74 @@ def test_pages_are_served(served: str) -> None:
         assert b"<html" in answer.read().lower()
 
 
+def test_plates_are_looked_for(desk: WindowsDesk) -> None:
+    done = desk.run("picks", "targets", SURVEY)
+
+    assert done.status == 1
+    assert "names no targets: add what is printed on your plates" in done.stderr
+
+
+WRITE = """
+import sys
+from uavgram.errors import OutputError
+from uavgram.io.outputs import staged_output
+try:
+    with staged_output(sys.argv[1]) as staging:
+        (staging / "results.json").write_bytes(b"new")
+except OutputError as fault:
+    print(fault)
+"""
+
+
 @pytest.mark.parametrize(
     ("name", "told"),
     [
         ("aux/out", "Windows keeps the name aux for a device"),
-        ("x" * 120 + "/" + "y" * 120, "letters is too long for Windows"),
+        ("x" * 120 + "/" + "y" * 130, "letters is too long for Windows"),
+        ("in Ordnung", ""),
     ],
 )
 def test_a_folder_that_windows_does_not_take_is_one_message(
-    desk: WindowsDesk, name: str, told: str
+    tmp_path: Path, name: str, told: str
 ) -> None:
-    done = desk.run("simulate", "Köln.yaml", "--repetitions", "2", "--output", name)
+    with WindowsDesk(tmp_path).python("-c", WRITE, name) as process:
+        out, err = process.communicate(timeout=100)
 
-    assert done.status == 1, done.stderr
-    assert told in done.stderr
-    assert done.stderr.count("\n") == 1
+    assert err == ""
+    assert told in out
+    assert out.count("\n") == (1 if told else 0)
+    assert (tmp_path / name / "results.json").is_file() == (not told)
+    assert not left_over(tmp_path)
 
 
-def test_the_harness_takes_away_what_it_should(desk: WindowsDesk) -> None:
+LOCK = """
+import sys
+from pathlib import Path
+from uavgram.errors import UavgramError
+from uavgram.io.locks import LOCK, ProjectLock, is_locked
+lock = ProjectLock(Path("out"), "project.yaml")
+print(is_locked(Path("out") / LOCK))
+try:
+    ProjectLock(Path("out"), "project.yaml")
+except UavgramError as fault:
+    print(fault)
+lock.release()
+print(is_locked(Path("out") / LOCK), *Path("out").iterdir())
+"""
+
+
+def test_a_project_is_locked_once(tmp_path: Path) -> None:
+    with WindowsDesk(tmp_path).python("-c", LOCK) as process:
+        out, err = process.communicate(timeout=100)
+
+    assert err == ""
+    held, refused, free = out.splitlines()
+    assert (held, free) == ("True", "False")
+    assert refused.startswith("project.yaml: is open in another picking page")
+    assert f"process {process.pid}:" in refused
+
+
+def test_the_harness_takes_away_what_it_should(tmp_path: Path) -> None:
     """Code that is filed below the package, as a planted bug would be."""
     planted = """
 import os, sys
@@ -180,7 +227,7 @@ with open("a.txt", encoding="utf-8") as held:
     exec(compile(code, os.environ["UAVGRAM_PACKAGE"] + "/planted.py", "exec"), names)
 print(*names["found"])
 """
-    with desk.python("-c", planted) as process:
+    with WindowsDesk(tmp_path).python("-c", planted) as process:
         out, err = process.communicate(timeout=60)
 
     assert out.split() == [

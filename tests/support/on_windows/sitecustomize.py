@@ -199,7 +199,7 @@ def rename(source: Any, target: Any, **more: Any) -> None:  # noqa: ANN401
     os.replace(source, target, **more)
 
 
-os.rename = rename
+vars(os)["rename"] = rename
 impoverish(os, OS, {"name": "nt", "O_BINARY": BINARY})
 impoverish(sys, frozenset(), {"platform": "win32"})
 impoverish(signal, SIGNALS)
