@@ -240,3 +240,73 @@ def test_files_have_the_permissions_of_any_new_file(tmp_path: Path) -> None:
 
     modes = {(tmp_path / name).stat().st_mode for name in ("plain", "out/results.json")}
     assert len(modes) == 1
+
+
+@pytest.fixture
+def held(monkeypatch: pytest.MonkeyPatch) -> set[Path]:
+    """Files that another program has open, as Excel does on Windows: nothing replaces them."""
+    move, held = Path.replace, set[Path]()
+
+    def refusing(self: Path, target: Path) -> Path:
+        if target in held:
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), self, None, target)
+        return move(self, target)
+
+    monkeypatch.setattr(Path, "replace", refusing)
+    return held
+
+
+def test_a_result_that_is_open_elsewhere_is_written_beside_it_and_the_next_run_tidies_up(
+    earlier: Path, held: set[Path], caplog: pytest.LogCaptureFixture
+) -> None:
+    held |= {earlier / "report.html", earlier / "results.json"}
+    before = content(earlier)
+    with staged_output(earlier) as staging:
+        write_all(staging)
+    assert content(earlier) == before | {
+        "previews/a.png": "new",
+        "added.csv": "new",
+        "report.newer.html": "new",
+        "results.newer.json": "new",
+    }
+    assert "report.html is open in another program" in caplog.text
+    assert "the new one is report.newer.html" in caplog.text
+
+    held.add(earlier / "results.newer.json")  # somebody looks at that one too
+    with staged_output(earlier) as staging:
+        write_all(staging)
+    assert "results.newer-2.json" in content(earlier)
+
+    held.clear()
+    with staged_output(earlier) as staging:
+        write_all(staging)
+    names = ("results.json", "report.html", "previews/a.png", "added.csv")
+    assert content(earlier) == {**dict.fromkeys(names, "new"), "notes.txt": "old"}
+
+
+def test_what_was_written_beside_is_undone_too(
+    earlier: Path, held: set[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    held.add(earlier / "report.html")
+    (earlier / "report.newer.html").write_text("of the run before")
+    before, move = content(earlier), Path.replace
+
+    def failing(self: Path, target: Path) -> Path:
+        if target == earlier / "results.json":
+            raise OSError(errno.EIO, "I/O")
+        return move(self, target)
+
+    monkeypatch.setattr(Path, "replace", failing)
+    with pytest.raises(OSError, match="I/O"), staged_output(earlier) as staging:
+        write_all(staging)
+    assert content(earlier) == before
+
+
+def test_a_file_that_is_open_elsewhere_is_named(tmp_path: Path, held: set[Path]) -> None:
+    path = tmp_path / "camera.yaml"
+    path.write_text("old")
+    held.add(path)
+
+    with pytest.raises(OutputError, match=r"camera\.yaml may not be replaced; if another program"):
+        replace_text(path, "new")
+    assert content(tmp_path) == {"camera.yaml": "old"}

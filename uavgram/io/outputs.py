@@ -146,6 +146,7 @@ def newer(path: Path) -> Path:
 @contextmanager
 def as_output_errors(folder: Path) -> Iterator[None]:
     """Turn failures to write below `folder` into errors that say what to do."""
+    _refuse_reserved(folder)
     try:
         yield
     except OSError as fault:
@@ -171,7 +172,6 @@ def as_output_errors(folder: Path) -> Iterator[None]:
 
 def _hidden_folder(folder: Path) -> tuple[FileLock, Path]:
     """A lock that marks a hidden folder as in use, and that folder, which is not there yet."""
-    _refuse_reserved(folder)
     while True:
         handle, name = tempfile.mkstemp(prefix=IN_USE, dir=folder)
         os.close(handle)

@@ -30,7 +30,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-PACKAGE = os.environ["UAVGRAM_PACKAGE"]
+PACKAGE = os.environ["UAVGRAM_PACKAGE"] + os.sep
 ELSEWHERE = "UAVGRAM_OPEN_ELSEWHERE"
 MOST_LETTERS = 259
 BINARY = 0o100000  # a flag that does nothing on Linux
@@ -199,7 +199,7 @@ def rename(source: Any, target: Any, **more: Any) -> None:  # noqa: ANN401
     os.replace(source, target, **more)
 
 
-os.rename = rename
+vars(os)["rename"] = rename
 impoverish(os, OS, {"name": "nt", "O_BINARY": BINARY})
 impoverish(sys, frozenset(), {"platform": "win32"})
 impoverish(signal, SIGNALS)

@@ -1,0 +1,94 @@
+"""What other programs need of the commands: JSON, silence, and exit statuses."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_projects import Command, Project
+
+from uavgram.config.camera import load_camera
+
+
+def test_run_prints_what_results_json_holds(project: Project, command: Command) -> None:
+    done = command("run", project.path, "--json", "--quiet", "--fail-on", "red")
+    assert (done.status, done.stderr) == (0, "")
+    told = json.loads(done.stdout)
+    assert done.stdout.isascii()
+    results = Path(told.pop("results"))
+    assert results == project / "out" / "results.json"
+    assert told.pop("output") == str(project / "out")
+    whole = json.loads(results.read_text(encoding="utf-8"))
+    assert {*told} == {"schema", "name", "verdict", "measurements", "checks", "messages"}
+    assert told == {key: whole[key] for key in told}
+
+
+@pytest.mark.parametrize(("fail_on", "status"), [("amber", 3), ("red", 3), (None, 0)])
+def test_a_verdict_that_is_as_bad_fails_and_the_results_are_written(
+    project: Project, command: Command, fail_on: str | None, status: int
+) -> None:
+    with (project / "lines.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    for k, row in enumerate(rows):  # a third of the lengths is wrong: nothing can be told from it
+        row["length_m"] = str(float(row["length_m"]) + 1.5 * (k % 3 == 0))
+    with (project / "lines.csv").open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.DictWriter(stream, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    before = project.outputs()
+
+    done = command(
+        "run", project.path, "--quiet", *([] if fail_on is None else ["--fail-on", fail_on])
+    )
+    level = json.loads((project / "out" / "results.json").read_text(encoding="utf-8"))["verdict"]
+    assert level["level"] == "red"
+    assert (done.status, done.stdout) == (status, "")
+    assert project.outputs() != before
+
+
+def test_check_prints_its_photos(project: Project, command: Command) -> None:
+    done = command("check", project.path, "--json")
+    assert (done.status, done.stderr) == (0, "")
+    told = json.loads(done.stdout)
+    assert [photo["image"] for photo in told["photos"]][:2] == ["IMG_0001.jpg", "IMG_0002.jpg"]
+    first = told["photos"][0]
+    assert (first["width_px"], first["height_px"], first["matched"]) == (400, 300, True)
+    assert first["event"]["number"] == 1
+    assert "time-aligned" in {message["code"] for message in told["messages"]}
+
+
+def test_camera_prints_its_parameters_and_differences(project: Project, command: Command) -> None:
+    path = project / "camera.yaml"
+    camera = load_camera(path)
+    told = json.loads(command("camera", path, "--json").stdout)
+    assert list(told["parameters"].values()) == camera.parameters.tolist()
+    assert list(told["parameters"])[:4] == ["fx", "fy", "cx", "cy"]
+    np.testing.assert_array_equal(told["covariance"], camera.covariance)
+
+    told = json.loads(command("camera", path, "--compare", path, "--json").stdout)
+    np.testing.assert_allclose(told["difference_px"], 0.0, atol=1e-6)
+    assert told["compared_with"] == str(path)
+
+
+def test_log_prints_json_in_ascii_and_quiet_keeps_only_that(
+    project: Project, command: Command
+) -> None:
+    log = project / "flight.tlog"
+    assert command("log", log, "--quiet").stdout == ""
+    assert command("--quiet", "check", project.path).stdout == ""
+    assert command("check", project.path).stdout  # and is as before afterwards
+    told = command("log", log, "--json", "--quiet").stdout
+    assert json.loads(told)["path"] == str(log)
+    assert told.isascii()
+
+
+def test_exit_statuses(project: Project, command: Command) -> None:
+    assert command("check", project.path, "--quiet").status == 0
+    problem = command("check", project / "absent.yaml", "--quiet")
+    assert problem.status == 1
+    assert problem.stderr.startswith("uavgram: ")
+    assert command("check", "--jsno").status == 2
+    assert command("run", project.path, "--fail-on", "yellow").status == 2
