@@ -19,8 +19,8 @@ Content = dict[str, Any]
 """Of results.json."""
 
 FILES = {
-    "results.json", "recording.rrd", "report.html", "points.geojson", "measurements.csv",
-    "run.jsonl", "survey.gpkg", "survey.qgs", "ground.tif", "survey.kml", "survey_local.dxf",
+    "results.json", "recording.rrd", "report.html", "report-annex.html", "points.geojson",
+    "measurements.csv", "run.jsonl", "survey.gpkg", "survey.qgs", "ground.tif", "survey.kml", "survey_local.dxf",
     "survey_map.dxf", "colmap", "opendronemap",
 }  # fmt: skip
 
