@@ -17,7 +17,7 @@ import uavgram
 from uavgram.errors import InputError
 from uavgram.io.results.results_json import write_results
 from uavgram.pipeline.check import check
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex
 
 Write = Callable[[dict[str, object]], Path]
 
@@ -114,7 +114,7 @@ def test_a_survey_with_control_learns_the_focal_length_of_an_assumed_camera(
     )
     assert message.text.startswith("The survey's own picks and lengths refined the camera: fx from")
     assert "k1 k2 p1 p2 k3 cannot be learnt" in message.text
-    assert "<td>fx</td>" in render_report(result)
+    assert "<td>fx</td>" in render_annex(result)
     # What the program wrote is what it reads.
     again = uavgram.load_results(file)
     np.testing.assert_array_equal(again.shared.intrinsics.value, result.shared.intrinsics.value)

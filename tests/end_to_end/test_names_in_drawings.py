@@ -15,7 +15,7 @@ from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.products.map_layers import features_of
 from uavgram.stages.products.text_places import overlaps
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex, render_report
 
 PLAN = re.compile(r'<svg class="drawing".*?</svg>', re.DOTALL)
 TEXT = re.compile(
@@ -42,7 +42,7 @@ def boxes_of(plan: str) -> tuple[list[str], Floats]:
 
 
 def test_plans_of_the_report_name_every_point(result: Result) -> None:
-    plans = PLAN.findall(render_report(result))
+    plans = PLAN.findall(render_report(result) + render_annex(result))
     assert len(plans) >= 3
     for plan in plans:
         texts, boxes = boxes_of(plan)

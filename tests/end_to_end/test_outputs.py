@@ -19,9 +19,9 @@ Content = dict[str, Any]
 """Of results.json."""
 
 FILES = {
-    "results.json", "recording.rrd", "report.html", "points.geojson", "measurements.csv",
-    "run.jsonl", "survey.gpkg", "survey.qgs", "ground.tif", "survey.kml", "survey_local.dxf",
-    "survey_map.dxf", "colmap", "opendronemap",
+    "results.json", "recording.rrd", "report.html", "report-annex.html", "points.geojson",
+    "measurements.csv", "run.jsonl", "survey.gpkg", "survey.qgs", "ground.tif", "survey.kml",
+    "survey_local.dxf", "survey_map.dxf", "colmap", "opendronemap",
 }  # fmt: skip
 
 POSE = {"center_world_m": (3,), "world_from_camera": (3, 3), "covariance": (6, 6)}

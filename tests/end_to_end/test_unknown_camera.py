@@ -21,7 +21,7 @@ from uavgram.io.results.results_json import write_results
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.pipeline.check import check
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex
 
 
 class TwinOf(Protocol):
@@ -82,7 +82,7 @@ def test_a_flight_with_lengths_is_measured_within_its_sigmas_and_learns_the_came
     said = [m["text"] for m in json.loads(file.read_text())["messages"]]
     (text,) = [text for text in said if text.startswith("Nothing is known of this camera")]
     assert "uavgram calibrate" in text
-    assert "Nothing is known of this camera" in render_report(result)
+    assert "Nothing is known of this camera" in render_annex(result)
 
 
 @pytest.mark.parametrize("name", ["calm_nadir", "wind_oblique"])

@@ -21,7 +21,7 @@ from uavgram.model.result.result import Result
 from uavgram.model.units import IMPERIAL
 from uavgram.pipeline.measure.exports import exports
 from uavgram.views.recording import write_recording
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex, render_report
 from uavgram.views.terminal import measurement_table
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of
@@ -43,7 +43,12 @@ def left_in(text: str) -> list[str]:
 
 
 def test_the_report_is_in_feet_and_inches(result: Result) -> None:
-    page = re.sub(r"<style>.*?</style>|<[^>]*>", " ", render_report(result), flags=re.DOTALL)
+    page = re.sub(
+        r"<style>.*?</style>|<[^>]*>",
+        " ",
+        render_report(result) + render_annex(result),
+        flags=re.DOTALL,
+    )
     text = html.unescape(page)
 
     assert left_in(text) == []
@@ -56,7 +61,7 @@ def test_ten_centimetres_of_relief_are_not_taken_for_a_length_of_the_survey(
     result: Result,
 ) -> None:
     lines = replace(result.lines, mdb_m=np.full(len(result.lines.name), 0.0955))
-    page = render_report(replace(result, lines=lines))
+    page = render_annex(replace(result, lines=lines))
 
     assert "3.9 in of relief" in page
     assert "its points is 3.9 in higher" in page

@@ -334,9 +334,6 @@ TIES_FOUND = "auto"
 TIES_FILE = "ties.csv"
 """Beside the project file, where it names no other."""
 
-ACCOUNT = "auto"
-"""Value of `operator` that names no person: the account that runs the program."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Project(_Options):
@@ -345,11 +342,10 @@ class Project(_Options):
     Paths are those of the file, made absolute; `images` are patterns. `camera` is ``auto``,
     ``unknown`` or a path; `poses` is ``exif`` or a path, or several, and stands in place of
     `log`. `crs` is the projected coordinate system of maps and drawings; ``auto``: the UTM zone.
-    `operator` is who answers for the survey; ``auto``: the account that runs it. `ties` is
-    ``auto`` or a path. `plan` is what was planned before the flight. `units` are those in which
-    people read; files keep metres. `case` is what
-    the head of the report says. `picks_identification_sigma_m` is how far people pick beside what
-    was meant, alike in all photos.
+    `operator` is who answers for the survey. `ties` is ``auto`` or a path. `plan` is what was
+    planned before the flight. `units` are those in which people read; files keep metres. `case` is
+    what the head of the report says. `picks_identification_sigma_m` is how far people pick beside
+    what was meant, alike in all photos.
     """
 
     name: str
@@ -368,7 +364,7 @@ class Project(_Options):
     plan: str | None = None
     output: str = "out"
     crs: str = "auto"
-    operator: str = ACCOUNT
+    operator: str | None = None
     world: WorldOptions = field(default_factory=WorldOptions)
     ground: GroundOptions = field(default_factory=GroundOptions)
     mount: MountOptions = field(default_factory=MountOptions)

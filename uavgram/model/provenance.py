@@ -21,7 +21,7 @@ class Provenance:
     Attributes
     ----------
     made_by
-        Who answers for it; empty where a file of an earlier version does not say.
+        Who answers for it; empty where the project names nobody.
     options
         The project as understood, as JSON-ready pairs of dotted key and value.
     packages

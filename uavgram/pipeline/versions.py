@@ -1,24 +1,13 @@
-"""What a result was computed with, and by whom."""
+"""What a result was computed with."""
 
 from __future__ import annotations
 
-import getpass
 import importlib.metadata
 import sys
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import cache
 from typing import TypedDict
-
-NO_ACCOUNT = "an account without a name"
-
-
-def account_name() -> str:
-    """Of whoever runs this program; a container may have no name for its user."""
-    try:
-        return f"the account {getpass.getuser()}"
-    except (KeyError, OSError):
-        return NO_ACCOUNT
 
 
 @cache

@@ -288,6 +288,16 @@ def test_every_view_has_a_name_and_something_to_show(result: Result, contents: C
     assert "Messages: 1 error, 1 warning" in names
 
 
+def test_the_overview_has_eight_views_and_the_details_open_beside_it(result: Result) -> None:
+    scene, picks = measure_scene(result), project_picks(result)
+    layout = blueprint(result, scene, frame_curves(result, picks), pose_curves(result))
+    overview, details = layout.root_container.contents
+
+    assert [overview.name, details.name] == ["Overview", "Details"]
+    assert len(list(views(overview))) <= 8
+    assert any(view.class_identifier == "TimeSeries" for view in views(details))
+
+
 def views(container: rrb.Container) -> Iterator[rrb.View]:
     for item in container.contents:
         if isinstance(item, rrb.View):

@@ -9,7 +9,7 @@ import synthetic_survey as survey
 from scipy.spatial.transform import Rotation
 
 from uavgram.model.result.orientation import OrientationCorrelation
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex
 from uavgram.views.report.annex import annex, omega_phi_kappa_deg
 
 
@@ -57,4 +57,4 @@ def test_correlations_with_the_camera_stand_by_photo_and_a_dash_where_something_
     assert told.shared.rows == (("fx", ("1.00", "–")), ("plane height", ("–", "–")))
     assert (told.matrices[0].title, told.matrices[0].rows[0]) == (name, ("east", ("0.12", "–")))
     assert annex(made).shared is None
-    assert "turn about forward" in render_report(replace(made, orientation=known))
+    assert "turn about forward" in render_annex(replace(made, orientation=known))

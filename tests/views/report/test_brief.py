@@ -13,7 +13,7 @@ from html_page import Page
 from uavgram.model.case import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import MeasurementStatus
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex, render_report
 from uavgram.views.report.brief import (
     LEAST_PLAN,
     MOST_NAMES,
@@ -101,8 +101,8 @@ def test_more_measurements_than_fit_are_counted() -> None:
     assert len(told.rows) <= MOST_ROWS
 
 
-def test_the_contents_are_the_headings_in_their_order() -> None:
-    html = render_report(survey.build())
+def test_the_contents_of_the_annex_are_its_headings_in_their_order() -> None:
+    html = render_annex(survey.build())
     listed = re.findall(r'<li><a href="#([\w-]+)">(.*?)</a>', html)
     headings = re.findall(r'<section id="([\w-]+)">\s*<h2>(.*?)</h2>', html)
 

@@ -11,7 +11,7 @@ from uneven_ground import uneven
 
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex
 from uavgram.views.survey.top_view import DIAMOND, top_view
 from uavgram.views.wording import height_text
 
@@ -20,7 +20,7 @@ SIGMAS = "east, north, up, and their sigmas on the earth [m]"
 
 def table(result: Result) -> tuple[list[str], dict[str, list[str]]]:
     """Head and rows of the table of points."""
-    rows = Page(render_report(result)).rows
+    rows = Page(render_annex(result)).rows
     start = next(i for i, row in enumerate(rows) if row[:1] == ["label"])
     return rows[start], {row[0]: row for row in rows[start + 1 :] if len(row) == len(rows[start])}
 
@@ -57,7 +57,7 @@ def test_rough_ground_has_sigmas_and_no_heights_and_a_plane_has_neither() -> Non
     assert "height over the ground" not in rough
     assert "east, north, up [m]" in plane
     assert "height over the ground" not in plane
-    assert "stand off the ground" not in render_report(survey.build())
+    assert "stand off the ground" not in render_annex(survey.build())
 
 
 def test_the_plan_marks_points_off_the_ground_and_writes_their_heights() -> None:
@@ -77,18 +77,18 @@ def test_the_plan_marks_points_off_the_ground_and_writes_their_heights() -> None
         at = next(place for text, place in written.items() if float(text[:-2]) == RAISED[label][0])
         assert 0 < at[1] - y < 20
         assert abs(at[0] - x) < 35  # half of its width
-    assert "a point off the ground" in render_report(result)
+    assert "a point off the ground" in render_annex(result)
 
 
 def test_the_plan_of_a_plane_has_no_such_marks() -> None:
     view = top_view(survey.build())
     assert view is not None
     assert view.off_ground == ()
-    assert "a point off the ground" not in render_report(survey.build())
+    assert "a point off the ground" not in render_annex(survey.build())
 
 
 def test_the_method_tells_of_heights_where_there_are_some() -> None:
-    with_heights, without = render_report(raised(survey.build())), render_report(survey.build())
+    with_heights, without = render_annex(raised(survey.build())), render_annex(survey.build())
 
     assert "Measured are points of the ground that" in without
     assert "Measured are points that" in with_heights

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 import synthetic_survey as survey
 
-from uavgram.views.report import long_tables, render_report
+from uavgram.views.report import long_tables, render_annex
 
 
 def test_a_long_table_tells_what_is_doubtful_and_how_much_more_there_is(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     made = survey.build()
-    whole = render_report(made)
+    whole = render_annex(made)
     assert " more photos stand" not in whole
     monkeypatch.setattr(long_tables, "MOST_TOLD", 4)
-    page = render_report(made)
+    page = render_annex(made)
 
     photos = page.split('id="photos"')[1].split("</section>")[0]
     lost = {

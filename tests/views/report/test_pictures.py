@@ -22,7 +22,7 @@ from uavgram.model.result.pictures import Picture, Pictures
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.picture_plan import picture_plan
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex, render_report
 from uavgram.views.report.pictures import Gallery, gallery
 from uavgram.views.report.scale_bars import placed
 from uavgram.views.wording import measurement_text
@@ -63,7 +63,7 @@ def shown() -> Gallery:
 
 @cache
 def html() -> str:
-    return unescape(render_report(result(), pictures()))
+    return unescape(render_report(result(), pictures()) + render_annex(result(), pictures()))
 
 
 def test_without_photos_there_is_no_gallery_and_nothing_may_be_shown() -> None:
@@ -72,7 +72,7 @@ def test_without_photos_there_is_no_gallery_and_nothing_may_be_shown() -> None:
 
 
 def test_pictures_are_in_the_page_itself_which_allows_itself_no_others() -> None:
-    page = Page(render_report(result(), pictures()))
+    page = Page(html())
     images = [str(attrs["href"]) for tag, attrs in page.tags if tag == "image"]
     policy = [attrs["content"] for tag, attrs in page.tags if "http-equiv" in attrs]
 
@@ -81,7 +81,7 @@ def test_pictures_are_in_the_page_itself_which_allows_itself_no_others() -> None
     of_region = {one.region: one.jpeg for one in pictures().shown}
     cards = (*shown().overview, *shown().measurements, *shown().points)
     assert held == [of_region[one.region] for one in cards]
-    assert policy == ["default-src 'none'; style-src 'unsafe-inline'; img-src data:"]
+    assert policy == ["default-src 'none'; style-src 'unsafe-inline'; img-src data:"] * 2
 
 
 def test_a_name_that_looks_like_a_picture_stays_a_name() -> None:
@@ -168,7 +168,7 @@ def test_who_picked_a_point_is_told_and_what_is_not_shown_is_named() -> None:
     assert told is not None
     assert told.points[0].told.startswith("found by the program (target)")
     assert all(one.told.startswith("picked by a person") for one in told.points[1:])
-    assert "Not shown here, as no photo shows them whole, or there are too many: P77." in html()
+    assert "Not shown, as no photo shows them whole, or there are too many: P77." in html()
 
 
 def test_the_value_of_a_measurement_stands_under_its_picture() -> None:

@@ -17,7 +17,7 @@ from uavgram.io.results.results_json import dump_results, load_results
 from uavgram.model.result.profiles import ProfileResults
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.exports import exports
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex, render_report
 from uavgram.views.survey.profiles import BOTTOM, LEFT, MOST_HEIGHT, RIGHT, TOP, profile_drawings
 
 PLACE = np.array([
@@ -61,13 +61,13 @@ def test_a_drawing_is_to_scale(result: Result) -> None:
 
 
 def test_the_report_has_a_table_and_a_drawing_of_each_profile(result: Result) -> None:
-    html = render_report(result)
-    rows = {row[0]: row for row in Page(html).rows if len(row) == 5}
+    html, annex = render_report(result), render_annex(result)
+    rows = {row[0]: row for row in Page(annex).rows if len(row) == 5}
     assert rows["B"][1:] == ["5.000 ± 0.012", "-0.250 ± 0.020", "0.500 ± 0.030", "0.100 ± 0.050"]
     assert rows["C"][1:3] == ["10.000 ± 0.010", "0.000"]
     assert html.count('aria-label="Profile ') == 2
-    assert "<b>bank" not in html
-    assert "<h2>Profiles" not in render_report(survey.build())
+    assert "<b>bank" not in html + annex
+    assert "<h2>Profiles" not in render_report(survey.build()) + render_annex(survey.build())
 
 
 def test_the_table_is_a_file_where_there_is_a_profile(result: Result) -> None:
@@ -93,5 +93,5 @@ def test_results_give_the_profiles_back(result: Result, tmp_path: Path) -> None:
 def test_the_method_says_what_a_volume_is_where_one_is_measured(result: Result) -> None:
     rows = result.measurements
     volumes = replace(rows, kind=("volume", *rows.kind[1:]))
-    assert "A volume lies between" in render_report(replace(result, measurements=volumes))
-    assert "A volume lies between" not in render_report(result)
+    assert "A volume lies between" in render_annex(replace(result, measurements=volumes))
+    assert "A volume lies between" not in render_annex(result)

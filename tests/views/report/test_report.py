@@ -1,7 +1,8 @@
-"""report.html."""
+"""report.html and report-annex.html."""
 
 from __future__ import annotations
 
+import getpass
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,9 +15,12 @@ from html_page import Page
 from uavgram.errors import OutputError
 from uavgram.estimation.measuring.error_budget import OTHER
 from uavgram.estimation.survey.observations.kinds import KINDS
+from uavgram.io.results.results_json import dump_results
 from uavgram.model.message import Message
 from uavgram.model.result.reliability import RemovalRecord
-from uavgram.views.report import render_report, write_report
+from uavgram.pipeline.measure.compute import compute
+from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.views.report import annex_of, render_annex, render_report, write_report
 from uavgram.views.report.budget import COLOURS, WORDS
 from uavgram.views.report.gauge import gauge
 
@@ -30,17 +34,25 @@ VARIANTS = [
 ]
 
 
-@pytest.mark.parametrize("variant", VARIANTS, ids=str)
-def test_the_page_is_well_formed_and_loads_nothing(variant: survey.Variant) -> None:
-    for result in (survey.build(**variant), full(survey.build(**variant))):
-        page = Page(render_report(result))
+RENDERED = {"report": render_report, "annex": render_annex}
 
-        assert not [tag for tag, _ in page.tags if tag in ("script", "link", "img", "iframe")]
-        attributes = {name for _, attrs in page.tags for name in attrs}
-        assert not [n for n in attributes if n == "src" or n.startswith("on")]
-        links = [str(attrs["href"]) for _, attrs in page.tags if "href" in attrs]
-        sections = {f"#{attrs.get('id')}" for tag, attrs in page.tags if tag == "section"}
-        assert set(links) == sections  # the contents: all of them, and nothing outside of the page
+
+def links(page: Page) -> set[str]:
+    return {str(attrs["href"]) for _, attrs in page.tags if "href" in attrs}
+
+
+@pytest.mark.parametrize("variant", VARIANTS, ids=str)
+def test_both_pages_are_well_formed_and_load_nothing(variant: survey.Variant) -> None:
+    for result in (survey.build(**variant), full(survey.build(**variant))):
+        pages = {name: Page(html(result)) for name, html in RENDERED.items()}
+
+        for page in pages.values():
+            assert not [tag for tag, _ in page.tags if tag in ("script", "link", "img", "iframe")]
+            attributes = {name for _, attrs in page.tags for name in attrs}
+            assert not [n for n in attributes if n == "src" or n.startswith("on")]
+        assert links(pages["report"]) == {"report-annex.html"}
+        sections = {f"#{a.get('id')}" for tag, a in pages["annex"].tags if tag == "section"}
+        assert links(pages["annex"]) == sections  # the contents: all of them, and nothing else
 
 
 def test_texts_in_drawings_say_themselves_what_they_look_like() -> None:
@@ -66,7 +78,7 @@ def test_the_page_forbids_itself_scripts_and_loading() -> None:
 
 
 def test_measurements_come_first_with_their_intervals() -> None:
-    html = render_report(survey.build())
+    html = render_annex(survey.build())
     rows = Page(html).rows
     by_name = {row[0]: row for row in rows}
 
@@ -112,7 +124,7 @@ def test_checks_say_inside_or_outside() -> None:
 
 def test_the_chain_of_custody_is_complete() -> None:
     result = survey.build()
-    html = render_report(result)
+    html = render_annex(result)
 
     for digest in result.provenance.inputs:
         assert digest.sha256 in html
@@ -124,9 +136,30 @@ def test_the_chain_of_custody_is_complete() -> None:
     assert html.count("(UTC) by Ada Lovelace") == 2
 
 
-def test_every_message_frame_line_and_point_is_on_the_page() -> None:
+def test_nothing_names_the_account_that_ran_the_program(
+    data_dir: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("LOGNAME", "zaphod")
+    result = compute(read_inputs(data_dir / "cuav" / "project.yaml")).result
+    html = render_report(result) + render_annex(result)
+
+    for text in (html, dump_results(result)):
+        assert "zaphod" not in text
+        assert getpass.getuser() == "zaphod"
+        assert "the account" not in text
+    assert '<tr><td class="quiet">Name</td><td></td></tr>' in html
+
+
+def test_who_answers_for_the_survey_is_named_above_the_signature() -> None:
+    html = render_report(survey.build())
+
+    assert '<tr><td class="quiet">Name</td><td>Ada Lovelace</td></tr>' in html
+
+
+def test_every_message_frame_line_and_point_is_on_one_of_the_pages() -> None:
     result = survey.build()
-    cells = {cell for row in Page(render_report(result)).rows for cell in row}
+    html = render_report(result) + render_annex(result)
+    cells = {cell for row in Page(html).rows for cell in row}
     ends = zip(result.lines.start, result.lines.end, strict=True)
 
     for text in (
@@ -141,7 +174,7 @@ def test_every_message_frame_line_and_point_is_on_the_page() -> None:
 
 
 def test_points_have_their_ellipse_within_the_survey_and_on_the_earth() -> None:
-    html = render_report(survey.build())
+    html = render_annex(survey.build())
     (row,) = [row for row in Page(html).rows if row and row[0] == "P00"]
 
     # half axes of the synthetic survey: a quarter of those on the earth
@@ -150,24 +183,26 @@ def test_points_have_their_ellipse_within_the_survey_and_on_the_earth() -> None:
 
 
 def test_the_facts_stand_on_top() -> None:
-    html = render_report(survey.build())
+    html = render_annex(survey.build())
 
     assert html.index("20 frames: 17 refined") < html.index("<h2>Measurements")
     assert html.index("P24: 4.7 cm × 2.8 cm") < html.index("<h2>Measurements")
 
 
 def test_without_telemetry_the_page_says_what_that_means() -> None:
-    html = render_report(survey.build(telemetry=False))
+    html = render_annex(survey.build(telemetry=False))
 
     assert "there is no map" in html
     assert "up in photo 1" in html
 
 
 def test_the_same_result_gives_the_same_page(tmp_path: Path) -> None:
-    write_report(survey.build(), tmp_path / "a.html")
-    write_report(survey.build(), tmp_path / "b.html")
+    for name in ("a", "b"):
+        (tmp_path / name).mkdir()
+        write_report(survey.build(), tmp_path / name / "report.html")
 
-    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
+    for file in ("report.html", annex_of(tmp_path / "report.html").name):
+        assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
 
 
 def test_a_page_that_cannot_be_written_is_an_output_error(tmp_path: Path) -> None:
@@ -179,7 +214,7 @@ def test_a_bar_for_each_measurement_is_as_long_as_its_shares() -> None:
     result = full(survey.build())
     budget = result.error_budget
     assert budget is not None
-    page = Page(render_report(result))
+    page = Page(render_annex(result))
     share = {
         name: dict(zip(budget.source, row, strict=True))
         for name, row in zip(result.measurements.name, budget.share, strict=True)
@@ -201,7 +236,7 @@ def test_a_bar_for_each_measurement_is_as_long_as_its_shares() -> None:
 
 def test_the_largest_source_of_each_measurement_is_said() -> None:
     result = full(survey.build())
-    html, budget = render_report(result), result.error_budget
+    html, budget = render_annex(result), result.error_budget
     assert budget is not None
     largest = [budget.source[k] for k in np.argmax(budget.share[:-1], axis=1)]
     rows = [row for row in Page(html).rows if len(row) == 4 and row[1] == ""]
@@ -219,13 +254,14 @@ def test_every_source_of_the_program_has_a_colour_and_words() -> None:
 
 
 def test_withheld_lengths_stand_among_the_checks_only() -> None:
-    rows = [row for row in Page(render_report(survey.build())).rows if row]
+    html = render_report(survey.build()) + render_annex(survey.build())
+    rows = [row for row in Page(html).rows if row]
 
     assert len([row for row in rows if row[0].startswith("R4 wall")]) == 1
 
 
 def test_planes_of_several_areas_replace_that_of_one() -> None:
-    one, several = render_report(survey.build()), render_report(full(survey.build()))
+    one, several = render_annex(survey.build()), render_annex(full(survey.build()))
 
     assert "height of the ground plane" in one
     assert "height of the ground plane" not in several
@@ -238,9 +274,9 @@ def test_where_first_order_is_not_enough_the_way_out_is_said() -> None:
     assert result.second_order is not None
     doubtful = replace(result, second_order=replace(result.second_order, off=off))
 
-    assert "they change a sigma by 2.1 % at most, and move a mean by 0.03" in render_report(result)
-    assert "use the sampled intervals" in render_report(doubtful)
-    alone = render_report(replace(doubtful, monte_carlo=None))
+    assert "they change a sigma by 2.1 % at most, and move a mean by 0.03" in render_annex(result)
+    assert "use the sampled intervals" in render_annex(doubtful)
+    alone = render_annex(replace(doubtful, monte_carlo=None))
     assert "run again with --monte-carlo and use its intervals" in alone
     flagged = [row for row in Page(alone).rows if len(row) == 9 and "not enough" in row[1]]
     assert [row[0] for row in flagged] == [result.measurements.name[2]]
@@ -251,7 +287,7 @@ def test_another_solution_shows_what_it_changes_most() -> None:
     (other,) = result.solution.alternatives
     sigmas = np.abs(np.array(other.values) - result.measurements.value) / result.measurements.sigma
     order = [result.measurements.name[i] for i in np.argsort(-sigmas[:-1])]
-    rows = [row for row in Page(render_report(result)).rows if len(row) == 5 and row[0] in order]
+    rows = [row for row in Page(render_annex(result)).rows if len(row) == 5 and row[0] in order]
 
     assert [row[0] for row in rows] == order
     assert [float(row[4]) for row in rows] == pytest.approx(np.sort(sigmas[:-1])[::-1], abs=0.0501)
@@ -269,7 +305,7 @@ def test_a_removal_names_the_measurements_that_it_moved_most() -> None:
         variance_factor_after=1.03,
         change=tuple(change * result.measurements.sigma),
     )
-    html = render_report(replace(result, removals=(record,))).replace("&#39;", "'")
+    html = render_annex(replace(result, removals=(record,))).replace("&#39;", "'")
 
     assert "That moved 'patch' by +4.500 m², " in html
     assert " and 4 more by fewer of their sigmas." in html
@@ -286,7 +322,7 @@ def test_a_gauge_shows_sigmas_within_its_ends(name: str, sigmas: float, at: floa
 
 
 def test_the_method_names_what_its_formulas_take() -> None:
-    html = render_report(survey.build())
+    html = render_annex(survey.build())
 
     assert "2.4477 = √(−2 ln 0.05)" in html
     assert "(|w| beyond 3.29; more than ten tests of one kind share that of ten" in html

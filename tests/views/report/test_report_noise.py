@@ -11,7 +11,7 @@ from uneven_ground import NOISE, uneven
 
 from uavgram.model.result.noise import Noise
 from uavgram.model.result.result import Result
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex
 from uavgram.views.report.measured import learnt_words
 
 
@@ -31,7 +31,7 @@ def test_growth_is_told_with_its_causes() -> None:
         "found)."
     )
     assert learnt_words(result) == sentence
-    assert sentence in render_report(result)
+    assert sentence in render_annex(result)
 
 
 def test_smaller_uncertainties_are_told_too() -> None:
@@ -52,7 +52,7 @@ def test_nothing_is_told_of_little_changes_or_where_nothing_was_learnt(
 
 
 def test_the_drawing_says_in_words_what_colours_and_numbers_are() -> None:
-    html, flat = render_report(uneven(survey.build())), render_report(survey.build())
+    html, flat = render_annex(uneven(survey.build())), render_annex(survey.build())
 
     for words in ("ground above its plane", "below it", "centimetres above (+) or below (-)"):
         assert words in html

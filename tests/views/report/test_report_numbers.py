@@ -21,7 +21,7 @@ from uavgram.io.results.results_json import write_results
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex, render_report
 from uavgram.views.survey.verdict import STATUS_WORDS
 
 _DRAWING = re.compile(r'<svg class="drawing".*?</svg>', re.DOTALL)
@@ -62,7 +62,7 @@ def outputs_of(result: Result, folder: Path) -> Outputs:
     write_results(result, folder / "results.json")
     tables: dict[tuple[str, ...], list[list[str]]] = {}
     head: tuple[str, ...] = ()
-    html = render_report(result)
+    html = render_report(result) + render_annex(result)
     page = Page(html)
     rows = iter(page.rows)
     for tag, _ in page.tags:
@@ -124,12 +124,13 @@ def test_measurements(both: Outputs) -> None:
 
 
 def test_first_page(both: Outputs) -> None:
-    rows = both.table("measured", "value ± 1 sigma")
+    rows = both.table("measured", "what")
     measured = {one["name"]: one for one in both.file["measurements"]}
 
     assert 0 < len(rows) <= len(measured)
-    for name, value, interval, status in rows:
+    for name, what, value, interval, status in rows:
         one = measured[name]
+        assert what.endswith(one["points"][-1])
         pace = pace_of(one)
         computed = one["value"] is not None
         assert status.startswith(STATUS_WORDS[one["status"]] if computed else "not computed")
@@ -138,7 +139,7 @@ def test_first_page(both: Outputs) -> None:
             agree([value, interval], *(pace * number for number in wanted))
     kinds = [measured[row[0]]["kind"] for row in rows]
     assert kinds == sorted(kinds, key=lambda kind: kind == "coordinate")
-    counts = re.search(r"(\d+) of (\d+) frames refined, (\d+) of (\d+) known", both.first_page)
+    counts = re.search(r"(\d+) of (\d+) photos used, (\d+) of (\d+) known", both.first_page)
     assert counts is not None
     frames, lines = both.file["frames"], both.file["lines"]
     assert [int(count) for count in counts.groups()] == [

@@ -11,7 +11,7 @@ from found_survey import found, tie_cloud
 from html_page import Page
 
 from uavgram.model.result.result import Result
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex
 from uavgram.views.survey.sources import ONLY_PROGRAM, ties_text
 
 WORDS = (ONLY_PROGRAM, "matched", "tie point", "targets", "made by hand")
@@ -25,7 +25,7 @@ def result() -> Result:
 
 @cache
 def html() -> str:
-    return unescape(render_report(result()))
+    return unescape(render_annex(result()))
 
 
 @cache
@@ -93,6 +93,6 @@ def test_the_sigma_of_each_source_stands_under_its_name() -> None:
 
 
 def test_where_people_picked_everything_nothing_of_it_is_said() -> None:
-    plain = unescape(render_report(survey.build()))
+    plain = unescape(render_annex(survey.build()))
     assert not [word for word in WORDS if word in plain]
     assert [word for word in WORDS if word in html()] == list(WORDS)

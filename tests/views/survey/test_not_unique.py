@@ -11,7 +11,7 @@ from uavgram.model.result.result import Result
 from uavgram.views.recording.pages.tables import measured_page
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.world.labels import measured_text, survey_labels
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex
 from uavgram.views.survey.key_facts import key_facts
 from uavgram.views.survey.top_view import top_view
 from uavgram.views.terminal import measurement_table
@@ -58,13 +58,13 @@ def test_the_farther_the_other_values_the_earlier_the_row(marked: Result, sure: 
 
 
 def test_the_report_marks_the_row_and_says_what_that_means(sure: Result, marked: Result) -> None:
-    page = render_report(marked)
+    page = render_annex(marked)
     rows = [row for row in Page(page).rows if len(row) == 9 and "not unique" in row[1]]
 
     assert [row[0] for row in rows] == [NAME]
     assert OTHERS in rows[0][3]
     assert "other solutions explain what was observed as well" in page
-    assert "not unique" not in render_report(sure).lower()
+    assert "not unique" not in render_annex(sure).lower()
 
 
 def test_the_least_certain_length_is_that_one_with_its_other_values(marked: Result) -> None:

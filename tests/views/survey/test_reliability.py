@@ -18,7 +18,7 @@ from uavgram.model.result.reliability import (
     WeakestLinks,
 )
 from uavgram.model.result.result import Result
-from uavgram.views.report import render_report
+from uavgram.views.report import render_annex, render_report
 from uavgram.views.survey.reliability import prior_rows
 
 
@@ -103,7 +103,7 @@ def test_priors_are_marked_from_the_limit_that_they_share() -> None:
 
 
 def test_the_report_says_what_could_be_wrong_unseen() -> None:
-    page = render_report(judged(survey.build()))
+    page = render_report(judged(survey.build())) + render_annex(judged(survey.build()))
     page = page.replace("&#39;", "'")
     assert "an undetected error of 0.0912 m in the length 'south' would move it by 0.042" in page
     assert "'P5' in 'a.jpg' and 2 more" in page
@@ -119,6 +119,6 @@ def test_the_report_says_what_could_be_wrong_unseen() -> None:
 
 
 def test_a_result_without_evidence_has_a_report_without_all_this() -> None:
-    page = render_report(survey.build())
+    page = render_report(survey.build()) + render_annex(survey.build())
     assert "What could be wrong without being seen" not in page
     assert "Taken out as blunders" not in page

@@ -44,7 +44,7 @@ def test_a_survey_without_a_flaw_is_green_in_one_sentence() -> None:
 
     assert words.sentence == ("Verdict: green, in order: all 9 measurements fit and are checked.")
     assert words.reasons == ()
-    assert words.counts.startswith("20 of 20 frames refined, 4 of 5 known lengths used")
+    assert words.counts.startswith("20 of 20 photos used, 4 of 5 known lengths used")
 
 
 def test_the_first_reason_is_told_and_how_many_more_there_are() -> None:

@@ -21,6 +21,7 @@ RESULTS = "results.json"
 RECORDING = "recording.rrd"
 FILES = {
     REPORT: "Report",
+    "report-annex.html": "Annex of the report, for specialists",
     "measurements.csv": "Measurements (CSV)",
     "survey_local.dxf": "Drawing, local metres (DXF)",
     "survey_map.dxf": "Drawing, map coordinates (DXF)",

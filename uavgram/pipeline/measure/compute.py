@@ -27,7 +27,7 @@ from uavgram.geometry.earth.map_projection import checked_crs, utm_crs
 from uavgram.imaging.known_point_pose import known_point_poses
 from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message
-from uavgram.model.options import ACCOUNT, Project, SolveOptions, option_pairs
+from uavgram.model.options import Project, SolveOptions, option_pairs
 from uavgram.model.provenance import Provenance
 from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.reliability import SecondOrder
@@ -44,7 +44,7 @@ from uavgram.pipeline.measure.mended import with_mends
 from uavgram.pipeline.measure.plates import plate_scale, with_sides
 from uavgram.pipeline.measure.pose import Posed, known_in_world, pose_frames
 from uavgram.pipeline.measure.position_lines import with_position_lines
-from uavgram.pipeline.versions import account_name, package_versions, stamp
+from uavgram.pipeline.versions import package_versions, stamp
 from uavgram.stages.assemble import Assembled, assemble
 from uavgram.stages.camera.assume import ASSUMED_CAMERA, UNKNOWN_CAMERA
 from uavgram.stages.camera.learn import what_was_learnt
@@ -370,10 +370,9 @@ def _frames(
 
 
 def _provenance(inputs: Inputs, sampling: Sampling | None) -> Provenance:
-    operator = inputs.project.operator
     return Provenance(
         **stamp(),
-        made_by=account_name() if operator == ACCOUNT else operator,
+        made_by=inputs.project.operator or "",
         inputs=inputs.digests,
         options=option_pairs(relative_paths(inputs.project, inputs.folder)),
         seed=None if sampling is None else sampling.seed,

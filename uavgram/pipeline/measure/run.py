@@ -29,7 +29,7 @@ from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.summarise_ties import tie_cloud
 from uavgram.views.recording.write import write_recording
-from uavgram.views.report import check_pdf, report_pdf, write_report
+from uavgram.views.report import annex_of, check_pdf, report_pdf, write_report
 
 
 class _Output(Enum):
@@ -141,28 +141,27 @@ def _write_outputs(
 
 
 def write_pdf(result: Result, path: Path, paper: Paper) -> None:
-    """Write the report as a PDF: of report.html and results.json, which stand beside it already.
+    """Write report and annex as PDF, from their pages and results.json beside them.
 
     Parameters
     ----------
     result
         What a run computed.
     path
-        The file to write.
+        The report to write; the annex is beside it, as of `annex_of`.
     paper
-        Its size.
+        Their size.
 
     Raises
     ------
     OutputError
-        The file cannot be written.
+        A file cannot be written.
     """
+    results = path.with_name("results.json").read_text(encoding="utf-8")
     made = result.provenance.created_utc
-    html, results = (
-        path.with_name(name).read_text(encoding="utf-8") for name in ("report.html", "results.json")
-    )
-    page = report_pdf(html, results, paper, result.name, made)
-    replace_bytes(path, page)
+    for file, attach in ((path, True), (annex_of(path), False)):
+        html = file.with_suffix(".html").read_text(encoding="utf-8")
+        replace_bytes(file, report_pdf(html, results, paper, result.name, made, attach=attach))
 
 
 def write_review(

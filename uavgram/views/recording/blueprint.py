@@ -68,7 +68,7 @@ _NOT_IN_SPACE = [f"- {PHOTO}/{name}/**" for name in OVERLAYS]
 
 
 def blueprint(result: Result, scene: Scene, curves: Curves, poses: PoseCurves) -> rrb.Blueprint:
-    """The layout for this result: only views that have something to show.
+    """Lay out an overview of eight views, and details: only views that have something to show.
 
     Parameters
     ----------
@@ -79,31 +79,40 @@ def blueprint(result: Result, scene: Scene, curves: Curves, poses: PoseCurves) -
     curves, poses
         Curves over the frames, for the ranges of the plots.
     """
-    # a curve through one frame shows nothing
-    several = len(result.frames.frame_id) > 1
-    plots = [_plots(result, curves, poses)] if several else []
-    left = rrb.Vertical(
-        _places(result, scene),
-        rrb.Spatial2DView(origin=LEGEND, name="Legend", titlebar=False, background=BACKGROUND),
-        *plots,
-        row_shares=[10, 1.4, 3.3][: 2 + len(plots)],
-    )
-    right = rrb.Vertical(
-        rrb.Spatial2DView(
-            origin=PHOTO,
-            name=f"Photo: picks white, what they miss by (drawn ×{scene.residual_factor}) blue"
-            + (", flight log alone orange" if result.has_seed.any() else ""),
-            background=BACKGROUND,
-            visual_bounds=_whole_photo(result),
+    overview = rrb.Horizontal(
+        rrb.Vertical(
+            rrb.Tabs(_survey(scene), _plan(scene), active_tab=0),
+            rrb.Spatial2DView(origin=LEGEND, name="Legend", titlebar=False, background=BACKGROUND),
+            row_shares=[10, 1.1],
         ),
-        rrb.StateTimelineView(origin=STATUS, name=frame_counts(result)),
-        _pages(result),
-        row_shares=[5.9, 1.15, 4.7],
+        rrb.Vertical(
+            _photo(result, scene),
+            rrb.StateTimelineView(origin=STATUS, name=frame_counts(result)),
+            _pages(
+                (SUMMARY, "Summary"), (MEASURED, "Measured"), (MESSAGES, messages_title(result))
+            ),
+            row_shares=[5.9, 1.15, 4.7],
+        ),
+        column_shares=[1.3, 1],
+        name="Overview",
     )
-    return layout(rrb.Horizontal(left, right, column_shares=[1.3, 1]))
+    places = _places(result, scene)
+    # a curve through one frame shows nothing
+    plots = [_plots(result, curves, poses)] if len(result.frames.frame_id) > 1 else []
+    drawn = [*([rrb.Tabs(*places, active_tab=0)] if places else []), *plots]
+    details = rrb.Horizontal(
+        *([rrb.Vertical(*drawn)] if drawn else []),
+        _pages(
+            *((FRAME_SHEET, "Frame"), (LENGTHS, "Lengths"), (CHECKS, "Checks"), (POINTS, "Points")),
+            *([(HEIGHTS, "Heights")] if result.points.is_off_ground.any() else []),
+        ),
+        column_shares=[1.3, 1][-2 if drawn else -1 :],
+        name="Details",
+    )
+    return layout(rrb.Tabs(overview, details, active_tab=0))
 
 
-def layout(views: rrb.Horizontal) -> rrb.Blueprint:
+def layout(views: rrb.Container) -> rrb.Blueprint:
     """These views, with Rerun's own panels folded away and one row of time for each photo."""
     return rrb.Blueprint(
         views,
@@ -115,9 +124,19 @@ def layout(views: rrb.Horizontal) -> rrb.Blueprint:
     )
 
 
-def _places(result: Result, scene: Scene) -> rrb.Tabs:
-    """The survey from all sides."""
-    views: list[rrb.View] = [_survey(scene), _plan(scene)]
+def _photo(result: Result, scene: Scene) -> rrb.Spatial2DView:
+    alone = ", flight log alone orange" if result.has_seed.any() else ""
+    return rrb.Spatial2DView(
+        origin=PHOTO,
+        name=f"Photo: picks white, what they miss by (drawn ×{scene.residual_factor}) blue{alone}",
+        background=BACKGROUND,
+        visual_bounds=_whole_photo(result),
+    )
+
+
+def _places(result: Result, scene: Scene) -> list[rrb.View]:
+    """List the views of the ground beside those of the overview."""
+    views: list[rrb.View] = []
     if scene.side_eye is not None:
         views.append(_from_the_side(scene.side_eye))
     if result.profiles.profile:
@@ -126,16 +145,11 @@ def _places(result: Result, scene: Scene) -> rrb.Tabs:
         views.append(_worst_point(result, scene.worst_point))
     if has_map(result):
         views.append(rrb.MapView(origin=MAP, name="Map", zoom=_zoom(result, scene)))
-    return rrb.Tabs(*views, active_tab=0)
+    return views
 
 
-def _pages(result: Result) -> rrb.Tabs:
-    pages = (
-        *((SUMMARY, "Summary"), (FRAME_SHEET, "Frame"), (MEASURED, "Measured")),
-        *((LENGTHS, "Lengths"), (CHECKS, "Checks"), (POINTS, "Points")),
-        *([(HEIGHTS, "Heights")] if result.points.is_off_ground.any() else []),
-        (MESSAGES, messages_title(result)),
-    )
+def _pages(*pages: tuple[str, str]) -> rrb.Tabs:
+    """Lay out documents: their entities and names."""
     views = [rrb.TextDocumentView(origin=origin, name=name) for origin, name in pages]
     return rrb.Tabs(*views, active_tab=0)
 

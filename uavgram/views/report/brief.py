@@ -16,21 +16,24 @@ from uavgram.views.survey.sources import measured_alone
 from uavgram.views.survey.verdict import verdict_words
 from uavgram.views.wording import shapes_first
 
-MOST_ROWS = 8
+MOST_ROWS = 12
 """Measurements on the first page; the least certain ones, where there are more."""
 
 LEAST_ROWS = 3
 
-PAGE_MM, UNIT_MM = 236.0, 182.0 / 900.0
+FEW_ROWS = 2
+"""If no more measurements than these have no room, the plan is made lower for them."""
+
+PAGE_MM, UNIT_MM = 243.0, 182.0 / 900.0
 """What a printed page has for the text and the plan (letter is the lower); a unit of a drawing."""
 
-LEAST_PLAN, GOOD_PLAN, MOST_PLAN = 220.0, 330.0, 640.0
+LEAST_PLAN, GOOD_PLAN, MOST_PLAN = 220.0, 330.0, 780.0
 """Height of the plan, in units of its drawing: for a good one rows of the table are left out."""
 
-HEAD_MM, ROW_MM, LINE_MM, GAP_MM = 28.0, 6.5, 5.3, 3.0
+HEAD_MM, ROW_MM, LINE_MM, GAP_MM = 28.0, 6.2, 5.3, 2.0
 """Of title and legend; of a row of a table; of a line of text; around a paragraph."""
 
-LINE, STRONG_LINE, TITLE = 88, 70, 20
+LINE, STRONG_LINE, TITLE = 96, 76, 20
 """Letters of a line; of a name beside the other words of the title."""
 
 MOST_REASONS = 2
@@ -83,6 +86,8 @@ def brief(result: Result) -> Brief:
     left_mm -= _text_mm(LIMITS + " ".join(limits))
     room = int((left_mm - GOOD_PLAN * UNIT_MM) // ROW_MM)
     count = min(len(order), max(LEAST_ROWS, min(MOST_ROWS, room)))
+    if len(order) - count <= FEW_ROWS:
+        count = len(order)
     left_mm -= ROW_MM * count
     return Brief(
         case=case,

@@ -13,6 +13,9 @@ from uavgram.views.report.brief import brief
 from uavgram.views.report.inline import GROUND, picture_mark
 from uavgram.views.survey.top_view import TopView, lay_out
 
+PLAN_HEIGHT = 500.0
+"""Of the large plan: on a printed page there is room for a photo below it."""
+
 
 class Backdrop(NamedTuple):
     """A picture behind a drawing: its place there, and itself."""
@@ -26,7 +29,7 @@ class Backdrop(NamedTuple):
 
 def shown_ground(result: Result) -> tuple[Floats, Floats] | None:
     """South-west and north-east corner (2,) of what the report's plans cover; None without one."""
-    plans = [lay_out(result), lay_out(result, brief(result).plan_height)]
+    plans = [lay_out(result, high) for high in (PLAN_HEIGHT, brief(result).plan_height)]
     corners = [plan.sheet.extent_m for plan in plans if plan is not None]
     if not corners:
         return None

@@ -1,11 +1,13 @@
-"""The page as a whole: what its templates show, beside the result itself."""
+"""The report and its annex: what their templates show, beside the result itself."""
 
 from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +17,13 @@ from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment, units_shown
 from uavgram.views.report.annex import annex
-from uavgram.views.report.brief import Brief, brief
+from uavgram.views.report.brief import MOST_REASONS, Brief, brief
 from uavgram.views.report.budget import MOST_ROWS, budget_table
 from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.contents import with_contents
+from uavgram.views.report.foundations import files_shown, foundations
 from uavgram.views.report.gauge import gauge
-from uavgram.views.report.ground import backdrop
+from uavgram.views.report.ground import PLAN_HEIGHT, backdrop
 from uavgram.views.report.inline import with_pictures
 from uavgram.views.report.known import known_table
 from uavgram.views.report.long_tables import rows_told
@@ -34,7 +37,7 @@ from uavgram.views.report.measured import (
     shift_text,
 )
 from uavgram.views.report.method import method_facts
-from uavgram.views.report.pictures import gallery
+from uavgram.views.report.pictures import MOST_HALVES, gallery
 from uavgram.views.report.shapes import rings
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.drawing import largest_sigmas
@@ -78,7 +81,13 @@ from uavgram.views.wording import (
 )
 
 BESIDE_HEIGHT = 480.0
-"""Of the top view where there is a plan on the ground too: the key plan then fits below it."""
+"""Of the top view: the key plan fits below it."""
+
+REPORT, ANNEX = "report.html", "report_annex.html"
+"""Templates."""
+
+MOST_LENGTHS, MOST_WARNINGS = 12, 12
+"""Known lengths, worst fit first, and warnings in the report; the annex has all."""
 
 MOST_CELLS = 30
 """Measurements that are a table of cells on paper too: more are lines of text, which cost less."""
@@ -87,28 +96,53 @@ MOST_CELLS = 30
 def write_report(
     result: Result, path: str | os.PathLike[str], pictures: Pictures = NO_PICTURES
 ) -> None:
-    """Write the report; the file is replaced only once the new one is complete.
+    """Write the report and its annex; a file is replaced only once the new one is complete.
 
     Parameters
     ----------
     result
         What a run computed.
     path
-        The file to write.
+        The file to write; the annex is beside it, as of `annex_of`.
     pictures
         Parts of its photos.
 
     Raises
     ------
     OutputError
-        The file cannot be written.
+        A file cannot be written.
     """
     target = Path(path)
+    facts = _facts(result, pictures, annex_of(target).name)
+    for template, file in ((REPORT, target), (ANNEX, annex_of(target))):
+        _write(with_pictures(_page(template, facts), pictures), file)
+
+
+def annex_of(report: Path) -> Path:
+    """Name the annex of a report: ``report.html`` has ``report-annex.html``."""
+    return report.with_stem(f"{report.stem}-annex")
+
+
+def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
+    """Return the report as text. Names that people wrote are escaped; nothing is loaded."""
+    return _rendered(REPORT, result, pictures)
+
+
+def render_annex(result: Result, pictures: Pictures = NO_PICTURES) -> str:
+    """Return the annex of the report as text, as `render_report` does."""
+    return _rendered(ANNEX, result, pictures)
+
+
+def _rendered(template: str, result: Result, pictures: Pictures) -> str:
+    page = _page(template, _facts(result, pictures, annex_of(Path("report.html")).name))
+    return b"".join(with_pictures(page, pictures)).decode()
+
+
+def _write(parts: Iterable[bytes], target: Path) -> None:
     unfinished = target.with_name(f".{target.name}.unfinished")
-    page = _page(result, pictures)
     try:
         with unfinished.open("wb") as file:
-            file.writelines(with_pictures(page, pictures))
+            file.writelines(parts)
         unfinished.replace(target)
     except OSError as error:
         raise OutputError(f"{target}: the report cannot be written: {error}") from error
@@ -116,87 +150,103 @@ def write_report(
         unfinished.unlink(missing_ok=True)
 
 
-def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
-    """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
-    return b"".join(with_pictures(_page(result, pictures), pictures)).decode()
+def _page(template: str, facts: dict[str, Any]) -> str:
+    """Fill in a template, with marks for its pictures."""
+    return with_contents(page_environment().get_template(template).render(facts))
 
 
-def _page(result: Result, pictures: Pictures) -> str:
-    """The page with marks for its pictures."""
+def _facts(result: Result, pictures: Pictures, annex_file: str) -> dict[str, Any]:
+    """Compute what both templates show."""
     units, first = units_of(result), brief(result)
     position_m, attitude_deg = largest_sigmas(result.frames.refined)
-    return with_contents(
-        page_environment()
-        .get_template("report.html")
-        .render(
-            result=result,
-            effect_words=effect_words,
-            gauge=gauge,
-            interval=partial(interval, units=units),
-            measurement_text=partial(measurement_text, units=units),
-            options=options_told(result),
-            group_words=GROUP_WORDS,
-            line_words=LINE_STATUS_WORDS,
-            frame_words=FRAME_STATUS_WORDS,
-            verdict=verdict_words(result),
-            status_text=status_text,
-            annex=annex(result),
-            brief=first,
-            facts=key_facts(result),
-            measured=shapes_first(result.measurements),
-            most_cells=MOST_CELLS,
-            not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
-            relief=relief_notes(result),
-            relief_step=relief_text(result),
-            shift_text=shift_text,
-            value_text=partial(value_text, units=units),
-            spread_text=partial(spread_text, units=units),
-            learnt=learnt_words(result),
-            uneven=departures(result),
-            height_text=height_text,
-            sigma_m=np.sqrt(np.diagonal(result.points.covariance_m3, axis1=1, axis2=2)),
-            sampled=sampled_words(result),
-            second_order=second_order_note(result),
-            alternatives=alternative_tables(result),
-            profiles=profile_drawings(result),
-            gallery=gallery(result, pictures),
-            **_plans(result, pictures, first),
-            ink=INK,
-            rings=rings,
-            place=place(result),
-            why_to_neighbours=WHY_TO_NEIGHBOURS,
-            why_two_ellipses=WHY_TWO_ELLIPSES,
-            budget=budget_table(result),
-            lengths=worst_fit_first(result.lines.w),
-            known=known_table(result),
-            removals=removal_rows(result),
-            checks=checks_summary(result),
-            three_sigma=THREE_SIGMA,
-            suspect_w=line_limits(result),
-            weakest=weakest_links(result),
-            most_weakest=MOST_ROWS,
-            picks=worst_fit_first(result.picks.w),
-            camera=learnt_camera(result.camera, result.shared.intrinsics),
-            priors=prior_rows(result),
-            pick_count=Counter(result.picks.image),
-            position_sigma_m=position_m,
-            attitude_sigma_deg=attitude_deg,
-            azimuth_deg=np.degrees(result.points.relative.ellipse_azimuth_rad),
-            method=method_facts(result),
-            **_made_by(result),
-            **rows_told(result),
-            **units_shown(result),
-        )
+    return dict(
+        result=result,
+        effect_words=effect_words,
+        gauge=gauge,
+        interval=partial(interval, units=units),
+        measurement_text=partial(measurement_text, units=units),
+        options=options_told(result),
+        group_words=GROUP_WORDS,
+        line_words=LINE_STATUS_WORDS,
+        frame_words=FRAME_STATUS_WORDS,
+        verdict=verdict_words(result),
+        status_text=status_text,
+        annex=annex(result),
+        brief=first,
+        facts=key_facts(result),
+        warnings=_warnings(result),
+        annex_file=annex_file,
+        foundations=foundations(result),
+        files_shown=files_shown(result),
+        used_lengths=[
+            int(i) for i in worst_fit_first(result.lines.w) if result.lines.status[i] != "checked"
+        ],
+        most_lengths=MOST_LENGTHS,
+        most_warnings=MOST_WARNINGS,
+        most_halves=MOST_HALVES,
+        measured=shapes_first(result.measurements),
+        most_cells=MOST_CELLS,
+        not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
+        relief=relief_notes(result),
+        relief_step=relief_text(result),
+        shift_text=shift_text,
+        value_text=partial(value_text, units=units),
+        spread_text=partial(spread_text, units=units),
+        learnt=learnt_words(result),
+        uneven=departures(result),
+        height_text=height_text,
+        sigma_m=np.sqrt(np.diagonal(result.points.covariance_m3, axis1=1, axis2=2)),
+        sampled=sampled_words(result),
+        second_order=second_order_note(result),
+        alternatives=alternative_tables(result),
+        profiles=profile_drawings(result),
+        gallery=gallery(result, pictures),
+        **_plans(result, pictures, first),
+        ink=INK,
+        rings=rings,
+        place=place(result),
+        why_to_neighbours=WHY_TO_NEIGHBOURS,
+        why_two_ellipses=WHY_TWO_ELLIPSES,
+        budget=budget_table(result),
+        lengths=worst_fit_first(result.lines.w),
+        known=known_table(result),
+        removals=removal_rows(result),
+        checks=checks_summary(result),
+        three_sigma=THREE_SIGMA,
+        suspect_w=line_limits(result),
+        weakest=weakest_links(result),
+        most_weakest=MOST_ROWS,
+        picks=worst_fit_first(result.picks.w),
+        camera=learnt_camera(result.camera, result.shared.intrinsics),
+        priors=prior_rows(result),
+        pick_count=Counter(result.picks.image),
+        position_sigma_m=position_m,
+        attitude_sigma_deg=attitude_deg,
+        azimuth_deg=np.degrees(result.points.relative.ellipse_azimuth_rad),
+        method=method_facts(result),
+        **_made_by(result),
+        **rows_told(result),
+        **units_shown(result),
+    )
+
+
+def _warnings(result: Result) -> tuple[str, ...]:
+    """Problems and warnings that the first page does not state."""
+    stated = tuple(reason.text for reason in result.verdict.reasons[: 1 + MOST_REASONS])
+    return tuple(
+        message.text
+        for message in result.messages
+        if message.level != "info" and not message.text.startswith(stated)
     )
 
 
 def _plans(result: Result, pictures: Pictures, first: Brief) -> dict[str, object]:
     """What is drawn from above: plans, the first page's too, and where photos were taken."""
-    plan, small = top_view(result), top_view(result, first.plan_height)
+    plan, small = top_view(result, PLAN_HEIGHT), top_view(result, first.plan_height)
     ground = backdrop(plan, pictures)
     return {
         "plan_view": plan,
-        "view": plan if ground is None else top_view(result, BESIDE_HEIGHT),
+        "view": top_view(result, BESIDE_HEIGHT),
         "small_view": small,
         "ground": ground,
         "small_ground": backdrop(small, pictures),

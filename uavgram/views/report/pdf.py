@@ -1,4 +1,4 @@
-"""The report on paper: report.pdf from the same page, for archives (PDF/A-3b) and for printing."""
+"""Report and annex on paper: of the same pages, for archives (PDF/A-3b) and for printing."""
 
 from __future__ import annotations
 
@@ -37,23 +37,27 @@ def check_pdf() -> None:
     weasyprint_for(_NAME)
 
 
-def report_pdf(html: str, results: str, paper: Paper, name: str, made_utc: str) -> bytes:
-    """The report as a PDF/A-3b file, with ``results.json`` attached.
+def report_pdf(
+    html: str, results: str, paper: Paper, name: str, made_utc: str, *, attach: bool = True
+) -> bytes:
+    """Lay out the report, or its annex, as a PDF/A-3b file.
 
     Fonts are embedded, colours are those of sRGB. Equal input gives equal bytes.
 
     Parameters
     ----------
     html
-        The report's page.
+        The page of the report or of the annex.
     results
-        The text of ``results.json``; its SHA-256 stands at the foot of every page.
+        The text of ``results.json``; its SHA-256 is at the foot of every page.
     paper
         Its size.
     name
         Of the project.
     made_utc
         When the result was computed, as it says.
+    attach
+        Whether ``results.json`` is attached.
 
     Raises
     ------
@@ -76,7 +80,7 @@ def report_pdf(html: str, results: str, paper: Paper, name: str, made_utc: str) 
         html,
         sheet,
         _NAME,
-        attachments=[attached],
+        attachments=[attached] if attach else [],
         pdf_variant="pdf/a-3b",
         pdf_identifier=bytes.fromhex(digest)[:16],
     )

@@ -29,12 +29,14 @@ from uavgram.views.survey.sources import measured_alone
 from uavgram.views.survey.texts import Text, Wanted, box, placed_texts
 from uavgram.views.survey.verdict import status_text
 from uavgram.views.units import units_of
-from uavgram.views.wording import measurement_text, number, size_text
+from uavgram.views.wording import measurement_text, number, shapes_first, size_text
 
-WIDTHS = {"overview": 900.0, "measurement": 400.0, "point": 210.0}
+WIDTHS = {"overview": 640.0, "single": 500.0, "half": 400.0, "third": 270.0, "point": 210.0}
 """Of a picture on the page: marks are drawn as large as they are on a drawing of this width."""
-MOST_HALVES, THIRD_WIDTH = 4, 270.0
-"""Measurements of which two stand side by side, and the width where there are more: three do."""
+MOST_HALVES = 4
+"""Measurements of which two are side by side, and that the first page's plan has room for."""
+MOST_SHOWN = 12
+"""Measurements with a picture in the report, the least certain ones; the annex has the others."""
 DRAWN_OFF = 0.3
 """A bent line is drawn so exactly, in the same unit."""
 HALF_MIDDLE = 3.0
@@ -63,8 +65,8 @@ class Shown(NamedTuple):
         Picks, names, and what a length along the photo's rows looks like in the middle.
     name, told
         What it shows, and what is to be said of that.
-    origin
-        From which file and part of it.
+    photo, origin
+        From which file, and which part of it.
     """
 
     region: Region
@@ -76,6 +78,7 @@ class Shown(NamedTuple):
     bar: Bar | None
     name: str
     told: str
+    photo: str
     origin: str
 
 
@@ -88,11 +91,22 @@ class PhotoFile(NamedTuple):
 
 
 class Gallery(NamedTuple):
-    """All pictures of a report; `size` is the class of those of measurements."""
+    """All pictures of a report.
+
+    Attributes
+    ----------
+    files
+        The photos that they are parts of.
+    overview, measurements, size
+        Of the report, and the class of its measurements.
+    more, points, left_out
+        Of the annex: other measurements, points, and the names of what is not shown.
+    """
 
     files: tuple[PhotoFile, ...]
     overview: tuple[Shown, ...]
     measurements: tuple[Shown, ...]
+    more: tuple[Shown, ...]
     points: tuple[Shown, ...]
     left_out: tuple[str, ...]
     size: str
@@ -126,25 +140,40 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
     """Lay out the pictures; None where there is none."""
     if not pictures.shown:
         return None
-    by_subject: dict[str, list[Shown]] = {"overview": [], "measurement": [], "point": []}
-    several = sum(one.region.subject == "measurement" for one in pictures.shown) > MOST_HALVES
-    widths = {**WIDTHS, "measurement": THIRD_WIDTH} if several else WIDTHS
     drawn = _drawn(result, [one.region for one in pictures.shown])
+    first = _in_report(result, pictures)
+    size = {0: "half", 1: "single"}.get(
+        len(first), "half" if len(first) <= MOST_HALVES else "third"
+    )
+    made: dict[str, list[Shown]] = {"overview": [], "first": [], "more": [], "point": []}
     for row, picture in enumerate(pictures.shown):
-        unit = picture.region.width_px / widths[picture.region.subject]
-        by_subject[picture.region.subject].append(_shown(result, drawn, picture, unit, row))
+        subject = picture.region.subject
+        if subject == "measurement":
+            subject, width = ("first", size) if row in first else ("more", "third")
+        else:
+            width = subject
+        unit = picture.region.width_px / WIDTHS[width]
+        made[subject].append(_shown(result, drawn, picture, unit, row))
     stretch = {one.region.frame: _stretch_text(one) for one in pictures.shown}
     names = result.frames.frame_id
     return Gallery(
         files=tuple(
             PhotoFile(names[f], drawn.sha256[f], words) for f, words in sorted(stretch.items())
         ),
-        overview=tuple(by_subject["overview"]),
-        measurements=tuple(by_subject["measurement"]),
-        points=tuple(by_subject["point"]),
+        overview=tuple(made["overview"]),
+        measurements=tuple(made["first"]),
+        more=tuple(made["more"]),
+        points=tuple(made["point"]),
         left_out=pictures.left_out,
-        size="third" if several else "half",
+        size=size,
     )
+
+
+def _in_report(result: Result, pictures: Pictures) -> set[int]:
+    """Rows of the pictures of the measurements that are least certain for their size."""
+    rank = {row: k for k, row in enumerate(shapes_first(result.measurements))}
+    rows = [k for k, one in enumerate(pictures.shown) if one.region.subject == "measurement"]
+    return set(sorted(rows, key=lambda k: rank[pictures.shown[k].region.row])[:MOST_SHOWN])
 
 
 def _drawn(result: Result, regions: Sequence[Region]) -> _Drawn:
@@ -196,6 +225,7 @@ def _shown(result: Result, drawn: _Drawn, picture: Picture, unit: float, row: in
         bar=bar,
         name=name,
         told=told,
+        photo=result.frames.frame_id[region.frame],
         origin=_origin(result, picture, drawn.sha256[region.frame]),
     )
 
@@ -215,7 +245,7 @@ def _origin(result: Result, picture: Picture, digest: str) -> str:
 
 def _words(result: Result, drawn: _Drawn, region: Region, picks: Sequence[int]) -> tuple[str, str]:
     if region.subject == "overview":
-        return "Overview", "The photo that shows most of the points and measurements."
+        return "Overview", "The photo that shows most of what was measured."
     if region.subject == "point":
         label = result.points.label[region.row]
         made = [

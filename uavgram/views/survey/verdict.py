@@ -142,7 +142,7 @@ def counts_sentence(result: Result) -> str:
     taking = sum(state in ("used", "suspect") for state in result.known.status)
     known = f"{taking} of {len(result.known.name)} other known things used, "
     return (
-        f"{int((status == 'refined').sum())} of {len(status)} frames refined, "
+        f"{int((status == 'refined').sum())} of {len(status)} photos used, "
         f"{used} of {len(lines)} known lengths used{checks}, {known if result.known.name else ''}"
         f"{computed} of {len(result.measurements.name)} measurements computed."
     )

@@ -33,7 +33,7 @@ MOST_OF_A_KIND = 3
 MOST_HEIGHTS = 24
 # Size of a letter on a usual screen: half the width of one, and the height of a line. In the survey
 # as tangents of angles of view, in the photo as shares of its width and height.
-HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0052, 0.034
+HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0056, 0.040
 HALF_LETTER, LINE_HEIGHT = 0.0062, 0.062
 # So many lines that they hide the ground: thin ones, and labels farther apart.
 MANY_LINES = 20

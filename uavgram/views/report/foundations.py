@@ -1,0 +1,73 @@
+"""What a result rests on, for people who did not make it: questions and answers."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.model.naming import counted
+from uavgram.model.provenance import InputDigest
+from uavgram.model.result.result import Result
+from uavgram.views.report.budget import WORDS
+from uavgram.views.survey.sources import picks_text
+from uavgram.views.wording import place
+
+MOST_FILES = 40
+"""Files whose sums are in the report; the annex has those of all."""
+
+
+def foundations(result: Result) -> tuple[tuple[str, str], ...]:
+    """List photos, camera, lengths, flight log, points, place and largest uncertainty.
+
+    Returns
+    -------
+    Pairs of question and answer; what there is nothing of is left out or said to be missing.
+    """
+    camera, options = result.camera, dict(result.provenance.options)
+    log = options.get("log") or options.get("poses")
+    sources = ", ".join(log) if isinstance(log, tuple) else str(log or "")
+    facts = (
+        ("Photos", _photos(result)),
+        ("Camera", f"{camera.name}, {camera.width_px} x {camera.height_px} px"),
+        ("Known lengths", _lengths(result)),
+        ("Flight log", sources if result.has_seed.any() else "none"),
+        ("Points", picks_text(result) or "all picked by people"),
+        ("Place", place(result)),
+        ("Largest uncertainty", _largest_source(result)),
+    )
+    return tuple((question, answer) for question, answer in facts if answer)
+
+
+def files_shown(result: Result) -> tuple[InputDigest, ...]:
+    """Choose the files whose sums the report has: photos after all others."""
+    photos = {Path(path).name for path in result.frames.path}
+    files = sorted(result.provenance.inputs, key=lambda one: Path(one.path).name in photos)
+    return tuple(files[:MOST_FILES])
+
+
+def _photos(result: Result) -> str:
+    used = sum(status == "refined" for status in result.frames.status)
+    return f"{used} of {counted(len(result.frames.status), 'photo')} used"
+
+
+def _lengths(result: Result) -> str:
+    status = result.lines.status
+    if not status:
+        return "none"
+    used = sum(one in ("used", "suspect") for one in status)
+    withheld = sum(one == "checked" for one in status)
+    checks = f", {withheld} withheld as a check" if withheld else ""
+    return f"{used} of {counted(len(status), 'length')} used{checks}"
+
+
+def _largest_source(result: Result) -> str:
+    """Name what most of the measured values are least certain by, and what would help."""
+    budget = result.error_budget
+    if budget is None or not np.isfinite(budget.share).any():
+        return ""
+    known = budget.share[np.isfinite(budget.share).all(axis=1)]
+    largest = np.bincount(np.argmax(known, axis=1), minlength=len(budget.source))
+    row = int(np.argmax(largest))
+    what, help_ = WORDS[budget.source[row]]
+    return f"{what}: the largest in {largest[row]} of {counted(len(known), 'value')}. {help_}"
