@@ -28,9 +28,10 @@ from mission_files import by_plan, by_pymavlink, stations
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.pipeline.parallel import in_processes
 from uavgram.stages.products.mission import flight_mission
+from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.run import plan
 from uavgram.synthetic.scenario import Scenario
-from uavgram.synthetic.simulate import ScenarioWorld, as_stated, gathered, one_repetition
+from uavgram.synthetic.simulate import as_stated, gathered, one_repetition
 from uavgram.synthetic.study.photos import ratio_of
 
 SCENARIO = """

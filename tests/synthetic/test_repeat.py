@@ -19,13 +19,12 @@ from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.parallel import in_processes
 from uavgram.synthetic.autopilot import draw_biases
 from uavgram.synthetic.files import write_demo
-from uavgram.synthetic.inputs import inputs_of, project_of
+from uavgram.synthetic.inputs import ScenarioWorld, inputs_of, project_of
 from uavgram.synthetic.resurvey import read_project_world
 from uavgram.synthetic.scenario import PlateSpec, Scenario
 from uavgram.synthetic.scenario_file import read_world
 from uavgram.synthetic.simulate import (
     Asked,
-    ScenarioWorld,
     as_stated,
     gathered,
     one_repetition,

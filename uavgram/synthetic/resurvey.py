@@ -29,10 +29,10 @@ from uavgram.pipeline.measure.inputs import NO_POINTS, Inputs, read_inputs
 from uavgram.pipeline.measure.plates import with_sides
 from uavgram.pipeline.measure.pose import Posed, pose_frames
 from uavgram.pipeline.threads import one_blas_thread
+from uavgram.synthetic.inputs import Drawn
 from uavgram.synthetic.observe import Still
 from uavgram.synthetic.scenario import RepeatedSurvey
 from uavgram.synthetic.scenario_file import load_repeated
-from uavgram.synthetic.simulate import Drawn
 
 STILL_KINDS = frozenset({"skid_speed", "speed"})
 """Measurements of which most of the uncertainty is not of the survey: not repeated."""

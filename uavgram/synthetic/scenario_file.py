@@ -19,8 +19,8 @@ from uavgram.pipeline.cameras.by_name import camera_of_drone
 from uavgram.pipeline.cameras.read import read_camera
 from uavgram.stages.camera.assume import assume_camera, find_camera
 from uavgram.synthetic.errors import USUAL, USUALLY_LOST
+from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.scenario import CameraSpec, RepeatedSurvey, Scenario
-from uavgram.synthetic.simulate import ScenarioWorld
 from uavgram.synthetic.survey import senseless, simulate
 
 MOST_ITEMS = 2000

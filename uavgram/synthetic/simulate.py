@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from uavgram.estimation.repeated.accuracy import accuracy_of, running_ratio
 from uavgram.io.outputs import staged_output
 from uavgram.io.results.simulation_json import write_simulation
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
 from uavgram.model.result.result import Result
 from uavgram.model.simulation.repetitions import (
     Repetition,
@@ -25,15 +23,12 @@ from uavgram.model.simulation.repetitions import (
     Variant,
 )
 from uavgram.pipeline.measure.compute import compute
-from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.pipeline.measure.pose import Posed
 from uavgram.pipeline.parallel import in_processes
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.errors import HabitSpec
-from uavgram.synthetic.inputs import inputs_of
+from uavgram.synthetic.inputs import Drawn, ScenarioWorld, World
 from uavgram.synthetic.scenario import GroundSpec, Scenario
-from uavgram.synthetic.survey import simulate
 from uavgram.views.simulation.page import write_simulation_page
 
 OF_THE_LOG = {
@@ -102,69 +97,6 @@ def _keys(scenario: Scenario) -> dict[str, str]:
 
 def _each(value: float | tuple[float, ...]) -> tuple[float, ...]:
     return value if isinstance(value, tuple) else (value,)
-
-
-class Drawn(NamedTuple):
-    """One draw: what a project would hold, and the true values of what it measures.
-
-    `posed` are the frames where no log has to be read for them; `name`, `unit` (M,) and `true`
-    (M,) are of the values.
-    """
-
-    inputs: Inputs
-    posed: Posed | None
-    name: tuple[str, ...]
-    unit: tuple[str, ...]
-    true: Floats
-
-
-class World(Protocol):
-    """A survey that can be repeated."""
-
-    def drawn(self, number: int) -> Drawn:
-        """One repetition; the same number gives the same one."""
-
-    def exact(self) -> Drawn:
-        """The survey without any error, its sigmas being as stated."""
-
-    def named(self) -> tuple[str, int]:
-        """Name and seed."""
-
-
-@dataclass(frozen=True)
-class ScenarioWorld:
-    """Repetitions of a scenario with a camera of its own, or with one from a file."""
-
-    scenario: Scenario
-    calibration: Calibration | None = None
-
-    def drawn(self, number: int) -> Drawn:
-        """One repetition; the same number gives the same one."""
-        survey = simulate(self.scenario, self.calibration, repetition=number)
-        truth = survey.truth
-        return Drawn(
-            inputs_of(survey),
-            None,
-            truth.measurement_name,
-            truth.measurement_unit,
-            truth.measurement_value,
-        )
-
-    def exact(self) -> Drawn:
-        """The survey without any error, its sigmas being as stated."""
-        survey = simulate(self.scenario, self.calibration, exact=True)
-        truth = survey.truth
-        return Drawn(
-            inputs_of(survey, noise="stated"),
-            None,
-            truth.measurement_name,
-            truth.measurement_unit,
-            truth.measurement_value,
-        )
-
-    def named(self) -> tuple[str, int]:
-        """Name and seed."""
-        return self.scenario.name, self.scenario.seed
 
 
 Heard = Callable[[str], None]

@@ -14,9 +14,10 @@ from uavgram.model.arrays import Floats
 from uavgram.model.maps.mission import Mission
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.stages.products.mission import flight_mission
+from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.run import plan
 from uavgram.synthetic.scenario import Scenario
-from uavgram.synthetic.simulate import ScenarioWorld, predicted_sigmas
+from uavgram.synthetic.simulate import predicted_sigmas
 
 SCENARIO = """
 site: {ground_slope_deg: [4.0, -3.0]}

@@ -10,9 +10,10 @@ import pytest
 
 from uavgram.model.planned.next_lines import NextLines
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
+from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.next_lines import next_lines_of
 from uavgram.synthetic.scenario import Scenario
-from uavgram.synthetic.simulate import ScenarioWorld, predicted_sigmas
+from uavgram.synthetic.simulate import predicted_sigmas
 
 HERE = Path("project.yaml")
 

@@ -13,12 +13,13 @@ from scipy.stats import chi2
 
 from uavgram.io.results.plan_json import read_plan, write_plan
 from uavgram.model.planned.plan import FlightPlanned
+from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.make import plan_of
 from uavgram.synthetic.plan.run import flown
 from uavgram.synthetic.plan.scene import Asked, scene_of
 from uavgram.synthetic.plan.survey import predicted
 from uavgram.synthetic.scenario_file import load_scenario, scenario_text
-from uavgram.synthetic.simulate import ScenarioWorld, predicted_sigmas
+from uavgram.synthetic.simulate import predicted_sigmas
 
 SCENARIO = """
 name: yard

@@ -12,6 +12,7 @@ from plan_scenes import plan_case
 from uavgram.io.results.plan_json import read_plan, write_plan
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
+from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.accuracy import ends_of
 from uavgram.synthetic.plan.cameras import Seen, large_enough
 from uavgram.synthetic.plan.layouts import best_layout
@@ -20,7 +21,7 @@ from uavgram.synthetic.plan.run import plan
 from uavgram.synthetic.plan.survey import predicted
 from uavgram.synthetic.scenario import PlateSpec, Scenario
 from uavgram.synthetic.scenario_file import load_scenario, scenario_text
-from uavgram.synthetic.simulate import ScenarioWorld, predicted_sigmas
+from uavgram.synthetic.simulate import predicted_sigmas
 from uavgram.views.field_sheet.page import field_sheet
 from uavgram.views.planned_text import plan_lines
 

@@ -11,8 +11,9 @@ from uavgram.estimation.repeated.predicted_lengths import PredictedLengths, pred
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
 from uavgram.synthetic.errors import ErrorSpec, StatedSpec
+from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.scenario import CameraSpec, FlightPlan, Scenario, Site, Station
-from uavgram.synthetic.simulate import ScenarioWorld, predicted_sigmas
+from uavgram.synthetic.simulate import predicted_sigmas
 from uavgram.synthetic.study.method_scenes import SIZE_PX
 from uavgram.synthetic.study.photos import (
     LENS,

@@ -13,7 +13,8 @@ from uavgram.cli.terminal import log_to_stderr, progress, say, say_written
 from uavgram.errors import UavgramError
 
 if TYPE_CHECKING:
-    from uavgram.synthetic.simulate import Asked, World
+    from uavgram.synthetic.inputs import World
+    from uavgram.synthetic.simulate import Asked
 
 Repetitions = Annotated[int, Parameter(validator=validators.Number(gte=2, lte=100_000))]
 
