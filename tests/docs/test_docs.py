@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-PAGES = ("architecture.md", "CONTRIBUTING.md", "CHANGELOG.md", "messages.md")
+PAGES = ("architecture.md", "CONTRIBUTING.md", "CHANGELOG.md", "messages.md", "windows.md")
 SUFFIXES = "py|js|md|toml|yaml|html|css|jpg|typed"
 PATH = re.compile(rf"^\.?[\w\-]+(/[\w\-.]+)*(/|\.({SUFFIXES}))$")
 """`io/tables/` or `io/tables/picks.py`: with a slash, or with the suffix of a source file."""

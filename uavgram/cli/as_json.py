@@ -91,7 +91,15 @@ def camera_object(read: CameraRead) -> dict[str, Any]:
 def difference_object(
     first: CameraRead, second: CameraRead, difference: CameraDifference
 ) -> dict[str, Any]:
-    """Make an object of what a second camera projects elsewhere, over the image of the first."""
+    """Make an object of what a second camera projects elsewhere, over the image of the first.
+
+    Parameters
+    ----------
+    first, second
+        The cameras.
+    difference
+        Between them.
+    """
     return {
         "schema": SCHEMA,
         "path": str(first.path),
