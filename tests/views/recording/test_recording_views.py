@@ -292,6 +292,8 @@ def test_the_overview_has_eight_views_and_the_details_open_beside_it(result: Res
     scene, picks = measure_scene(result), project_picks(result)
     layout = blueprint(result, scene, frame_curves(result, picks), pose_curves(result))
     overview, details = layout.root_container.contents
+    assert isinstance(overview, rrb.Container)
+    assert isinstance(details, rrb.Container)
 
     assert [overview.name, details.name] == ["Overview", "Details"]
     assert len(list(views(overview))) <= 8

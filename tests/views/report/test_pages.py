@@ -25,7 +25,7 @@ from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.report import check_pdf, render_report, report_pdf, shown_ground
 
 pikepdf = pytest.importorskip("pikepdf", reason="pikepdf is not installed")
-ONE = (("skid left", "distance", ("P01", "P10"), "m"),)
+ONE: tuple[survey.Measure, ...] = (("skid left", "distance", ("P01", "P10"), "m"),)
 MOST_PAGES = {"one": 4, "several": 8}
 FOOT, LEAST_FULL = 0.92, 0.55
 """Of the height of a page: where its foot begins, and how far down its text must reach."""

@@ -147,7 +147,7 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
     )
     made: dict[str, list[Shown]] = {"overview": [], "first": [], "more": [], "point": []}
     for row, picture in enumerate(pictures.shown):
-        subject = picture.region.subject
+        subject: str = picture.region.subject
         if subject == "measurement":
             subject, width = ("first", size) if row in first else ("more", "third")
         else:
