@@ -14,7 +14,10 @@ PAGES = ("architecture.md", "CONTRIBUTING.md", "CHANGELOG.md", "messages.md", "w
 SUFFIXES = "py|js|md|toml|yaml|html|css|jpg|typed"
 PATH = re.compile(rf"^\.?[\w\-]+(/[\w\-.]+)*(/|\.({SUFFIXES}))$")
 """`io/tables/` or `io/tables/picks.py`: with a slash, or with the suffix of a source file."""
-AT_WORK = {"results.json", "calibration.json", "run.jsonl", "report.html", "project.yaml"}
+AT_WORK = {
+    *("results.json", "calibration.json", "run.jsonl", "report.html", "report-annex.html"),
+    "project.yaml",
+}
 """Files that a run reads or writes, not those of the repository."""
 
 

@@ -48,7 +48,17 @@ class PoseRows:
         return normal_equations(*self.rows(which, state))
 
     def move(self, state: State, linear: Linear, step: Floats) -> State:  # noqa: ARG002
-        """Apply steps (b, 6) to poses; `linear` is not needed."""
+        """Apply steps to poses.
+
+        Parameters
+        ----------
+        state
+            Of b photos.
+        linear
+            Their linearisation there; not needed.
+        step
+            (b, 6).
+        """
         return move_poses(state, step)
 
 
