@@ -141,3 +141,12 @@ def test_a_label_that_many_photos_do_not_show_on_the_ground_may_be_off_it(projec
     assert may_be_raised(picks, [], [("3.png", "V01")]) == {"V01"}
     stated = np.where(np.array(picks.label) == "V01", 1.4, np.nan)
     assert may_be_raised(replace(picks, height_m=stated), [], [("3.png", "V01")]) == set()
+
+
+def test_one_photo_that_covers_what_another_shows_raises_no_target(project: Path) -> None:
+    picks = read_inputs(project).picks
+    shown, covered = [("1.png", "V00")], [("3.png", "V00")]
+    assert may_be_raised(picks, shown, covered) == {"V00"}
+    assert may_be_raised(picks, shown, covered, odds=100.0) == set()
+    nowhere = [(f"{k}.png", "V00") for k in (0, 1, 3, 4)]
+    assert may_be_raised(picks, [], nowhere, odds=100.0) == {"V00"}
