@@ -48,7 +48,17 @@ class PoseRows:
         return normal_equations(*self.rows(which, state))
 
     def move(self, state: State, linear: Linear, step: Floats) -> State:  # noqa: ARG002
-        """Apply steps (b, 6) to poses; `linear` is not needed."""
+        """Apply steps to poses.
+
+        Parameters
+        ----------
+        state
+            Of b problems.
+        linear
+            As it was linearised there.
+        step
+            (b, 6) of centre [m] and rotation [rad].
+        """
         return move_poses(state, step)
 
 

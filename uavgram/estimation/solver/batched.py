@@ -80,7 +80,17 @@ class Problem(Protocol):
         ...
 
     def move(self, state: State, linear: Linear, step: Floats) -> State:
-        """Apply steps (b, u) to the state at which b problems were linearised."""
+        """Apply steps; what was eliminated follows.
+
+        Parameters
+        ----------
+        state
+            Of b problems.
+        linear
+            As it was linearised there.
+        step
+            (b, u).
+        """
         ...
 
 
@@ -105,7 +115,17 @@ class Explicit:
         return normal_equations(*self.rows(which, state))
 
     def move(self, state: State, linear: Linear, step: Floats) -> State:  # noqa: ARG002
-        """Apply steps (b, u) to a state of b problems; `linear` is not needed."""
+        """Apply steps.
+
+        Parameters
+        ----------
+        state
+            Of b problems.
+        linear
+            As it was linearised there.
+        step
+            (b, u).
+        """
         return self.update(state, step)
 
 
@@ -143,7 +163,17 @@ class Ends(NamedTuple):
     steps: Ints
 
     def put(self, rows: Ints, other: Ends, axis: int) -> None:
-        """Write other ends of some problems over theirs; the steps add up."""
+        """Write other ends of some problems over theirs; the steps add up.
+
+        Parameters
+        ----------
+        rows
+            (b,) these problems.
+        other
+            Their ends.
+        axis
+            Of the state: `Problem.axis`.
+        """
         for whole, part in zip(self.state, other.state, strict=True):
             _along(whole, axis)[rows] = _along(part, axis)
         self.cost[rows], self.normal[rows] = other.cost, other.normal

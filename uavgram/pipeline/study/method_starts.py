@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.first_poses.known_lines import direct_poses, poses_from_lines
-from uavgram.estimation.first_poses.length_conditions import LengthFrames
+from uavgram.estimation.first_poses.length_poses import LengthFrames, search_frames
 from uavgram.estimation.first_poses.pose_problem import LineRows
-from uavgram.estimation.first_poses.resection import search_frames
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane_pose import pose_above_plane
 from uavgram.imaging.known_point_pose import FEWEST_POINTS, poses_from_points
