@@ -26,8 +26,7 @@ import cameratransform
 import cv2
 import numpy as np
 
-from uavgram.estimation.first_poses.length_conditions import LengthFrames
-from uavgram.estimation.first_poses.resection import resect_from_lengths
+from uavgram.estimation.first_poses.length_poses import LengthFrames, resect_from_lengths
 from uavgram.estimation.survey.likelihood import covariance_root
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.points import View, ground_points

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from uavgram.estimation.first_poses.length_poses import LengthPoses
 from uavgram.estimation.first_poses.prior_gate import (
     allowed,
     compare_with_seed,
     seed_on_plane,
 )
-from uavgram.estimation.first_poses.resection import LengthPoses
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Ground
 

@@ -9,9 +9,12 @@ import numpy as np
 import pytest
 from scenes import make_scene
 
-from uavgram.estimation.first_poses.length_conditions import LengthFrames
+from uavgram.estimation.first_poses.length_poses import (
+    LengthFrames,
+    lengths_between,
+    resect_from_lengths,
+)
 from uavgram.estimation.first_poses.network import length_poses, seen_lines
-from uavgram.estimation.first_poses.resection import lengths_between, resect_from_lengths
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground import shapes
 from uavgram.geometry.motion.rotation import hat

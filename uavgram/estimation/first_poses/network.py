@@ -7,8 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.length_conditions import LengthFrames
-from uavgram.estimation.first_poses.resection import LengthPoses, resect_from_lengths, search_frames
+from uavgram.estimation.first_poses.length_poses import (
+    LengthFrames,
+    LengthPoses,
+    resect_from_lengths,
+    search_frames,
+)
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera.calibration import Calibration

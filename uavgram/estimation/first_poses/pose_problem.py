@@ -53,11 +53,11 @@ class PoseRows:
         Parameters
         ----------
         state
-            Of b photos.
+            Of b problems.
         linear
-            Their linearisation there; not needed.
+            As it was linearised there.
         step
-            (b, 6).
+            (b, 6) of centre [m] and rotation [rad].
         """
         return move_poses(state, step)
 

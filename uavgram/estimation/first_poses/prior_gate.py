@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.first_poses.resection import LengthPoses
+from uavgram.estimation.first_poses.length_poses import LengthPoses
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.survey.survey import Ground

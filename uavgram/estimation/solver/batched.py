@@ -80,14 +80,14 @@ class Problem(Protocol):
         ...
 
     def move(self, state: State, linear: Linear, step: Floats) -> State:
-        """Apply steps to a state.
+        """Apply steps; what was eliminated follows.
 
         Parameters
         ----------
         state
             Of b problems.
         linear
-            Their linearisation there.
+            As it was linearised there.
         step
             (b, u).
         """
@@ -115,14 +115,14 @@ class Explicit:
         return normal_equations(*self.rows(which, state))
 
     def move(self, state: State, linear: Linear, step: Floats) -> State:  # noqa: ARG002
-        """Apply steps to a state.
+        """Apply steps.
 
         Parameters
         ----------
         state
             Of b problems.
         linear
-            Their linearisation there; not needed.
+            As it was linearised there.
         step
             (b, u).
         """
@@ -168,11 +168,11 @@ class Ends(NamedTuple):
         Parameters
         ----------
         rows
-            (b,) the problems.
+            (b,) these problems.
         other
             Their ends.
         axis
-            Of the states that counts problems.
+            Of the state: `Problem.axis`.
         """
         for whole, part in zip(self.state, other.state, strict=True):
             _along(whole, axis)[rows] = _along(part, axis)

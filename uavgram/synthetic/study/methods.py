@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.estimation.first_poses.known_lines import direct_poses, poses_from_lines, rivals
-from uavgram.estimation.first_poses.length_conditions import LengthFrames
+from uavgram.estimation.first_poses.length_poses import LengthFrames, search_frames
 from uavgram.estimation.first_poses.pose_problem import (
     FeatureRows,
     LineRows,
     first_points,
     ground_points,
 )
-from uavgram.estimation.first_poses.resection import search_frames
 from uavgram.estimation.solver.batched import Ends, minimise_each
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane_pose import pose_above_plane

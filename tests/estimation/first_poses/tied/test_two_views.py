@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 import pytest
 
-from uavgram.estimation.first_poses.tied.essential import (
+from uavgram.estimation.first_poses.tied.three_points import poses_from_three, resected
+from uavgram.estimation.first_poses.tied.two_views import (
     epipolar_angles,
     essential_matrices,
     poses_of,
+    relative_poses,
 )
-from uavgram.estimation.first_poses.tied.three_points import poses_from_three, resected
-from uavgram.estimation.first_poses.tied.two_views import relative_poses
 from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.model.arrays import Floats
 

@@ -1,21 +1,148 @@
-"""How two cameras stand to each other, from the rays to points that both see."""
+"""Two calibrated views: essential matrices from five rays, and the poses that explain most rays."""
 
 from __future__ import annotations
 
+from itertools import combinations_with_replacement, product
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.estimation.first_poses.pose_problem import across_rays
-from uavgram.estimation.first_poses.tied.essential import (
-    epipolar_angles,
-    epipolar_misses,
-    essential_matrices,
-    poses_of,
-)
 from uavgram.estimation.solver.batched import Explicit, State, minimise_trimmed
 from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.model.arrays import Floats, Ints
+
+REAL = 1e-6
+"""Imaginary part, as a share of the size, up to which a root counts as real."""
+
+_CUBIC = [m for m in combinations_with_replacement(range(4), 3) if 3 not in m]
+_LOWER = [m for m in combinations_with_replacement(range(4), 3) if 3 in m]
+_PLACE: dict[tuple[int, ...], int] = {monomial: k for k, monomial in enumerate(_CUBIC + _LOWER)}
+"""Monomials of degree three in (x, y, z, 1), those without the 1 first: places in a row."""
+
+_LINEAR = [_PLACE[(k, 3, 3)] - 10 for k in range(4)]
+"""Of those with the 1: x, y, z and 1 themselves."""
+
+_SIGN = np.zeros((3, 3, 3))
+_SIGN[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
+_SIGN[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = -1.0
+
+
+def _gathering() -> Floats:
+    """(64, 20) which products of three of (x, y, z, 1) are which monomial."""
+    gather = np.zeros((64, 20))
+    for row, factors in enumerate(product(range(4), repeat=3)):
+        gather[row, _PLACE[tuple(sorted(factors))]] = 1.0
+    return gather
+
+
+_GATHER = _gathering()
+
+
+def essential_matrices(first: Floats, second: Floats) -> Floats:
+    """Matrices E with second . E first = 0, of samples of five rays each.
+
+    Parameters
+    ----------
+    first, second
+        (S, 5, 3) unit rays to the same points from the two cameras.
+
+    Returns
+    -------
+    (M, 3, 3)
+        Of all samples together, up to ten of each.
+
+    Notes
+    -----
+    Stewenius, Engels and Nister 2006, "Recent developments on direct relative orientation": the
+    ten cubic conditions on E = x E1 + y E2 + z E3 + E4, and the roots from the eigenvectors of the
+    multiplication by x. It holds for points in a plane too.
+    """
+    rows = (second[:, :, :, None] * first[:, :, None, :]).reshape(-1, 5, 9)
+    basis = np.linalg.svd(rows)[2][:, 5:].reshape(-1, 4, 3, 3)
+    conditions = _conditions(basis)
+    solvable = np.linalg.cond(conditions[:, :, :10]) < 1e12
+    basis, conditions = basis[solvable], conditions[solvable]
+    reduced = -np.linalg.solve(conditions[:, :, :10], conditions[:, :, 10:])
+    action = np.zeros((len(basis), 10, 10))
+    for row, (_, *rest) in enumerate(_sorted_lower()):
+        raised = _PLACE[tuple(sorted((0, *rest)))]
+        if raised < 10:
+            action[:, row] = reduced[:, raised]
+        else:
+            action[:, row, raised - 10] = 1.0
+    values, vectors = np.linalg.eig(action)
+    ones = vectors[:, -1]
+    real = (np.abs(values.imag) <= REAL * (1.0 + np.abs(values))) & (np.abs(ones) > 0)
+    sample, root = np.nonzero(real)
+    weights = (vectors[sample, :, root][:, _LINEAR] / ones[sample, root][:, None]).real
+    found = np.einsum("mi,mijk->mjk", weights, basis[sample])
+    size = np.linalg.norm(found, axis=(1, 2), keepdims=True)
+    return np.asarray(found / size * np.sqrt(2.0))
+
+
+def _sorted_lower() -> list[tuple[int, ...]]:
+    """The monomials of degree at most two, as (3, a, b): the 1 first."""
+    return [(3, *sorted(monomial)[:2]) for monomial in _LOWER]
+
+
+def _conditions(basis: Floats) -> Floats:
+    """(S, 10, 20) coefficients of 2 E E^T E - tr(E E^T) E = 0 and det E = 0, of (S, 4, 3, 3)."""
+    samples = len(basis)
+    squares = np.einsum("siab,sjcb->sijac", basis, basis)
+    trace = np.einsum("sijaa->sij", squares)
+    cubes = 2.0 * np.einsum("sijac,skcd->sadijk", squares, basis)
+    cubes -= np.einsum("sij,skad->sadijk", trace, basis)
+    minors = np.einsum("abc,sib,sjc->saij", _SIGN, basis[:, :, 1], basis[:, :, 2])
+    determinant = np.einsum("sia,sajk->sijk", basis[:, :, 0], minors)
+    conditions = np.concatenate(
+        [cubes.reshape(samples, 9, 64), determinant.reshape(samples, 1, 64)], axis=1
+    )
+    return np.asarray(conditions @ _GATHER)
+
+
+def poses_of(essential: Floats) -> tuple[Floats, Floats]:
+    """The four poses of the second camera (4, 3, 3), (4, 3): x2 = R x1 + t with t of length one."""
+    left, _, right = np.linalg.svd(essential)
+    left, right = left * np.linalg.det(left), right * np.linalg.det(right)
+    quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    rotation = np.stack([left @ quarter @ right, left @ quarter.T @ right])
+    shift = left[:, 2]
+    return np.concatenate([rotation, rotation]), np.stack([shift, shift, -shift, -shift])
+
+
+def epipolar_angles(essential: Floats, first: Floats, second: Floats) -> Floats:
+    """(M, n) by how much rays (n, 3) miss each other under M matrices [rad], to first order.
+
+    Sampson's distance (Hartley and Zisserman 2004, sec. 11.4.3) on the sphere instead of the image.
+
+    Parameters
+    ----------
+    essential
+        (M, 3, 3).
+    first, second
+        (n, 3) unit rays to the same points from the two cameras.
+    """
+    miss, slope = epipolar_misses(essential, first, second)
+    return np.asarray(miss / slope)
+
+
+def epipolar_misses(essential: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
+    """(M, n) second . E first, and by how much that changes with the rays, by rad.
+
+    Parameters
+    ----------
+    essential
+        (M, 3, 3).
+    first, second
+        (n, 3) unit rays to the same points from the two cameras.
+    """
+    towards = first @ essential.transpose(0, 2, 1)
+    back = second @ essential
+    miss = np.einsum("mni,ni->mn", towards, second)
+    squared = np.sum(towards**2, axis=2) + np.sum(back**2, axis=2) - 2.0 * miss**2
+    return miss, np.sqrt(np.maximum(squared, 1e-18))
+
 
 SAMPLES = 60
 """Samples of five rays; with a tenth of the ties wrong, 59 % of them are free of wrong ones."""
