@@ -12,7 +12,7 @@ import uavgram
 def test_a_survey_without_a_fault_is_not_red_and_keeps_its_lengths(
     name: str, data_dir: Path
 ) -> None:
-    """Streets have houses: points of their walls, 6 m high and in two photos, are no wrong picks."""
+    """Streets have houses: points of walls, 6 m high and in two photos, are no wrong picks."""
     if not (data_dir / name).is_dir():
         pytest.skip(f"no {name} in {data_dir}")
     result = uavgram.run(data_dir / name / "project.yaml", output=None)
