@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +49,12 @@ def test_a_verdict_that_is_as_bad_fails_and_the_results_are_written(
     assert level["level"] == "red"
     assert (done.status, done.stdout) == (status, "")
     assert project.outputs() != before
+    if status:  # a reader that leaves early does not make a bad survey pass
+        words = [sys.executable, "-m", "uavgram", "run", project.path, "--json"]
+        process = subprocess.Popen([*words, "--fail-on", str(fail_on)], stdout=subprocess.PIPE)
+        assert process.stdout is not None
+        process.stdout.close()
+        assert process.wait() == status
 
 
 def test_check_prints_its_photos(project: Project, command: Command) -> None:

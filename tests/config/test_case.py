@@ -20,13 +20,16 @@ def project_with(folder: Path, text: str) -> Path:
 
 
 def test_a_case_is_read_as_it_is_written(tmp_path: Path) -> None:
-    text = "case: {number: 12/26, date: 2026-03-01, more: {Road: wet}}\n"
+    text = "case: {number: 12/26, date: 2026-03-01, agency: PD, more: {Road: wet}}\n"
     project = load_project(project_with(tmp_path, text), unfinished=True)
 
-    assert project.case == Case(number="12/26", date="2026-03-01", more={"Road": "wet"})
+    assert project.case == Case(
+        number="12/26", date="2026-03-01", agency="PD", more={"Road": "wet"}
+    )
     assert case_from_options(option_pairs(project)) == (
         ("Case number", "12/26"),
         ("Date", "2026-03-01"),
+        ("Agency", "PD"),
         ("Road", "wet"),
     )
 

@@ -106,12 +106,13 @@ def _write(text: str) -> None:
     try:
         sys.stdout.write(text + "\n")
         sys.stdout.flush()
-    except BrokenPipeError:
-        raise
     except OSError as fault:
         drop_output()
-        if sys.platform == "win32" and fault.errno == errno.EINVAL:  # its reader has left
-            raise BrokenPipeError from fault
+        # A reader that has left (head, less) misses nothing, and the status stays the command's.
+        if isinstance(fault, BrokenPipeError) or (
+            sys.platform == "win32" and fault.errno == errno.EINVAL
+        ):
+            return
         raise OutputError(
             f"standard output takes no text ({fault.strerror}): what was asked for is done, only "
             "what there was to say of it is lost"

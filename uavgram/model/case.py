@@ -10,6 +10,7 @@ WORDS = {
     "title": "Case",
     "place": "Place",
     "date": "Date",
+    "agency": "Agency",
     "client": "For",
 }
 """What each field is called; others are called as they are written."""
@@ -21,7 +22,7 @@ class Case:
 
     Attributes
     ----------
-    number, title, place, date, client
+    number, title, place, date, agency, client
         As people write them.
     more
         Whatever else is to be said, by its name.
@@ -31,6 +32,7 @@ class Case:
     title: str = ""
     place: str = ""
     date: str = ""
+    agency: str = ""
     client: str = ""
     more: Mapping[str, str] = field(default_factory=dict)
 

@@ -42,7 +42,7 @@ def explanation(code: str) -> list[str]:
     UavgramError
         If no message has this code; names the nearest codes.
     """
-    entry = CATALOGUE.get(code.strip("[] "))
+    entry = CATALOGUE.get(code.strip("[] ").lower())
     if entry is None:
         raise UavgramError(_unknown(code))
     lines = [f"{entry.code}: {_levels(entry)}", ""]

@@ -83,6 +83,8 @@ def camera(
         else:
             say(*_shown(changed))
         return DONE
+    if json:
+        raise InputError("--json", "shows a camera; a converted file (--to, --output) has a form")
     form = "uavgram" if to is None else to
     options = {key: value for key, value in (("crop", crop), ("size", size)) if value is not None}
     if output is None:

@@ -93,9 +93,12 @@ FLIGHT_LOG = (
     Entry(
         "log-note",
         WARNING,
-        finding="The file of the log has a fault, such as a damaged part or a missing end.",
+        finding=(
+            "Something in the log is unusual, as the message states: a damaged part, a missing "
+            "end, or camera triggers that the camera did not confirm."
+        ),
         consequence="The program read everything that is readable.",
-        action="If the end is missing, copy the log again.",
+        action="If a part or the end is missing, copy the log from the vehicle again.",
     ),
     Entry(
         "clock-missing",

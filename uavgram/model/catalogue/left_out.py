@@ -9,8 +9,9 @@ EXCLUDED = (
         "pick-left-out",
         WARNING,
         finding=(
-            "A pick takes no part, for the reason in the message: it is in the sky, at the rim of "
-            "the lens, in a photo without a position, or far from its expected place."
+            "A pick takes no part, for the reason in the message: all other observations "
+            "contradict it, or it is in the sky, at the rim of the lens, in a photo without a "
+            "position, or in one that shows another place."
         ),
         action="Check its place and its label.",
         effect=Effect.AMBER,
