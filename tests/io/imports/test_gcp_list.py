@@ -212,3 +212,18 @@ def test_exchanged_coordinates_are_told_where_photos_show_it(
 
     with pytest.raises(InputError, match=r":3: .*near it with latitude and longitude .* exchanged"):
         read_gcp_list(path, GcpSigmas(sigma_m=0.05))
+
+
+@pytest.mark.parametrize(
+    ("names", "surplus"),
+    [
+        ("Flug 3.JPG Punkt eins", "'eins' behind the label 'Punkt'"),
+        ('"my photo 1.JPG" "G 1"', "behind the label 'photo'"),
+        ("photo two.webp G1", "'G1' behind the label 'two.webp'"),
+    ],
+)
+def test_a_name_with_blanks_is_never_cut(tmp_path: Path, names: str, surplus: str) -> None:
+    with pytest.raises(InputError) as refused:
+        read_gcp_list(write(tmp_path, HEAD + f"1 2 3 10 20 {names}\n"))
+    assert surplus in str(refused.value)
+    assert "separate all cells by tabs" in str(refused.value)

@@ -127,6 +127,14 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
         good = [value for value in numbers if value is not None]
         if len(cells) <= _NUMBERS:
             faults.append((line, "needs x, y, z, column, row and the photo's name"))
+        elif surplus := _surplus_words(text, cells):
+            faults.append(
+                (
+                    line,
+                    f"has {surplus!r} behind the label {cells[_NUMBERS + 1]!r}: if it belongs to "
+                    "the name of the photo or of the point, separate all cells by tabs",
+                )
+            )
         elif len(good) < _NUMBERS:
             wrong = numbers.index(None)
             faults.append((line, f"{_NAMES[wrong]} must be a number (got {cells[wrong]!r})"))
@@ -152,6 +160,13 @@ def _cells(text: str) -> list[str]:
     photo = _PHOTO.match(first)
     image = photo[0] if photo else first if is_tabbed else first.split()[0]
     return [*numbers, image, *first[len(image) :].split(), *map(str.strip, more)]
+
+
+def _surplus_words(text: str, cells: list[str]) -> str:
+    """Find words behind the label that only blanks separate from it: part of a name, perhaps."""
+    words = [cell for cell in cells[_NUMBERS + 2 :] if parse_number(cell) is None]
+    own_cells = {cell.strip() for cell in text.split("\t")} if "\t" in text else set()
+    return " ".join(word for word in words if word not in own_cells)
 
 
 def _beside(path: Path, images: set[str]) -> Iterator[Path]:
