@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from datetime import datetime
+from typing import Any
 
 from uavgram.model.maps.plan import Paper
 from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf, weasyprint_for
@@ -83,4 +84,18 @@ def report_pdf(
         attachments=[attached] if attach else [],
         pdf_variant="pdf/a-3b",
         pdf_identifier=bytes.fromhex(digest)[:16],
+        finisher=_finish,
     )
+
+
+def _finish(_: object, pdf: Any) -> None:  # noqa: ANN401
+    """Keep two rules of the archive format that WeasyPrint breaks.
+
+    ISO 19005-3, 6.2.8: no image may ask to be interpolated; 6.8: each attachment is listed once.
+    """
+    for one in pdf.objects:
+        image = getattr(one, "extra", {})
+        if "Interpolate" in image:
+            image["Interpolate"] = "false"
+    if "AF" in pdf.catalog:
+        pdf.catalog["AF"][:] = dict.fromkeys(pdf.catalog["AF"])
