@@ -71,6 +71,19 @@ def test_the_numbers_are_attached(content: bytes) -> None:
     assert [str(one.UF) for one in pdf.Root.AF] == ["results.json"]
 
 
+def test_report_and_annex_link_to_the_pdf_of_each_other(page: str, content: bytes) -> None:
+    other = "report.pdf" if "annex for the specialist" in page else "report-annex.pdf"
+    links = [
+        str(one.A.URI)
+        for sheet in opened(content).pages
+        for one in sheet.get("/Annots", [])
+        if "/A" in one
+    ]
+
+    assert [link for link in links if "report" in link] == [other]
+    assert not any(link.endswith(".html") for link in links)
+
+
 @pytest.mark.usefixtures("page")
 def test_the_annex_has_no_second_copy_of_the_numbers() -> None:
     pdf = opened(report_pdf(SHORT, NUMBERS, "a4", "crossing", MADE, attach=False))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from datetime import datetime
 from typing import Any
 
@@ -10,6 +11,9 @@ from uavgram.model.maps.plan import Paper
 from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf, weasyprint_for
 
 _NAME = "report"
+
+_BESIDE = re.compile(r'href="([^":#]+)\.html"')
+"""A link to the page beside this one: on paper, to its PDF."""
 
 _SHEET = """
 @page {{
@@ -78,7 +82,7 @@ def report_pdf(
     shown = name.translate({ord(c): " " for c in '"\\\n'})
     sheet = _SHEET.format(size=PAPER_SIZES[paper], digest=digest, name=shown)
     return page_pdf(
-        html,
+        _BESIDE.sub(r'href="\1.pdf"', html),
         sheet,
         _NAME,
         attachments=[attached] if attach else [],
