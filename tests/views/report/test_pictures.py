@@ -21,6 +21,7 @@ from uavgram.io.results.results_json import write_results
 from uavgram.model.provenance import InputDigest
 from uavgram.model.result.pictures import Picture, Pictures
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import LineStatus
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.report import render_annex, render_report
@@ -173,8 +174,8 @@ def test_the_report_names_the_photos_that_were_brightened() -> None:
 
 def test_a_withheld_length_is_drawn_as_on_the_plan() -> None:
     lines = result().lines
-    withheld = replace(lines, status=("checked",) * len(lines.status))
-    made = replace(result(), lines=withheld)
+    status: tuple[LineStatus, ...] = ("checked",) * len(lines.status)
+    made = replace(result(), lines=replace(lines, status=status))
     both = gallery(made, pictures())
     assert both is not None
     looks = [{look for _, look in one.overview[0].lines} for one in (shown(), both)]
