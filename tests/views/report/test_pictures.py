@@ -174,7 +174,7 @@ def test_the_report_names_the_photos_that_were_brightened() -> None:
 
 def test_a_withheld_length_is_drawn_as_on_the_plan() -> None:
     lines = result().lines
-    status: tuple[LineStatus, ...] = ("checked",) * len(lines.status)
+    status: tuple[LineStatus, ...] = tuple("checked" for _ in lines.status)
     made = replace(result(), lines=replace(lines, status=status))
     both = gallery(made, pictures())
     assert both is not None
