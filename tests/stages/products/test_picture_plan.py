@@ -115,3 +115,19 @@ def test_without_picks_there_is_nothing_to_show() -> None:
     plan = picture_plan(survey.build(lines=(), measures=(), point_count=0))
 
     assert plan == ((), ())
+
+
+def test_the_overview_has_most_of_the_measured_points() -> None:
+    made = result()
+    regions = picture_plan(made).regions
+    rows = made.measurements
+    wanted = {
+        label
+        for kind, labels, value in zip(rows.kind, rows.outlines, rows.value, strict=True)
+        if kind != "coordinate" and np.isfinite(value)
+        for label in labels
+    }
+    seen = module._seen(made)
+    counts = {frame: len(wanted & one.lies.keys()) for frame, one in seen.items()}
+
+    assert counts[regions[0].frame] == max(counts.values()) > 0

@@ -90,7 +90,9 @@ def test_without_a_check_it_says_so() -> None:
     )
 
     assert any("was withheld" in text for text in brief(no_points).limits)
-    assert any("inside three sigma" in text for text in brief(survey.build()).limits)
+    assert any(
+        "within three times their uncertainty" in text for text in brief(survey.build()).limits
+    )
 
 
 def test_more_measurements_than_fit_are_counted() -> None:

@@ -108,3 +108,31 @@ def reach(content: bytes, folder: Path) -> Floats:
     pages = [np.asarray(Image.open(path)) for path in sorted(folder.glob("page*.pgm"))]
     rows = [np.flatnonzero((page < 200).any(axis=1)) / len(page) for page in pages]
     return np.array([row[row < FOOT].max(initial=0.0) for row in rows])
+
+
+@pytest.mark.parametrize(
+    ("section", "above_mm", "together"),
+    [("files", 130, ("Files and signature", "Signature")), ("checks", 214, ("What checks", "R4"))],
+)
+def test_what_belongs_together_is_on_one_page(
+    section: str, above_mm: int, together: tuple[str, ...], tmp_path: Path
+) -> None:
+    try:
+        check_pdf()
+    except UavgramError as fault:
+        pytest.skip(str(fault))
+    program = shutil.which("pdftotext")
+    if program is None:
+        pytest.skip("pdftotext (poppler-utils) is not installed")
+    page = render_report(with_much_to_say(survey.build()))
+    head, _, body = page.partition("<body>")
+    start = body.index(f'<section id="{section}">')
+    part = body[start : body.index("</section>", start)]
+    html = f'{head}<body><div style="height: {above_mm}mm"></div>{part}</section></body></html>'
+    path = tmp_path / "report.pdf"
+    path.write_bytes(report_pdf(html, "{}", "a4", "crossing", "2026-01-05T11:00:00Z"))
+    told = subprocess.run([program, str(path), "-"], check=True, capture_output=True, text=True)
+    first, *others = told.stdout.split("\f")
+
+    assert together[0] not in first, "the section begins on a page with room for its head alone"
+    assert any(all(text in other for text in together) for other in others)

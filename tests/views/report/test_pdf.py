@@ -68,7 +68,20 @@ def test_the_numbers_are_attached(content: bytes) -> None:
     assert name == "results.json"
     assert attached.get_file().read_bytes().decode() == NUMBERS
     assert str(attached.obj.AFRelationship) == "/Data"
-    assert {str(one.UF) for one in pdf.Root.AF} == {"results.json"}
+    assert [str(one.UF) for one in pdf.Root.AF] == ["results.json"]
+
+
+def test_report_and_annex_link_to_the_pdf_of_each_other(page: str, content: bytes) -> None:
+    other = "report.pdf" if "annex for the specialist" in page else "report-annex.pdf"
+    links = [
+        str(one.A.URI)
+        for sheet in opened(content).pages
+        for one in sheet.get("/Annots", [])
+        if "/A" in one
+    ]
+
+    assert [link for link in links if "report" in link] == [other]
+    assert not any(link.endswith(".html") for link in links)
 
 
 @pytest.mark.usefixtures("page")
@@ -129,7 +142,9 @@ def test_photos_in_the_page_are_kept_as_they_are_and_nothing_is_loaded(tmp_path:
         )
         pdf = opened(report_pdf(drawn, NUMBERS, "a4", "crossing", MADE))
         streams = [one for one in pdf.objects if isinstance(one, pikepdf.Stream)]
-        assert [s.read_raw_bytes() for s in streams if s.get("/Subtype") == "/Image"] == wanted
+        images = [one for one in streams if one.get("/Subtype") == "/Image"]
+        assert [one.read_raw_bytes() for one in images] == wanted
+        assert not any(one.get("/Interpolate") for one in images)  # ISO 19005-3, 6.2.8
 
 
 def test_every_font_is_embedded(content: bytes) -> None:

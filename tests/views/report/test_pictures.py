@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 from dataclasses import replace
 from functools import cache
 from html import unescape
@@ -20,11 +21,13 @@ from uavgram.io.results.results_json import write_results
 from uavgram.model.provenance import InputDigest
 from uavgram.model.result.pictures import Picture, Pictures
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import LineStatus
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.report import render_annex, render_report
-from uavgram.views.report.pictures import Gallery, gallery
+from uavgram.views.report.pictures import ON_MEASURED, Gallery, Look, gallery
 from uavgram.views.report.scale_bars import placed
+from uavgram.views.style import LINE_COLOURS, hex_colour
 from uavgram.views.wording import measurement_text
 
 STRETCH = (12.0, 96.0, 1.5)
@@ -156,6 +159,49 @@ def test_each_picture_says_of_which_file_and_part_it_is_and_that_it_was_brighten
     assert "values 12 to 96 of 0 to 255 are shown as black to white, gamma 1.50" in html()
 
 
+def test_the_report_names_the_photos_that_were_brightened() -> None:
+    first = pictures().shown[0].region.frame
+    some = tuple(
+        one if one.region.frame == first else replace(one, stretch=None) for one in pictures().shown
+    )
+    none = tuple(replace(one, stretch=None) for one in some)
+    name = result().frames.frame_id[first]
+
+    assert "All photos were brightened to be seen" in render_report(result(), pictures())
+    assert f"; but {name} was brightened" in render_report(result(), Pictures(shown=some))
+    assert "brightened" not in render_report(result(), Pictures(shown=none))
+
+
+def test_a_withheld_length_is_drawn_as_on_the_plan() -> None:
+    lines = result().lines
+    status: tuple[LineStatus, ...] = tuple("checked" for _ in lines.status)
+    made = replace(result(), lines=replace(lines, status=status))
+    both = gallery(made, pictures())
+    assert both is not None
+    looks = [{look for _, look in one.overview[0].lines} for one in (shown(), both)]
+
+    used = Look(hex_colour(LINE_COLOURS["used"]), dashed=False)
+    assert looks == [
+        {ON_MEASURED, used},
+        {ON_MEASURED, Look(hex_colour(LINE_COLOURS["checked"]), dashed=True)},
+    ]
+    dashed = f'stroke="{hex_colour(LINE_COLOURS["checked"])}" stroke-width="[0-9.]+" stroke-dash'
+    assert re.search(dashed, render_report(made, pictures()))
+
+
+def test_the_overview_is_not_said_to_show_what_was_not_measured() -> None:
+    bare = survey.build(measures=())
+    shown_bare = [
+        Picture(region=one, jpeg=_grey(1), shown_px=8, stretch=None)
+        for one in picture_plan(bare).regions
+    ]
+    made = gallery(bare, Pictures(shown=tuple(shown_bare)))
+
+    assert made is not None
+    assert made.overview[0].told == "The photo that has most of the points."
+    assert shown().overview[0].told == "The photo that shows most of what was measured."
+
+
 def test_who_picked_a_point_is_told_and_what_is_not_shown_is_named() -> None:
     made = result()
     label = shown().points[0].name
@@ -227,7 +273,7 @@ def test_every_mark_of_a_picture_is_named_once_and_no_name_covers_another() -> N
 def test_a_picture_of_a_measurement_names_its_own_points_and_wrong_ones_alone() -> None:
     made = result()
     status = tuple(
-        "suspect" if label == "P12" and old == "used" else old
+        "suspect" if label == "P09" and old == "used" else old
         for label, old in zip(made.picks.label, made.picks.status, strict=True)
     )
     told = gallery(replace(made, picks=replace(made.picks, status=status)), pictures())
@@ -239,4 +285,4 @@ def test_a_picture_of_a_measurement_names_its_own_points_and_wrong_ones_alone() 
         others |= named - own
         assert len(one.marks) >= len(named) > 0
 
-    assert others == {"P12"}
+    assert others == {"P09"}

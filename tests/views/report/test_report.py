@@ -18,6 +18,7 @@ from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.io.results.results_json import dump_results
 from uavgram.model.message import Message
 from uavgram.model.result.reliability import RemovalRecord
+from uavgram.model.result.verdict import Verdict
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.views.report import annex_of, render_annex, render_report, write_report
@@ -52,7 +53,8 @@ def test_both_pages_are_well_formed_and_load_nothing(variant: survey.Variant) ->
             assert not [n for n in attributes if n == "src" or n.startswith("on")]
         assert links(pages["report"]) == {"report-annex.html"}
         sections = {f"#{a.get('id')}" for tag, a in pages["annex"].tags if tag == "section"}
-        assert links(pages["annex"]) == sections  # the contents: all of them, and nothing else
+        # the contents: all of them, and the way back
+        assert links(pages["annex"]) == sections | {"report.html"}
 
 
 def test_texts_in_drawings_say_themselves_what_they_look_like() -> None:
@@ -100,9 +102,23 @@ def test_checks_that_fit_alone_and_not_together_are_not_praised() -> None:
     off = Message("warning", "checks-misfit", "They are further off than they may be.")
     html = render_report(replace(result, messages=(*result.messages, off)))
 
-    assert html.count("3 of 3 lie inside three sigma, but TOGETHER they are further off") == 2
+    assert (
+        html.count(
+            "3 of 3 are within three times their uncertainty, but TOGETHER they are further off"
+        )
+        == 2
+    )
     assert '<p class="overall bad">' in html
-    assert '<p class="overall bad">' not in render_report(result)
+    assert '<p class="overall good">' in render_report(result)
+
+
+def test_where_the_verdict_is_red_checks_that_fit_are_not_green() -> None:
+    red = replace(survey.build(), verdict=Verdict(level="red", reasons=()))
+    html = render_report(red)
+
+    assert "3 of 3 are within three times their uncertainty." in html
+    assert '<p class="overall none">' in html
+    assert "But the verdict on the whole is red" in html
 
 
 def test_checks_say_inside_or_outside() -> None:
@@ -118,8 +134,8 @@ def test_checks_say_inside_or_outside() -> None:
         ["P21", "inside"],
         ["P29", "OUTSIDE"],
     ]
-    assert "2 of 3 lie inside three sigma, 1 OUTSIDE." in html
-    assert "3 of 3 lie inside three sigma." in render_report(result)
+    assert "2 of 3 are within three times their uncertainty, 1 OUTSIDE." in html
+    assert "3 of 3 are within three times their uncertainty." in render_report(result)
 
 
 def test_the_chain_of_custody_is_complete() -> None:

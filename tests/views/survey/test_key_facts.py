@@ -21,6 +21,19 @@ def test_the_facts_answer_the_four_questions() -> None:
     assert facts["largest 95 % ellipse within the survey (half axes)"] == "P24: 4.7 cm × 2.8 cm"
 
 
+def test_a_removed_length_without_a_statistic_may_fit_worst() -> None:
+    lines = survey.build().lines
+    residual, w = lines.residual_m.copy(), lines.w.copy()
+    residual[0], w[0] = 3.2, np.nan
+    status = ("removed", *lines.status[1:])
+    changed = replace(lines, residual_m=residual, w=w, status=status)
+    facts = dict(key_facts(replace(survey.build(), lines=changed)))
+
+    assert facts["known length that fits worst"].startswith(f"{lines.name[0]}, ")
+    assert "+3.200 m off" in facts["known length that fits worst"]
+    assert facts["known length that fits worst"].endswith("removed)")
+
+
 def test_the_largest_ellipse_is_that_within_the_survey() -> None:
     points = survey.build().points
     within = points.relative.ellipse_95_m.copy()

@@ -150,7 +150,7 @@ def _ends(result: Result) -> tuple[tuple[str, ...], ...]:
 
 
 def _chosen(seen: dict[int, _Seen], wanted: Sequence[_Group]) -> list[int]:
-    """Frames that show most of what those before do not; the one that shows most is the first."""
+    """Frames that show most of what those before do not; most of the measured points the first."""
     showing = _showing(seen, wanted)
     gain = dict.fromkeys(sorted(seen), 0)
     shown: dict[int, set[int]] = {frame: set() for frame in seen}
@@ -158,9 +158,19 @@ def _chosen(seen: dict[int, _Seen], wanted: Sequence[_Group]) -> list[int]:
         for frame in frames:
             gain[frame] += 1
             shown[frame].add(number)
+    measured = frozenset[str]().union(*(one.labels for one in wanted if not one.picked))
     chosen: list[int] = []
     while len(chosen) < MOST_PHOTOS:
-        best = max(gain, key=lambda frame: gain[frame], default=None)
+        sought = measured if not chosen else frozenset[str]()
+        best = max(
+            gain,
+            key=lambda frame: (
+                len(sought & seen[frame].lies.keys()),
+                len(sought & seen[frame].picked.keys()),
+                gain[frame],
+            ),
+            default=None,
+        )
         if best is None or not gain[best]:
             break
         chosen.append(best)

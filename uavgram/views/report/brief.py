@@ -124,5 +124,7 @@ def _limits(result: Result) -> list[str]:
     told = [f"{words}: {listed(names, MOST_NAMES)}." for words, names in several.items() if names]
     checks = checks_summary(result)
     if checks is None:
-        return [*told, "No length and no point was withheld, with which to compare the result."]
+        none = "No length and no point was withheld, with which to compare the result"
+        alone = ": what is checked is checked by whether the observations agree with one another"
+        return [*told, f"{none}{alone if 'ok' in rows.status else ''}."]
     return [*told, f"Of the lengths and points that were withheld as checks, {checks.inside}"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -13,14 +13,15 @@ from uavgram.views.survey.verdict import THREE_SIGMA
 
 
 class ChecksSummary(NamedTuple):
-    """How many lie inside three sigma, and all of them together.
+    """How many are within three times their uncertainty, and all of them together.
 
     Attributes
     ----------
     inside, overall
         The two sentences.
-    good
-        Whether all lie inside, and fit together too.
+    look
+        "good" where all lie inside and fit together too, "bad" where not; "none" where they fit
+        and the verdict is red all the same.
     line_row
         Row of each withheld length among the lengths, by its name.
     point_z
@@ -28,7 +29,7 @@ class ChecksSummary(NamedTuple):
     """
 
     inside: str
-    good: bool
+    look: Literal["good", "bad", "none"]
     overall: str
     line_row: dict[str, int]
     point_z: Floats
@@ -45,17 +46,26 @@ def checks_summary(result: Result) -> ChecksSummary | None:
     if not outside:
         return None
     bad = int(np.sum(outside))
-    inside = f"{len(outside) - bad} of {len(outside)} lie inside three sigma"
+    inside = f"{len(outside) - bad} of {len(outside)} are within three times their uncertainty"
     # each alone may lie inside, where all have a large sigma in common
     off = any(message.code == "checks-misfit" for message in result.messages)
     if bad:
         inside += f", {bad} OUTSIDE"
     elif off:
         inside += ", but TOGETHER they are further off than their uncertainties allow"
+    overall, look = overall_words(result), _look(result, fits=not (bad or off))
+    if look == "none":
+        overall = f"{overall} But the verdict on the whole is red: see the first page.".lstrip()
     return ChecksSummary(
         inside=f"{inside}.",
-        good=not (bad or off),
-        overall=overall_words(result),
+        look=look,
+        overall=overall,
         line_row={lines.name[i]: i for i, s in enumerate(lines.status) if s == "checked"},
         point_z=np.asarray(z),
     )
+
+
+def _look(result: Result, *, fits: bool) -> Literal["good", "bad", "none"]:
+    if not fits:
+        return "bad"
+    return "none" if result.verdict.level == "red" else "good"

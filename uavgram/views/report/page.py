@@ -113,7 +113,7 @@ def write_report(
         A file cannot be written.
     """
     target = Path(path)
-    facts = _facts(result, pictures, annex_of(target).name)
+    facts = _facts(result, pictures, target)
     for template, file in ((REPORT, target), (ANNEX, annex_of(target))):
         _write(with_pictures(_page(template, facts), pictures), file)
 
@@ -134,7 +134,7 @@ def render_annex(result: Result, pictures: Pictures = NO_PICTURES) -> str:
 
 
 def _rendered(template: str, result: Result, pictures: Pictures) -> str:
-    page = _page(template, _facts(result, pictures, annex_of(Path("report.html")).name))
+    page = _page(template, _facts(result, pictures, Path("report.html")))
     return b"".join(with_pictures(page, pictures)).decode()
 
 
@@ -155,7 +155,7 @@ def _page(template: str, facts: dict[str, Any]) -> str:
     return with_contents(page_environment().get_template(template).render(facts))
 
 
-def _facts(result: Result, pictures: Pictures, annex_file: str) -> dict[str, Any]:
+def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
     """Compute what both templates show."""
     units, first = units_of(result), brief(result)
     position_m, attitude_deg = largest_sigmas(result.frames.refined)
@@ -175,7 +175,8 @@ def _facts(result: Result, pictures: Pictures, annex_file: str) -> dict[str, Any
         brief=first,
         facts=key_facts(result),
         warnings=_warnings(result),
-        annex_file=annex_file,
+        report_file=report.name,
+        annex_file=annex_of(report).name,
         foundations=foundations(result),
         files_shown=files_shown(result),
         used_lengths=[

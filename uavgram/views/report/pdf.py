@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from datetime import datetime
+from typing import Any
 
 from uavgram.model.maps.plan import Paper
 from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf, weasyprint_for
 
 _NAME = "report"
+
+_BESIDE = re.compile(r'href="([^":#]+)\.html"')
+"""A link to the page beside this one: on paper, to its PDF."""
 
 _SHEET = """
 @page {{
@@ -77,10 +82,24 @@ def report_pdf(
     shown = name.translate({ord(c): " " for c in '"\\\n'})
     sheet = _SHEET.format(size=PAPER_SIZES[paper], digest=digest, name=shown)
     return page_pdf(
-        html,
+        _BESIDE.sub(r'href="\1.pdf"', html),
         sheet,
         _NAME,
         attachments=[attached] if attach else [],
         pdf_variant="pdf/a-3b",
         pdf_identifier=bytes.fromhex(digest)[:16],
+        finisher=_finish,
     )
+
+
+def _finish(_: object, pdf: Any) -> None:  # noqa: ANN401
+    """Keep two rules of the archive format that WeasyPrint breaks.
+
+    ISO 19005-3, 6.2.8: no image may ask to be interpolated; 6.8: each attachment is listed once.
+    """
+    for one in pdf.objects:
+        image = getattr(one, "extra", {})
+        if "Interpolate" in image:
+            image["Interpolate"] = "false"
+    if "AF" in pdf.catalog:
+        pdf.catalog["AF"][:] = dict.fromkeys(pdf.catalog["AF"])

@@ -1,4 +1,4 @@
-"""Photos in the report: parts of them as stored, with marks drawn over them as lines."""
+"""Photos in the report: parts of them, with marks drawn over them as lines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.views.report.inline import picture_mark
 from uavgram.views.report.scale_bars import Bar, placed, scale_bars
 from uavgram.views.report.shapes import Mark, mark
-from uavgram.views.style import BAD, MEASURED, OBSERVED, REFERENCE, Rgb, hex_colour
+from uavgram.views.style import BAD, LINE_COLOURS, MEASURED, OBSERVED, hex_colour
 from uavgram.views.survey.drawing import (
     project_from,
     sampled,
@@ -48,6 +48,16 @@ PICKED_BY: dict[Source, str] = {
 }
 
 
+class Look(NamedTuple):
+    """How a line is drawn."""
+
+    colour: str
+    dashed: bool
+
+
+ON_MEASURED = Look(hex_colour(MEASURED), dashed=False)
+
+
 class Shown(NamedTuple):
     """A picture with what is drawn over it, in pixels of the photo.
 
@@ -60,7 +70,7 @@ class Shown(NamedTuple):
     unit
         Pixels of the photo for one unit of a drawing.
     lines
-        Points of polylines, and their colour.
+        Points of polylines, and how these look.
     marks, tags, bar
         Picks, names, and what a length along the photo's rows looks like in the middle.
     name, told
@@ -72,7 +82,7 @@ class Shown(NamedTuple):
     region: Region
     data: str
     unit: float
-    lines: tuple[tuple[str, str], ...]
+    lines: tuple[tuple[str, Look], ...]
     marks: tuple[Mark, ...]
     tags: tuple[Text, ...]
     bar: Bar | None
@@ -97,6 +107,8 @@ class Gallery(NamedTuple):
     ----------
     files
         The photos that they are parts of.
+    brightened
+        The names of those photos that are shown brighter than they are stored.
     overview, measurements, size
         Of the report, and the class of its measurements.
     more, points, left_out
@@ -104,6 +116,7 @@ class Gallery(NamedTuple):
     """
 
     files: tuple[PhotoFile, ...]
+    brightened: tuple[str, ...]
     overview: tuple[Shown, ...]
     measurements: tuple[Shown, ...]
     more: tuple[Shown, ...]
@@ -118,7 +131,7 @@ class _Drawn(NamedTuple):
     Attributes
     ----------
     lines
-        By region, polylines in pixels of the photo, and their colours.
+        By region, polylines in pixels of the photo, and how they look.
     bars
         Scale bars by region; of some there is none.
     alone
@@ -129,7 +142,7 @@ class _Drawn(NamedTuple):
         By frame that is shown.
     """
 
-    lines: dict[Region, list[tuple[Floats, str]]]
+    lines: dict[Region, list[tuple[Floats, Look]]]
     bars: dict[Region, Bar]
     alone: Sequence[str]
     picks: dict[int, Ints]
@@ -155,11 +168,13 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
         unit = picture.region.width_px / WIDTHS[width]
         made[subject].append(_shown(result, drawn, picture, unit, row))
     stretch = {one.region.frame: _stretch_text(one) for one in pictures.shown}
+    brightened = {one.region.frame for one in pictures.shown if one.stretch is not None}
     names = result.frames.frame_id
     return Gallery(
         files=tuple(
             PhotoFile(names[f], drawn.sha256[f], words) for f, words in sorted(stretch.items())
         ),
+        brightened=tuple(names[frame] for frame in sorted(brightened)),
         overview=tuple(made["overview"]),
         measurements=tuple(made["first"]),
         more=tuple(made["more"]),
@@ -245,7 +260,9 @@ def _origin(result: Result, picture: Picture, digest: str) -> str:
 
 def _words(result: Result, drawn: _Drawn, region: Region, picks: Sequence[int]) -> tuple[str, str]:
     if region.subject == "overview":
-        return "Overview", "The photo that shows most of what was measured."
+        is_measured = any(look == ON_MEASURED for _, look in drawn.lines[region])
+        most = "shows most of what was measured" if is_measured else "has most of the points"
+        return "Overview", f"The photo that {most}."
     if region.subject == "point":
         label = result.points.label[region.row]
         made = [
@@ -324,12 +341,12 @@ def _own(result: Result, region: Region) -> tuple[str, ...]:
     return result.measurements.points[region.row]
 
 
-def _lines_in(result: Result, regions: Sequence[Region]) -> dict[Region, list[tuple[Floats, str]]]:
+def _lines_in(result: Result, regions: Sequence[Region]) -> dict[Region, list[tuple[Floats, Look]]]:
     """Measurements, and in the overview known lengths, where the adjustment puts them."""
     measured = measured_strips(result)
-    drawn: dict[Region, list[tuple[Floats, str]]] = {region: [] for region in regions}
+    drawn: dict[Region, list[tuple[Floats, Look]]] = {region: [] for region in regions}
     for frame in sorted({region.frame for region in regions}):
-        strips: list[tuple[Region, Floats, Rgb]] = []
+        strips: list[tuple[Region, Floats, Look]] = []
         for region in (one for one in regions if one.frame == frame):
             strips += [(region, *one) for one in _strips(result, measured, region)]
         if not strips:
@@ -338,24 +355,28 @@ def _lines_in(result: Result, regions: Sequence[Region]) -> dict[Region, list[tu
         # of all lines of a photo at once: there may be hundreds
         pixel = project_from(result, row_poses(result, frame), np.concatenate(lines))
         ends = np.cumsum([len(line) for line in lines])[:-1]
-        for (region, _, colour), line in zip(strips, np.split(pixel, ends), strict=True):
-            drawn[region] += [(run, hex_colour(colour)) for run in visible_runs(line)]
+        for (region, _, look), line in zip(strips, np.split(pixel, ends), strict=True):
+            drawn[region] += [(run, look) for run in visible_runs(line)]
     return drawn
 
 
 def _strips(
     result: Result, measured: dict[int, list[Floats]], region: Region
-) -> list[tuple[Floats, Rgb]]:
-    """(n, 3) what is drawn in a region, with its colour."""
+) -> list[tuple[Floats, Look]]:
+    """(n, 3) what is drawn in a region, and how: known lengths as on the plan."""
     if region.subject == "point":
         return []
     if region.subject == "measurement":
-        return [(strip, MEASURED) for strip in measured.get(region.row, [])]
-    known = [(strip, REFERENCE) for strip in reference_strips(result).values()]
-    return known + [(strip, MEASURED) for some in measured.values() for strip in some]
+        return [(strip, ON_MEASURED) for strip in measured.get(region.row, [])]
+    status = result.lines.status
+    known = [
+        (strip, Look(hex_colour(LINE_COLOURS[status[i]]), dashed=status[i] != "used"))
+        for i, strip in reference_strips(result).items()
+    ]
+    return known + [(strip, ON_MEASURED) for some in measured.values() for strip in some]
 
 
-def _lines(runs: Sequence[tuple[Floats, str]], unit: float) -> Iterator[tuple[str, str]]:
-    for run, colour in runs:
+def _lines(runs: Sequence[tuple[Floats, Look]], unit: float) -> Iterator[tuple[str, Look]]:
+    for run, look in runs:
         kept = thinned(run, DRAWN_OFF * unit)
-        yield " ".join(f"{x:.1f},{y:.1f}" for x, y in kept.tolist()), colour
+        yield " ".join(f"{x:.1f},{y:.1f}" for x, y in kept.tolist()), look

@@ -60,14 +60,17 @@ def _least_certain(result: Result) -> str:
 
 def _worst_fit(result: Result) -> str:
     lines = result.lines
-    w = np.nan_to_num(np.abs(lines.w), nan=-1.0)
+    removed = np.array([status == "removed" for status in lines.status], dtype=np.bool_)
+    # a length that was taken out early has no test statistic, and may be off by metres
+    alone = lines.residual_m / np.hypot(lines.sigma_m, np.nan_to_num(lines.adjusted_sigma_m))
+    w = np.nan_to_num(np.abs(np.where(removed & np.isnan(lines.w), alone, lines.w)), nan=-1.0)
     if not len(w) or w.max() < 0:
         return ""
     row = int(np.argmax(w))
-    off, sigmas = float(lines.residual_m[row]), abs(float(lines.w[row]))
     return (
         f"{lines.name[row]}, {lines.start[row]} to {lines.end[row]}: "
-        f"{number(off, signed=True)} m off ({number(sigmas, 1)} sigma)"
+        f"{number(float(lines.residual_m[row]), signed=True)} m off "
+        f"({number(float(w[row]), 1)} sigma{', removed' if removed[row] else ''})"
     )
 
 
