@@ -50,7 +50,7 @@ def test_a_verdict_that_is_as_bad_fails_and_the_results_are_written(
     assert (done.status, done.stdout) == (status, "")
     assert project.outputs() != before
     if status:  # a reader that leaves early does not make a bad survey pass
-        words = [sys.executable, "-m", "uavgram", "run", project.path, "--json"]
+        words = [sys.executable, "-m", "uavgram", "run", str(project.path), "--json"]
         process = subprocess.Popen([*words, "--fail-on", str(fail_on)], stdout=subprocess.PIPE)
         assert process.stdout is not None
         process.stdout.close()
