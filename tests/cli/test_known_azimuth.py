@@ -27,7 +27,7 @@ def test_it_is_tested_and_reported_like_all_known_things(project: Project) -> No
     true = with_azimuth(project, 0.0)
     result = uavgram.run(project.path)
     known = result.known
-    report = (project.out / "report.html").read_text()
+    report = "".join((project.out / f"report{part}.html").read_text() for part in ("", "-annex"))
 
     assert (known.kind, known.unit, known.status) == (("azimuth",), ("deg",), ("used",))
     assert known.adjusted[0] == pytest.approx(true, abs=4 * known.adjusted_sigma[0])

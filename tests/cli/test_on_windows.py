@@ -74,7 +74,7 @@ def test_a_project_is_made_and_a_board_calibrates(desk: WindowsDesk, data_dir: P
     assert done.status == 0, done.stderr
     assert (desk.folder / "neu" / "project.yaml").is_file()
 
-    photos = sorted((data_dir / "opencv_chess").glob("left*.jpg"))[:5]
+    photos = sorted((data_dir / "opencv_chess").glob("left0*.jpg"))[:5]
     done = desk.run("calibrate", *photos, "--board", "chessboard:9x6:25mm", "--output", "Eichung")
     assert done.status == 0, done.stderr
 

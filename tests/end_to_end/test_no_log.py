@@ -111,7 +111,8 @@ def test_every_output_is_there_and_reads_back(run: Run) -> None:
     result, out, _ = run
     names = {path.name for path in out.iterdir()}
     assert names == {
-        *("results.json", "recording.rrd", "report.html", "run.jsonl", "measurements.csv"),
+        *("results.json", "recording.rrd", "report.html", "report-annex.html", "run.jsonl"),
+        "measurements.csv",
         *("points.geojson", "survey.gpkg", "survey.kml", "survey_local.dxf", "colmap"),
         *("survey.qgs", "ground.tif"),
     }

@@ -52,7 +52,7 @@ def test_the_module_shows_what_it_is_for() -> None:
     assert set(dir(uavgram)) == public
 
 
-@pytest.mark.parametrize("name", ["calibrate", "refine", "seed", "simulate", "synchronise"])
+@pytest.mark.parametrize("name", ["calibrate", "refine", "seed", "synchronise"])
 def test_a_stage_is_imported_from_the_package_of_its_name(name: str) -> None:
     package = importlib.import_module(f"uavgram.stages.{name}")
     for module in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):

@@ -156,18 +156,6 @@ def test_one_wrong_withheld_length_is_amber_and_named() -> None:
     assert max(map(abs, zs(row))) < 3.5
 
 
-def test_lengths_read_to_decimetres_and_stated_to_centimetres_are_not_accused() -> None:
-    """A large residual among few of that size is noise: before, 6 of 40 surveys named a length."""
-    rows = [
-        judged(
-            drawn("lengths_decimetre", "", seed),
-            {"world": "lengths_decimetre", "fault": "", "seed": seed},
-        )
-        for seed in (61004, 61006, 61017, 61028, 61033)
-    ]
-    assert not any(one["cause"] == "line-suspect" for row in rows for one in row["reasons"])
-
-
 def test_one_wrong_length_among_exact_ones_is_not_taken_for_noise() -> None:
     survey = drawn("strip_log", "", 5)
     survey.lines[0].length += 0.15

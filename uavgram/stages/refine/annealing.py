@@ -57,7 +57,7 @@ more, none of them is right, as where all are in another unit."""
 MOST_OF_A_FRAME = 0.5
 """Share of a frame's picks that are gross errors, from which on the frame shows something else."""
 
-LOWEST_M, HIGHEST_M, TWO_RAYS = -0.5, 15.0, 2
+LOWEST_M, HIGHEST_M, TWO_RAYS = -0.5, 8.0, 2
 """Heights between which a point may be that two rays alone show off the ground: from a ditch to the
 eaves of a house."""
 

@@ -277,7 +277,9 @@ def _minima(
     survey: Survey, starts: list[FirstValues], line_used: Bools, most: int | None
 ) -> list[Adjustment]:
     """The best minimum, and every other one that explains the observations nearly as well."""
-    most = most or iterations_for(survey.calibration)
+    # A rival that is cut off on its way would go unreported, so several starts have all the time.
+    if most is None or len(starts) > 1:
+        most = iterations_for(survey.calibration)
     found, loose = [], []
     undetermined: GeometryError | None = None
     for values in starts:

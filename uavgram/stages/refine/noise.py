@@ -30,14 +30,20 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.noise import AreaNoise, LearntSigma, Noise, PickNoise, SurfaceShape
 from uavgram.model.survey.survey import Relief, Survey
 from uavgram.stages.refine.continued import carried, continued, lines_used
-from uavgram.stages.refine.outstanding import STATED_WEIGHT, Outstanding, outstanding
+from uavgram.stages.refine.outstanding import Outstanding, outstanding
+
+STATED_WEIGHT = 20.0
+"""Of the stated sigma of picks, as so many residuals."""
 
 STATED_ROUGHNESS_WEIGHT = 2.0
-"""Of a stated roughness, as so many residuals (see `STATED_WEIGHT`): it is known to within a factor
-of 1.6 so; mostly it is the default. A ground that is stated to be a plane has no such prior."""
+"""The same of a stated roughness, which is known to within a factor of 1.6 so: mostly it is the
+default. A ground that is stated to be a plane has no such prior."""
 
 STATED_IDENTIFICATION_WEIGHT = 5.0
 """The same of how far people pick beside what was meant: lengths and known things tell little."""
+
+STATED_LENGTH_WEIGHT = 5.0
+"""The same of the stated sigma of taped lengths."""
 
 LITTLE = 30.0
 """Redundancy of the picks below which their sigmas are never taken as smaller than stated."""
@@ -241,7 +247,7 @@ def _components(
     for target in (False, True):
         if (targets == target).any():
             rows = None if (targets == target).all() else np.flatnonzero(targets == target)
-            found.append(Component("pixels", rows, STATED_WEIGHT["pixels"], smallest))
+            found.append(Component("pixels", rows, STATED_WEIGHT, smallest))
             areas.append(TARGETS if target else BY_HAND)
     if len(stated.identified):
         found.append(Component("identification", None, STATED_IDENTIFICATION_WEIGHT))
@@ -249,7 +255,7 @@ def _components(
     taped = np.flatnonzero(_is_taped(stated)[problem.line_index])
     if len(taped):
         least = 1.0 if redundancy_of(adjustment, "lengths") < FEW_LENGTHS else 0.0
-        found.append(Component("lengths", taped, STATED_WEIGHT["lengths"], least))
+        found.append(Component("lengths", taped, STATED_LENGTH_WEIGHT, least))
         areas.append(TAPED)
     for area, ground in enumerate(problem.survey.grounds):
         rows = np.flatnonzero(stated.area[problem.third.rough] == area)

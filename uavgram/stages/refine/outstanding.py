@@ -1,7 +1,6 @@
-"""Separate few outliers from noise, before variance components are estimated.
+"""Few observations that stand out of the noise of all others: blunders, and no noise.
 
-The size of ordinary errors must not be learnt from outliers. Nor is an observation an outlier where
-the others of its group show that their errors are larger than stated.
+What is said of the size of errors must not be learnt from them.
 """
 
 from __future__ import annotations
@@ -9,12 +8,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtri, fdtri
+from scipy.special import chdtri
 
-from uavgram.estimation.reliability.core import core_fit, redundancy_of
+from uavgram.estimation.reliability.core import core_fit
 from uavgram.estimation.reliability.hypotheses import log_probability
 from uavgram.estimation.reliability.redundancy import level_of_each, upper_tail
 from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats, Ints
 
@@ -26,9 +26,6 @@ FEW = 0.01
 
 CLEAR = 0.001
 """Significance of the test, at the noise of the rest, of what may be a blunder and no noise."""
-
-STATED_WEIGHT = {"pixels": 20.0, "lengths": 5.0}
-"""Of the stated sigmas of groups whose sigmas are learnt, as so many residuals."""
 
 LEAST_REDUNDANCY = 0.05
 """Redundancy number from which on the size of an error can be told."""
@@ -54,7 +51,7 @@ class Outstanding(NamedTuple):
 
 
 def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
-    """Find few observations that stand out of all noise; and whether everything else fits."""
+    """Rows of few observations that stand out of all noise; and whether everything else fits."""
     blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
     squares, degrees, _ = core_fit(adjustment)
     falls: list[_Fall] = []
@@ -69,10 +66,7 @@ def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
     rest = squares - sum(fall for fall, *_ in worst)
     gone = sum(axes[name] for _, name, _ in worst)
     noise = max(rest / max(degrees - gone, 1.0), 1.0)
-    limit = {
-        name: _limit(adjustment, name, [fall for fall, own, _ in worst if own == name], noise)
-        for name in {own for _, own, _ in worst}
-    }
+    limit = {name: noise * _limit(blocks[name]) for name in blocks}
     worst = [one for one in worst if one[0] > limit[one[1]]]
     gone = sum(axes[name] for _, name, _ in worst)
     fits = upper_tail(squares - sum(fall for fall, *_ in worst), degrees - gone) >= MISFIT
@@ -80,31 +74,10 @@ def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
     return {name: _of_group(adjustment, name, worst) for name in groups}, fits
 
 
-def _limit(adjustment: Adjustment, name: str, falls: list[float], noise: float) -> float:
-    """Compute the fall of the sum of squares without one observation that is hardly chance.
-
-    Where the sigma of a group is learnt, the fall per axis over the variance of the rest of the
-    group has an F distribution: with few observations even a large fall may be noise.
-
-    Parameters
-    ----------
-    adjustment
-        With the sigmas as stated.
-    name
-        Of the group.
-    falls
-        Of its observations that may stand out.
-    noise
-        Variance factor of all observations but these; of groups whose sigmas are not learnt.
-    """
-    block, weight = adjustment.minimum.blocks[name], STATED_WEIGHT.get(name)
+def _limit(block: Block) -> float:
+    """Fall of the sum of squares without one of n observations that is hardly chance."""
     n, axes = block.residual.shape
-    level = level_of_each(CLEAR, n)
-    if weight is None:
-        return float(noise * chdtri(axes, level))
-    rest = weight + max(float(np.sum(block.residual**2)) - sum(falls), 0.0)
-    degrees = weight + max(redundancy_of(adjustment, name) - axes * len(falls), 0.0)
-    return float(max(rest / degrees, 1.0) * axes * fdtri(axes, degrees, 1.0 - level))
+    return float(chdtri(axes, level_of_each(CLEAR, n)))
 
 
 def _of_group(adjustment: Adjustment, name: str, worst: list[_Fall]) -> Outstanding:

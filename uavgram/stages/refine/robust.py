@@ -44,7 +44,6 @@ from uavgram.stages.refine.annealing import (
 from uavgram.stages.refine.continued import carried
 from uavgram.stages.refine.left_out import control_left_out, heights_left_out
 from uavgram.stages.refine.minima import (
-    TRIAL,
     Participants,
     best_minima,
     minima_from,
@@ -422,7 +421,7 @@ def _from_softened(taking: Participants) -> Iterator[Candidate]:
     """
     whole = replace(taking, survey=_softer(taking.survey, 1.0))
     try:
-        first = best_minima(replace(taking, survey=_softer(taking.survey, SCHEDULE[0])), TRIAL)
+        first = best_minima(replace(taking, survey=_softer(taking.survey, SCHEDULE[0])))
     except GeometryError:
         return
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
@@ -454,7 +453,7 @@ def _from_reduced(reduced: Participants, whole: Participants) -> Iterator[Candid
         What takes part: the robust adjustment decides on what was left out.
     """
     try:
-        first = best_minima(reduced, TRIAL)
+        first = best_minima(reduced)
     except GeometryError:
         return
     loose = np.flatnonzero(reduced.survey.pick_sigma_px > whole.survey.pick_sigma_px)
