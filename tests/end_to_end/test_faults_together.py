@@ -77,10 +77,6 @@ def test_the_photo_of_nonsense_is_left_out_by_name(faulty: Faulty) -> None:
     assert (cause.level, cause.frames) == ("warning", (nonsense,))
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="two swapped labels meet other rays as high as a wall: their photo is left out as well",
-)
 def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty: Faulty) -> None:
     result, _, swapped, labels, _ = faulty
     warnings = [m for m in result.messages if m.level == "warning"]
@@ -108,10 +104,6 @@ def test_the_misread_tape_is_the_one_that_is_left_out(faulty: Faulty) -> None:
     assert bias < -10 * TAPE_M
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="two swapped labels meet other rays as high as a wall: their photo is left out as well",
-)
 def test_the_rest_comes_to_rest(faulty: Faulty) -> None:
     result, *_ = faulty
     assert result.solution.converged

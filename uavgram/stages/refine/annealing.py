@@ -57,9 +57,13 @@ more, none of them is right, as where all are in another unit."""
 MOST_OF_A_FRAME = 0.5
 """Share of a frame's picks that are gross errors, from which on the frame shows something else."""
 
-LOWEST_M, HIGHEST_M, TWO_RAYS = -0.5, 8.0, 2
-"""Heights between which a point may be that two rays alone show off the ground: from a ditch to the
-eaves of a house."""
+LOWEST_M, HIGHEST_M, TWO_RAYS = -0.5, 4.5, 2
+"""Heights between which a point may be that two rays alone show off the ground, whether they meet
+or not: from a ditch to the roof of a lorry."""
+
+EAVES_M, MEET = 8.0, 4.0
+"""Height up to which it may be where they meet, as on a house; and the sum of their squared
+residuals, with one degree of freedom, below which they do."""
 
 MOST_ROUNDS = 6
 """Rounds in which observations leave and come back."""
@@ -369,7 +373,10 @@ def _unlikely_heights(
         return np.zeros(len(rough), dtype=np.bool_)
     rays = np.bincount(survey.pick_label[~out["pixels"]], minlength=len(survey.label))
     up_m = minimum.state.point[rough, 2]
-    is_far = (up_m < LOWEST_M) | (up_m > HIGHEST_M)
+    square = np.sum(minimum.blocks["pixels"].residual ** 2, axis=1)
+    apart = np.bincount(survey.pick_label, square, len(survey.label))
+    meet = (apart[rough] < MEET) & (rays[rough] == TWO_RAYS)
+    is_far = (up_m < LOWEST_M) | (up_m > np.where(meet, EAVES_M, HIGHEST_M))
     return np.asarray(out["roughness"] & is_far & (rays[rough] <= TWO_RAYS))
 
 
