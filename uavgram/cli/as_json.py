@@ -1,4 +1,4 @@
-"""What commands found as JSON objects, for other programs: `--json`.
+"""Build the JSON objects that commands print for other programs (`--json`).
 
 Units are SI and in the keys' names; numbers that are not known are null. Keys of `run` are those of
 results.json, which holds everything else.

@@ -43,7 +43,7 @@ class Printed:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class ForPrograms:
-    """What other programs need.
+    """Options for other programs that start this one.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def run(
     printed
         What is made for printing.
     programs
-        What other programs need.
+        Options for other programs that start this one.
     verbose
         Say what is being done.
     """

@@ -188,7 +188,7 @@ def _add_control(survey: Survey, lines: dict[int, list[tuple[float, ...]]]) -> N
 
 
 def are_alone(survey: Survey) -> bool:
-    """Whether nothing but lines of known position places a survey on the map."""
+    """Tell whether only lines of known position place a survey on the map."""
     few = len(survey.control_label) < 2
     return survey.telemetry is None and few and survey.gauge == "world"
 

@@ -54,7 +54,7 @@ ROUNDS, NEAR = (5, 5, 10, 10), 0.01
 """Steps of each round; of candidates within a hundredth of each other only the best goes on."""
 
 AT_REST = 1e-4
-"""What another step may still take off the cost of a candidate at rest."""
+"""Largest fall of cost that another step of a candidate at rest may bring."""
 
 UNKNOWN = 1.0
 """Sigma of a plane as a share of its size, from which on its numbers mean nothing."""
