@@ -17,6 +17,7 @@ def test_an_entry_states_finding_effect_and_action(command: Command) -> None:
         assert f"\n{part}" in done.stdout
     assert max(map(len, done.stdout.splitlines())) < 80
     assert command("explain", "[labels-swapped]").stdout == done.stdout  # as it was printed
+    assert command("explain", "Labels-Swapped").stdout == done.stdout  # in either case
 
 
 def test_without_a_code_all_are_listed_with_one_line_each(command: Command) -> None:
@@ -28,7 +29,7 @@ def test_without_a_code_all_are_listed_with_one_line_each(command: Command) -> N
 
 @pytest.mark.parametrize(
     ("typed", "near"),
-    [("picks-suspect", "pick-suspect"), ("label-swapped", "labels-swapped"), ("Misfit", "misfit")],
+    [("picks-suspect", "pick-suspect"), ("label-swapped", "labels-swapped"), ("Misfits", "misfit")],
 )
 def test_an_unknown_code_names_the_nearest(command: Command, typed: str, near: str) -> None:
     done = command("explain", typed)
