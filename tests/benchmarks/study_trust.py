@@ -284,8 +284,12 @@ def accuses_first(row: Row) -> bool:
 
 
 def is_right(row: Row) -> bool:
-    """Whether the cause named first is the fault."""
-    return bool(row["reasons"]) and accepts(row["fault"], row["reasons"][0]["cause"])
+    """Whether the cause named first is the fault, or one of several that nothing tells apart."""
+    if not row["reasons"]:
+        return False
+    first = row["reasons"][0]
+    named = first["cause"] == "blunder-not-located" and accused_rightly(first, row["wrong"])
+    return named or accepts(row["fault"], first["cause"])
 
 
 def is_due(row: Row) -> bool:

@@ -301,3 +301,44 @@ def test_control_points_that_all_lie_elsewhere_together_bend_nothing(
     np.testing.assert_allclose(
         refined.adjustment.state.point, expected.adjustment.state.point, atol=1e-6
     )
+
+
+CROSSED = ((0, 5), (1, 6), (2, 7), (3, 8), (4, 9), (0, 6), (1, 7), (2, 8), (3, 5))
+
+
+@pytest.mark.parametrize("wrong", ["length", "click"])
+def test_a_click_that_nothing_but_a_wrong_length_checks_may_be_wrong_instead(
+    scene_factory: Callable[..., Scene], wrong: str
+) -> None:
+    # Of all lengths, one alone ends at P4 and P9.
+    given = scene_factory(7, labels=10, frames=1, ends=CROSSED).survey
+    length, pixel = np.array(given.length_m), np.array(given.pixel_px)
+    if wrong == "length":
+        length[4] += 0.6
+    else:
+        pixel[given.pick_label == given.label.index("P4")] += 25.0
+    refined, _ = refine(replace(given, length_m=length, pixel_px=pixel), REPORT)
+
+    assert np.flatnonzero(refined.line_removed).tolist() == [4]
+    assert set(refined.rival_clicks) == {"P4", "P9"}
+    without = refined.rival_clicks["P4"]
+    assert without is not None
+    assert "P4" not in without.survey.label
+
+
+def test_a_length_in_another_unit_has_no_click_that_may_be_wrong_instead(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    given = scene_factory(7, labels=10, frames=1, ends=CROSSED).survey
+    refined, _ = refine(times(given, {4: 1 / 0.3048}), REPORT)
+
+    assert np.flatnonzero(refined.line_removed).tolist() == [4]
+    assert not refined.rival_clicks
+
+
+def test_a_click_that_other_photos_check_is_no_rival(scene_factory: Callable[..., Scene]) -> None:
+    given = scene_factory(2, frames=6, ends=PAIRS).survey
+    refined, _ = refine(times(given, {1: 1.2}), REPORT)
+
+    assert np.flatnonzero(refined.line_removed).tolist() == [1]
+    assert not refined.rival_clicks

@@ -48,3 +48,19 @@ def likely_mistake(ratio: float, relative_sigma: float) -> str:
     if off[nearest] > min(max(CLOSE, SIGMAS * relative_sigma), FARTHEST):
         return ""
     return known[nearest][1]
+
+
+def mistake(taped_m: float, taped_sigma_m: float, seen_m: float, sigma_m: float) -> str:
+    """Find what was probably mistaken in a length; empty where nothing fits.
+
+    Parameters
+    ----------
+    taped_m, taped_sigma_m
+        As written, and its sigma.
+    seen_m, sigma_m
+        What it should be, and the sigma of that.
+    """
+    if not seen_m > 0:
+        return ""
+    ratio = taped_m / seen_m
+    return likely_mistake(ratio, float(np.hypot(sigma_m, taped_sigma_m / ratio)) / seen_m)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Literal, NamedTuple
 
@@ -319,6 +319,9 @@ class Refined:
         ground.
     rival_lines
         Names of lengths that explain the misfit as well as one that was left out.
+    rival_clicks
+        Adjustments without one click, by its label, that explain it as well; None where that does
+        not determine the survey.
     causes
         What explains that the observations do not fit, likeliest first.
     matches_left_out
@@ -339,6 +342,7 @@ class Refined:
     stated: Adjustment | None = None
     off_ground: frozenset[str] = frozenset()
     rival_lines: frozenset[str] = frozenset()
+    rival_clicks: Mapping[str, Adjustment | None] = field(default_factory=dict)
     causes: tuple[Cause, ...] = ()
     matches_left_out: frozenset[int] = frozenset()
     mirrored: Adjustment | None = None

@@ -210,7 +210,8 @@ MISFITS = (
         "blunder-not-located",
         WARNING,
         finding=(
-            "One of several observations is wrong, and no test shows which. Nothing was removed."
+            "One of several observations is wrong, and no test shows which. The message names "
+            "them, and what was left out, if anything."
         ),
         action="Check all that are named, or tape another line that decides between them.",
         effect=Effect.DOUBTFUL,

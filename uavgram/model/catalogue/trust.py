@@ -120,6 +120,13 @@ TRUST = (
         one="The picks are less exact than stated.",
     ),
     Entry(
+        "lengths-rounded",
+        NOTE,
+        finding="All taped lengths are multiples of 5 or 10 cm, so they were rounded to that.",
+        consequence="Their uncertainty contains the rounding: ± 0.03 m for whole decimetres.",
+        action="Read the tape to the centimetre where the results need it.",
+    ),
+    Entry(
         "lengths-less-exact",
         WARNING,
         finding="Taped lengths scatter more than stated.",

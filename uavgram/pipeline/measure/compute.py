@@ -55,6 +55,7 @@ from uavgram.stages.messages import in_order, without_the_innocent
 from uavgram.stages.monte_carlo import compare, sample
 from uavgram.stages.other_solutions import with_alternatives
 from uavgram.stages.profiles import profiles
+from uavgram.stages.reading_steps import with_reading_step
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
 from uavgram.stages.scale_basis import scale_basis
@@ -111,6 +112,7 @@ def compute(
         Whether to check the first-order propagation by its second order, which takes most of the
         time where much is measured.
     """
+    inputs, rounding_messages = _with_reading_step(inputs)
     duplicates = duplicates_of(inputs)
     # Not withheld either: what is a reading that was used would be a check of itself.
     counted = _with_duplicates(inputs.lines, duplicates, adjust=False)
@@ -138,6 +140,7 @@ def compute(
         *duplicates.messages,
         *posed.messages,
         *known_messages,
+        *rounding_messages,
         *line_messages,
         *check_messages,
         *_unjudged(inputs, world),
@@ -194,6 +197,7 @@ def compute(
 
 def assembled_survey(inputs: Inputs, posed: Posed) -> Assembled:
     """What `compute` adjusts, before it is adjusted."""
+    inputs, _ = _with_reading_step(inputs)
     duplicates = duplicates_of(inputs)
     counted = _with_duplicates(inputs.lines, duplicates, adjust=False)
     counted = with_sides(counted, inputs.picks, inputs.project.targets)
@@ -201,6 +205,12 @@ def assembled_survey(inputs: Inputs, posed: Posed) -> Assembled:
     assembled, _ = _assembled(inputs, counted, posed, duplicates)
     survey, _ = find_headings(assembled.survey)
     return replace(assembled, survey=survey)
+
+
+def _with_reading_step(inputs: Inputs) -> tuple[Inputs, tuple[Message, ...]]:
+    """Widen the sigmas of lengths that were rounded, and remark on it."""
+    lines, messages = with_reading_step(inputs.lines)
+    return replace(inputs, lines=lines), messages
 
 
 def _with_duplicates(lines: KnownLines, duplicates: Duplicates, *, adjust: bool) -> KnownLines:
@@ -304,7 +314,7 @@ def _measured(
     if curved:
         curvature, more = second_order(refined.adjustment, values, table, frames)
         messages += more
-    rivals = (*refined.alternatives, *(() if refined.mirrored is None else (refined.mirrored,)))
+    rivals = filter(None, (*refined.alternatives, refined.mirrored, *refined.rival_clicks.values()))
     others = tuple(tuple(measure(one, inputs.requests, frames)[0].value) for one in rivals)
     table = with_alternatives(table, others)
     return _Measured(table, curvature, others[: len(refined.alternatives)], messages)

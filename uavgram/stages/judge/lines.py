@@ -8,9 +8,7 @@ from itertools import chain
 import numpy as np
 
 from uavgram.errors import near_miss
-from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
-from uavgram.estimation.reliability.test_statistics import cofactors
-from uavgram.estimation.reliability.wrong_units import likely_mistake
+from uavgram.estimation.reliability.wrong_units import mistake
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observations.lengths import named_ends
 from uavgram.estimation.survey.observations.tapes import taped_known
@@ -191,7 +189,7 @@ def _left_out(
     gross -= {int(survey_index[i]) for i, name in enumerate(lines.name) if name in refined.settled}
     seen = np.isfinite(seen_m)  # else an end is not adjusted, which has a message of its own
     out = [i for i, index in enumerate(survey_index) if int(index) in gross and seen[i]]
-    if out and refined.rival_lines:
+    if out and (refined.rival_lines or refined.rival_clicks):
         return (_one_of(refined, lines, out),)
     what = {i: mistake(lines.length_m[i], lines.sigma_m[i], seen_m[i], sigma_m[i]) for i in out}
     alike = {i: what[i] or i for i in out}  # unknown mistakes: each alone
@@ -217,38 +215,34 @@ def _left_out(
 
 
 def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:
-    """The message on lengths of which one is wrong, and nothing shows which."""
+    """The message on lengths and clicks of which one is wrong, and nothing shows which."""
     names = {lines.name[i] for i in out} | refined.rival_lines
     rows = [i for i, name in enumerate(lines.name) if name in names]
     each = tuple(lines.name[i] for i in rows)
+    clicks = tuple(one for one in refined.adjustment.survey.label if one in refined.rival_clicks)
+    which = [f"the length {name!r}" for name in each] + [f"the click on {one!r}" for one in clicks]
+    again = "Tape one of them again, or another line"
+    if clicks:
+        it = "it" if len(each) == 1 else "one of these lengths"
+        again = (
+            f"Tape {it} again; click on {listed(map(repr, clicks))} again or in another photo, and "
+            f"look at {'its' if len(clicks) == 1 else 'their'} stated height, if there is one"
+        )
     text = (
-        f"One of the lengths {listed(map(repr, each))} is wrong: all the rest fits without any one "
-        f"of them, and nothing shows which. {lines.name[out[0]]!r} was left out. Tape one of them "
-        "again, or another line."
+        f"One of these is wrong: {listed(which, link='or')}. All the rest fits without any one of "
+        f"them, and nothing shows which. The length {lines.name[out[0]]!r} was left out. {again}."
     )
+    ends = chain(*((lines.start[i], lines.end[i]) for i in rows))
     return Message(
         "warning",
         "blunder-not-located",
         text,
         lengths=each,
-        labels=tuple(dict.fromkeys(chain(*((lines.start[i], lines.end[i]) for i in rows)))),
+        labels=clicks or tuple(dict.fromkeys(ends)),
+        instead=tuple(
+            one for one in read_first([without_lengths([name]) for name in each]) if one is not None
+        ),
     )
-
-
-def mistake(taped_m: float, taped_sigma_m: float, seen_m: float, sigma_m: float) -> str:
-    """Find what was probably mistaken in a length; empty where nothing fits.
-
-    Parameters
-    ----------
-    taped_m, taped_sigma_m
-        As written, and its sigma.
-    seen_m, sigma_m
-        What it should be, and the sigma of that.
-    """
-    if not seen_m > 0:
-        return ""
-    ratio = taped_m / seen_m
-    return likely_mistake(ratio, float(np.hypot(sigma_m, taped_sigma_m / ratio)) / seen_m)
 
 
 def _text(
@@ -267,11 +261,6 @@ def _text(
             f"The length {named_ends(name, start, end)} was left out: {taped[0]}, but "
             f"{_against(refined)} say {seen[0]}{ask or '.'}"
         )
-        if clicks := _unchecked_clicks(refined.adjustment, (start, end)):
-            opening += (
-                f" Or the click on {listed(map(repr, clicks), link='or')} is wrong, which nothing "
-                "else checks: click it again, or mark it in another photo."
-            )
     else:
         names = [lines.name[i] for i in found]
         each = zip(names, taped, seen, strict=True)
@@ -284,18 +273,6 @@ def _text(
         f"{opening} Look at reading and unit, and at the labels and the picks of the ends. With so "
         "gross an error, nothing else would fit."
     )
-
-
-def _unchecked_clicks(adjustment: Adjustment, labels: Sequence[str]) -> list[str]:
-    """Find labels whose clicks nothing checks: they may be wrong instead of a length."""
-    block = adjustment.minimum.blocks["pixels"]
-    share = np.einsum("nii->n", cofactors(block, adjustment.covariance))
-    label, names = adjustment.survey.pick_label, adjustment.survey.label
-    return [
-        name
-        for name in labels
-        if name in names and (share[label == names.index(name)] < NO_REDUNDANCY).all()
-    ]
 
 
 def _against(refined: Refined) -> str:

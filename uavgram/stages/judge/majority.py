@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from uavgram.estimation.reliability.majority import most_gross
+from uavgram.estimation.reliability.wrong_units import mistake
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
 from uavgram.model.result.known import KnownResults
 from uavgram.model.result.tables import LineResults
-from uavgram.stages.judge.lines import mistake
 
 
 def judge_majority(

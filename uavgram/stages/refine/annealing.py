@@ -196,9 +196,24 @@ def decide(
         name: np.where(out[name], np.maximum(value, beyond), np.minimum(value, GROSS_SIGMAS))
         for name, value in misfit.items()
     }
+    return Annealed(problem, minimum, frames, weight, misfit, bounded_cost(problem, minimum, out))
+
+
+def bounded_cost(
+    problem: SurveyProblem, minimum: Minimum[State], out: Mapping[str, Bools]
+) -> float:
+    """Sum the squares of an adjustment, in which no observation counts more than a gross error.
+
+    Parameters
+    ----------
+    problem, minimum
+        The likelihood, and the adjustment without the gross errors.
+    out
+        Whether each observation takes no part, by group. It counts as a gross error: else leaving
+        out what agrees would cost nothing.
+    """
     blocks = problem.evaluate(minimum.state) or {}
-    cost = sum(_bounded_cost(name, block, out.get(name)) for name, block in blocks.items())
-    return Annealed(problem, minimum, frames, weight, misfit, cost)
+    return sum(_bounded_cost(name, block, out.get(name)) for name, block in blocks.items())
 
 
 def _with_returned(
@@ -449,10 +464,7 @@ def _tapes(problem: SurveyProblem) -> Ints:
 
 
 def _bounded_cost(name: str, block: Block, out: Bools | None) -> float:
-    """Sum of squares of a group, where no observation counts more than a gross error.
-
-    One that takes no part counts as much: else leaving out what agrees would cost nothing.
-    """
+    """Sum the squares of a group."""
     square = np.sum(block.residual**2, axis=1)
     if name not in ROBUST:
         return float(square.sum())

@@ -19,6 +19,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.reliability.majority import MOST_OF_A_KIND
 from uavgram.estimation.reliability.test_statistics import cofactors
+from uavgram.estimation.reliability.wrong_units import mistake
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -37,6 +38,7 @@ from uavgram.stages.refine.annealing import (
     SCHEDULE,
     Annealed,
     anneal,
+    bounded_cost,
     decide,
     squared_misfits,
     weighted_minimum,
@@ -75,6 +77,9 @@ are tried."""
 
 RIVAL = 2.0 * float(np.log(20.0))
 """Difference of costs up to which another explanation has odds of more than 1 in 20."""
+
+PROMISING = 0.5
+"""Share of what a gross error explains, from which on, in the linear model, another is tried."""
 
 OFF_GROUND_M = 0.1
 """Departure from the ground from which on a point has a height of its own."""
@@ -574,14 +579,32 @@ def _softer(survey: Survey, factor: float) -> Survey:
 
 
 def _has_rival(found: Annealed, row: int) -> bool:
-    """Whether another length explains the misfit of one that was left out, in the linear model.
+    """Whether another length explains the misfit of one that was left out, in the linear model."""
+    whole, falls = _falls_with_length(found, row)
+    others = found.misfit["lengths"] <= GROSS_SIGMAS
+    return bool((falls["lengths"][others] > whole - RIVAL).any())
+
+
+def _falls_with_length(found: Annealed, row: int) -> tuple[float, dict[str, Floats]]:
+    """Compute what leaving out a length, or another length or pick instead, saves.
+
+    Parameters
+    ----------
+    found, row
+        A robust adjustment, and the length that it left out.
+
+    Returns
+    -------
+    whole, falls
+        By how much the sum of squares falls without this length, and (n,) without each length and
+        each pick while this length takes part, in the linear model.
 
     Notes
     -----
     With the length back, the unknowns move by -S J^T e / v, where S is their covariance, e the
     error of the length's prediction and v = 1 + J S J^T its variance. The residuals r and cofactors
-    q of the others become r - x e / v and q + x^2 / v, with x = J' S J^T. Another length is a rival
-    where the sum of squares then falls nearly as much without it as without this one.
+    Q of the others become r - x e / v and Q + x x^T / v, with x = J' S J^T, and the sum of squares
+    falls by r^T Q^-1 r without one of them. Axes that nothing checks then count 0.
     """
     minimum = found.minimum
     block, root = minimum.blocks["lengths"], np.sqrt(found.weight["lengths"])
@@ -590,12 +613,64 @@ def _has_rival(found: Annealed, row: int) -> bool:
     pull = minimum.factor.solve(gradient)
     variance = 1.0 + float(gradient[:, 0] @ pull[:, 0])
     error = float(block.residual[row, 0] / root[row])
-    moved = block.times(slice(None), pull)[:, 0, 0]
-    residual = block.residual[:, 0] - moved * error / variance
-    cofactor = cofactors(block, minimum.factor.covariance())[:, 0, 0] + moved**2 / variance
-    others = (found.misfit["lengths"] <= GROSS_SIGMAS) & (cofactor > LEAST_REDUNDANCY)
-    fall = residual[others] ** 2 / cofactor[others]
-    return bool((fall > error**2 / variance - RIVAL).any())
+    covariance, falls = minimum.factor.covariance(), {}
+    for name in ("lengths", "pixels"):
+        other = minimum.blocks[name]
+        moved = other.times(slice(None), pull)[:, :, 0]
+        residual = other.residual - moved * error / variance
+        share = cofactors(other, covariance) + np.einsum("na,nb->nab", moved, moved) / variance
+        redundancy, axes = np.linalg.eigh(share)
+        along = np.einsum("nra,nr->na", axes, residual) ** 2
+        checked = redundancy > LEAST_REDUNDANCY
+        falls[name] = np.where(checked, along / np.where(checked, redundancy, 1.0), 0.0).sum(axis=1)
+    return error**2 / variance, falls
+
+
+def _clicks_instead(candidate: Candidate) -> dict[str, Adjustment | None]:
+    """Find labels of which one wrong click explains as much as the only gross error, a length.
+
+    Those that the linear model proposes are tried in an adjustment with the length, without the
+    click. A length that a known mistake explains, as another unit, has no such rivals.
+
+    Returns
+    -------
+    The adjustment without the click of each label; None where it has no result.
+    """
+    found = candidate.annealed
+    rows = found.gross("lengths")
+    if len(rows) != 1 or sum(len(found.gross(name)) for name in found.misfit) > 1:
+        return {}
+    row, problem = int(rows[0]), found.problem
+    if _is_known_mistake(found, row):
+        return {}
+    whole, falls = _falls_with_length(found, row)
+    instead: dict[str, Adjustment | None] = {}
+    for pick in np.flatnonzero(falls["pixels"] > PROMISING * whole).tolist():
+        out = {name: np.zeros(len(size), dtype=np.bool_) for name, size in found.misfit.items()}
+        out["pixels"][pick] = True
+        weight = {name: np.where(is_out, NEARLY_NONE, 1.0) for name, is_out in out.items()}
+        try:
+            minimum = weighted_minimum(problem, found.minimum.state, weight)
+        except (SingularError, ValueError):  # undetermined, or impossible
+            continue
+        cost = bounded_cost(problem, minimum, out)
+        if cost <= found.cost + RIVAL:
+            gross = {name: np.where(is_out, np.inf, 0.0) for name, is_out in out.items()}
+            other = Annealed(problem, minimum, found.frames, weight, gross, cost)
+            without = _adjusted_without(replace(candidate, annealed=other))
+            label = problem.survey.label[problem.survey.pick_label[pick]]
+            instead[label] = None if without is None else without.refined.adjustment
+    return instead
+
+
+def _is_known_mistake(found: Annealed, row: int) -> bool:
+    """Whether a length that was left out was read in another unit, or with the point misplaced."""
+    survey, line = found.problem.survey, found.problem.line_index[row]
+    taped, sigma = float(survey.length_m[line]), float(survey.length_sigma_m[line])
+    root = np.sqrt(found.weight["lengths"][row])
+    error_m = float(found.minimum.blocks["lengths"].residual[row, 0] / root) * sigma
+    error_sigma_m = abs(error_m) / float(found.misfit["lengths"][row])
+    return bool(mistake(taped, sigma, taped + error_m, error_sigma_m))
 
 
 def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
@@ -612,20 +687,25 @@ def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
     near.sort(key=lambda one: len(one.annealed.gross("pixels")))
     different = {one.left_out: one for one in reversed(near)}
     each = [one for one in near if different[one.left_out] is one]
-    found = [one for candidate in each if (one := _adjusted_without(candidate)) is not None]
-    found.sort(key=lambda one: not one.refined.adjustment.minimum.converged)
-    if not found:
+    pairs = [(one, candidate) for candidate in each if (one := _adjusted_without(candidate))]
+    pairs.sort(key=lambda pair: not pair[0].refined.adjustment.minimum.converged)
+    if not pairs:
         return _without_outliers([one for one in agreed if one not in near])
-    robust, *others = found
+    (robust, candidate), *others = pairs
     refined, rivals = robust.refined, set[str]()
     minima = [*refined.alternatives]
-    for rival in others:
+    for rival, _ in others:
         lines = np.flatnonzero(rival.refined.line_removed & ~refined.line_removed)
         rivals |= {robust.survey.line_name[k] for k in lines if robust.survey.line_name}
         same = rival.refined.adjustment.survey.label == refined.adjustment.survey.label
         if len(lines) and same:
             minima.append(rival.refined.adjustment)
-    refined = replace(refined, alternatives=tuple(minima), rival_lines=frozenset(rivals))
+    refined = replace(
+        refined,
+        alternatives=tuple(minima),
+        rival_lines=frozenset(rivals),
+        rival_clicks=_clicks_instead(candidate),
+    )
     return replace(robust, refined=refined)
 
 
