@@ -65,6 +65,45 @@ def test_one_message_wherever_it_is_handed_in(
     assert not (tmp_path / "p.csv").exists()
 
 
+POINTER = FILES["pointer.jpg"][0]
+
+
+@pytest.mark.parametrize("name", ["project.yaml", "camera.yaml", "picks.csv", "lines.csv"])
+def test_a_pointer_in_place_of_a_file_of_the_project_is_named(
+    project: Project, command: Command, name: str
+) -> None:
+    (project / name).write_bytes(POINTER)
+    done = command("check", project.path)
+
+    assert done.status == 1
+    assert f"{name}: is a pointer of Git LFS" in done.stderr
+    assert "git lfs pull" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("plan", "a.yaml"),
+        ("simulate", "a.yaml"),
+        ("camera", "a.json"),
+        ("view", "a.rrd"),
+        ("picks", "import", "gcp_list.txt", "--output", "p.csv"),
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_a_pointer_is_named_wherever_a_file_is_read(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    file = next(name for name in arguments if "." in name)
+    (tmp_path / file).write_bytes(POINTER)
+    done = command(*arguments)
+
+    assert done.status == 1
+    assert "is a pointer of Git LFS" in done.stderr
+    assert "git lfs pull" in done.stderr
+
+
 def test_new_lists_what_it_passed_over_by_kind_and_number(
     small_survey: Path, command: Command, tmp_path: Path
 ) -> None:

@@ -15,7 +15,8 @@ from pathlib import Path
 
 import yaml
 
-from uavgram.errors import InputError, no_file
+from uavgram.errors import InputError
+from uavgram.input_files import read_text
 from uavgram.model.limits import unshowable
 from uavgram.model.typed_numbers import with_point
 
@@ -72,7 +73,7 @@ def read_yaml(path: Path, most_items: int = MOST_ITEMS) -> Document:
         The file cannot be read, is not UTF-8, is no YAML, is empty, is nested too deeply, has too
         many items, or uses what this program does not know (several documents, aliases, tags).
     """
-    text = _read_text(path)
+    text = read_text(path, "save it as UTF-8")
     try:
         root = _compose(path, text, most_items)
     except yaml.MarkedYAMLError as fault:
@@ -89,18 +90,6 @@ def read_yaml(path: Path, most_items: int = MOST_ITEMS) -> Document:
         raise InputError(path, "the file is empty", 1)
     plain = _Builder(path)
     return Document(path, plain.build(root, ()), plain.lines, tuple(plain.faults))
-
-
-def _read_text(path: Path) -> str:
-    if what := no_file(path):
-        raise InputError(path, f"is {what}: name a file")
-    try:
-        return path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as fault:
-        line = fault.object.count(b"\n", 0, fault.start) + 1
-        raise InputError(path, "is not UTF-8 text: save it as UTF-8", line) from fault
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
 
 
 def _compose(path: Path, text: str, most_items: int) -> yaml.Node | None:

@@ -12,7 +12,7 @@ from xml.etree.ElementTree import Element, ParseError, fromstring
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.io.inputs import read_bytes
+from uavgram.input_files import read_bytes
 from uavgram.io.json_text import parse_json
 from uavgram.model.arrays import Floats
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import tagged_jpeg
 
 from uavgram.cli import main
 from uavgram.config.project import load_project
@@ -70,6 +71,19 @@ def test_the_places_of_the_photos_are_used_and_the_assumed_ground_is_said(
     assert (origin.latitude_deg, origin.longitude_deg, origin.height_m) == (47.0, 8.0, 440.0)
     assert (project.ground.height_sigma_m, project.world.heights) == (40.0, datum)
     assert main(["check", str(folder / "project.yaml")]) == 0
+
+
+def test_a_height_above_take_off_with_the_wrong_sign_is_reported_and_not_used(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    tags = tagged_jpeg.dji(AbsoluteAltitude="+500.00", RelativeAltitude="-60.00").decode()
+    folder = placed(tmp_path / "flight", 3, tags)
+    assert main(["new", str(folder)]) == 0
+    said = capsys.readouterr().out
+    assert "the height above take-off that the tags state (-60.0 m)" in said
+    origin = load_project(folder / "project.yaml").world.origin
+    assert isinstance(origin, GeodeticOrigin)
+    assert origin.height_m == 440.0
 
 
 def test_every_table_that_a_new_project_names_is_there(tmp_path: Path) -> None:

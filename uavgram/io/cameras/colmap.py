@@ -9,8 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from uavgram.errors import InputError
+from uavgram.input_files import read_text
 from uavgram.io.cameras.choice import choose_camera, without_errors
-from uavgram.io.inputs import read_text
 from uavgram.model.camera.calibration import Calibration, LensModel
 from uavgram.model.message import Message
 

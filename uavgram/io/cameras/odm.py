@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from uavgram.errors import InputError
+from uavgram.input_files import read_text
 from uavgram.io.cameras.choice import choose_camera, without_errors
-from uavgram.io.inputs import read_text
 from uavgram.io.json_text import parse_json
 from uavgram.model.camera.calibration import Calibration, LensModel
 from uavgram.model.message import Message

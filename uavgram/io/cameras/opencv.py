@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.input_files import read_text
 from uavgram.io.cameras.choice import assumed_errors_message
-from uavgram.io.inputs import read_text
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.assumed_errors import CALIBRATION_FILE, assumed_covariance
 from uavgram.model.camera.calibration import (

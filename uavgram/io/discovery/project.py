@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 from uavgram.errors import InputError
+from uavgram.input_files import unread_format
 from uavgram.io.cameras.colmap import is_colmap_cameras
 from uavgram.io.cameras.odm import is_odm_cameras
 from uavgram.io.cameras.opencv import is_opencv_calibration
@@ -89,7 +90,8 @@ def search_folder(folder: Path) -> Holdings:
     photos = grouped(path for path in files if path.suffix.lower() in PHOTO_SUFFIXES)
     logs = tuple(path for path in files if is_flight_log(path))
     cameras = tuple(path for path in files if _is_camera(path))
-    gcp = tuple(p for p in files if p.suffix.lower() == ".txt" and "gcp" in p.stem.lower())
+    texts = (path for path in files if path.suffix.lower() == ".txt")
+    gcp = tuple(p for p in texts if "gcp" in p.stem.lower() and unread_format(p) is None)
     groups = (*(group.files for group in photos), *tables.values())
     known = {*logs, *cameras, *marks, *gcp, *(path for group in groups for path in group)}
     return Holdings(

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.io.inputs import read_text
+from uavgram.input_files import read_text
 from uavgram.io.json_text import parse_json
 from uavgram.io.photos.exif import exif_numbers, read_exif_tags
 from uavgram.io.photos.size import image_size

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavgram.errors import InputError
-from uavgram.io.inputs import opened
+from uavgram.input_files import opened
 from uavgram.model.flight.log import FlightLog, LogKind
 
 _DATAFLASH_FORMAT = b"\xa3\x95\x80"  # the first message of a DataFlash file, a format message

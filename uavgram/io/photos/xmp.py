@@ -9,7 +9,7 @@ from pathlib import Path
 from xml.parsers import expat
 
 from uavgram.errors import InputError
-from uavgram.io.inputs import read_bytes
+from uavgram.input_files import read_bytes
 from uavgram.io.photos.jpeg_segments import XMP_HEAD, parse_jpeg
 
 XmpTags = Mapping[tuple[str, str], str]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.io.inputs import read_text
+from uavgram.input_files import read_text
 from uavgram.io.json_text import parse_json
 from uavgram.io.outputs import replace_text
 from uavgram.io.results import tables

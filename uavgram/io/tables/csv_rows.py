@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from uavgram import input_files
 from uavgram.errors import InputError
-from uavgram.io import inputs
 
 _LINE = re.compile(r"[^\r\n]+")
 _BLOCK = 10_000  # rows at a time
@@ -131,9 +131,9 @@ def _stripped(cells: Sequence[str]) -> list[str]:
 
 def read_text(path: Path) -> str:
     """Text of a file in UTF-8, without byte order mark."""
-    if _looks_like_utf_16(inputs.read_bytes(path)[:64]):
+    if _looks_like_utf_16(input_files.read_bytes(path)[:64]):
         raise InputError(path, "is UTF-16 text: save it as CSV UTF-8", 1)
-    return inputs.read_text(path, "save it as CSV UTF-8")
+    return input_files.read_text(path, "save it as CSV UTF-8")
 
 
 def _looks_like_utf_16(start: bytes) -> bool:

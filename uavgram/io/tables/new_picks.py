@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from uavgram.errors import InputError
-from uavgram.io.inputs import read_bytes
+from uavgram.input_files import read_bytes
 from uavgram.io.tables.csv_rows import read_blocks, read_header
 from uavgram.io.tables.known_points import GEODETIC, THREE_SIGMAS
 from uavgram.io.tables.picked import PICKS_HEADER

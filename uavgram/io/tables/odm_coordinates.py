@@ -12,7 +12,7 @@ from pyproj.exceptions import CRSError
 
 from uavgram.errors import InputError
 from uavgram.geometry.earth.geodesy import EXCHANGED, Origin, are_exchanged
-from uavgram.io.inputs import read_text
+from uavgram.input_files import read_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import HeightDatum
 

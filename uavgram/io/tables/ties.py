@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.io.inputs import read_bytes
+from uavgram.input_files import read_bytes
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
 from uavgram.io.tables.rewrite import Cells, new_table, rewritten_table
 from uavgram.model.survey.ties import TiePicks

@@ -228,10 +228,11 @@ POSES = (
         "odd-altitude",
         WARNING,
         finding=(
-            "Photos state an altitude of 0, or one with the wrong sign: far below the sea while "
-            "the other photos are as far above it, or all of them far below it."
+            "Photos state an altitude or a height above take-off of 0, or one with the wrong sign: "
+            "far below the sea while the other photos are as far above it, or all of them far "
+            "below it; the same about the place of take-off."
         ),
-        consequence="The altitude was not used. The horizontal positions were.",
+        consequence="That height was not used. The horizontal positions were.",
         action="Give the true heights in a CSV file, also if the survey really is below the sea.",
     ),
     Entry(

@@ -16,12 +16,10 @@ TRUST = (
     Entry(
         "not-converged",
         ERROR,
-        finding=(
-            "The computation found no stable result. The message names the observation that fits "
-            "worst, as a hint."
-        ),
+        finding="The computation found no stable result, and no test can tell what is wrong.",
         action=(
-            "Look for a swapped label or a wrong length. If the camera was assumed, calibrate it."
+            "Look at the other messages first, then for a swapped label or a wrong length. If the "
+            "camera was assumed, calibrate it."
         ),
         effect=Effect.RED,
         one="The picks and lengths lead to no result: do not use these numbers.",

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from uavgram.config.project import PROJECT_FILE
 from uavgram.errors import InputError, UavgramError
-from uavgram.io.inputs import read_text
+from uavgram.input_files import read_text
 
 _PROJECTS = (".yaml", ".yml")
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from uavgram.config.camera import load_camera_file
 from uavgram.config.camera_text import camera_text
-from uavgram.errors import InputError, no_file
+from uavgram.errors import InputError
+from uavgram.input_files import read_bytes
 from uavgram.io.cameras.colmap import colmap_text, is_colmap_cameras, read_colmap_camera
 from uavgram.io.cameras.drone_table import drone_cameras
 from uavgram.io.cameras.odm import is_odm_cameras, read_odm_camera
@@ -80,7 +81,7 @@ def read_camera(path: str | Path, wanted: str | None = None) -> CameraRead:
         tags = read_camera_tags(path)
         calibration, messages = assume_camera(tags, drone_cameras())
         return CameraRead(path=path, calibration=calibration, messages=messages, tags=tags)
-    text = _beginning(path)
+    text = read_bytes(path).decode("utf-8-sig", errors="replace")
     if is_odm_cameras(text):
         calibration, messages = read_odm_camera(path, wanted)
     elif is_colmap_cameras(text):
@@ -93,15 +94,6 @@ def read_camera(path: str | Path, wanted: str | None = None) -> CameraRead:
         calibration, provenance = load_camera_file(path)
         return CameraRead(path=path, calibration=calibration, provenance=provenance)
     return CameraRead(path=path, calibration=calibration, messages=messages)
-
-
-def _beginning(path: Path) -> str:
-    if what := no_file(path):
-        raise InputError(path, f"is {what}: name a file")
-    try:
-        return path.read_text(encoding="utf-8-sig", errors="replace")
-    except OSError as fault:
-        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
 
 
 def _refuse(wanted: str | None, path: Path) -> None:

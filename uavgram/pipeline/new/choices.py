@@ -11,12 +11,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from uavgram.errors import InputError
+from uavgram.input_files import unread_format
 from uavgram.io.discovery.project import Holdings, PhotoGroup, TableRole, grouped
 from uavgram.io.photos.files import matching_files
 from uavgram.io.photos.size import image_size
 from uavgram.io.tables.new_picks import CONTROL_HEADER
 from uavgram.io.tables.picked import LINES_HEADER, MEASURE_HEADER, PICKS_HEADER
-from uavgram.io.unread_formats import unread_format
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN

@@ -14,8 +14,7 @@ from uavgram.estimation.first_poses.known_frames import known_rows
 from uavgram.estimation.measuring.next_length import distance_changes, line_faults, next_line
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined, Removal
 from uavgram.estimation.survey.names import Names
-from uavgram.estimation.survey.observations.kinds import READINGS
-from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.suspicion import Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.naming import figures, listed
@@ -63,27 +62,21 @@ def remarks(survey: Survey, refined: Refined) -> tuple[Message, ...]:
         if removal.before is not None
     ]
     if not refined.adjustment.minimum.converged:
-        messages.append(_not_converged(refined))
+        messages.append(_not_converged())
     messages += _contradictory(survey, refined)
     messages += _odd_height(refined.adjustment)
     return (*messages, *_ambiguity(refined), *_weak_lengths(refined))
 
 
-def _not_converged(refined: Refined) -> Message:
-    """No rest, and the observation with the largest residual."""
-    blocks = refined.adjustment.minimum.blocks
-    sizes = {k: np.linalg.norm(blocks[k].residual, axis=1) for k in READINGS if k in blocks}
-    kind = max(sizes, key=lambda k: float(sizes[k].max(initial=0.0)))
-    row = int(sizes[kind].argmax())
-    names, hardest = Names(refined.adjustment), Member(kind, row, 0)
+def _not_converged() -> Message:
+    """No rest: nothing is named, since no residual of such an adjustment shows what is wrong."""
     text = (
-        "The picks and lengths lead to no result: do not use these numbers. Look for a swapped "
-        "label or a wrong length; where the camera is only assumed, calibrate it. "
-        f"The adjustment did not come to rest. The {names.observation(hardest)} fits worst, but no "
-        "test can tell from these numbers what is wrong (residual of "
-        f"{figures(sizes[kind][row], 3)} of its sigmas)."
+        "The picks and lengths lead to no result: do not use these numbers. The adjustment did not "
+        "come to rest, and no test can tell from these numbers what is wrong. Look at the other "
+        "messages first, then for a swapped label or a wrong length; where the camera is only "
+        "assumed, calibrate it."
     )
-    return Message("error", "not-converged", text, **names.subjects(hardest))
+    return Message("error", "not-converged", text)
 
 
 def _contradictory(survey: Survey, refined: Refined) -> Iterator[Message]:

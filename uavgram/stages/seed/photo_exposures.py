@@ -50,9 +50,9 @@ def find_photo_home(poses: PhotoPoses) -> tuple[Origin, tuple[Message, ...]]:
     known = np.flatnonzero(np.isfinite(take_off_m))
     if not known.size:
         raise UavgramError(
-            f"{poses.source} says nothing of the height above take-off, so there is no home: set "
-            "world.origin to a latitude, longitude and the height of the ground, in the datum of "
-            f"world.heights (these poses are {poses.datum})"
+            f"{poses.source} states no height above take-off that can be right, so there is no "
+            "home: set world.origin to a latitude, longitude and the height of the ground, in the "
+            f"datum of world.heights (these poses are {poses.datum})"
         )
     k = int(known[0])
     height = float(take_off_m[k])

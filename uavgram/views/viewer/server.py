@@ -12,6 +12,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from uavgram.errors import InputError, UavgramError
+from uavgram.input_files import opened
 from uavgram.views.viewer import process as viewer_process
 from uavgram.views.viewer.proxy import LOOPBACK, ViewerGate
 
@@ -167,11 +168,8 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def _check(recording: Path) -> None:
-    try:
-        with recording.open("rb") as stream:
-            head = stream.read(4)
-    except OSError as fault:
-        raise InputError(recording, f"cannot be read: {fault.strerror}") from fault
+    with opened(recording) as stream:
+        head = stream.read(4)
     if head not in MAGIC:
         raise InputError(recording, "is not a Rerun recording (.rrd)")
 

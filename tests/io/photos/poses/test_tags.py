@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.errors import InputError
 from uavgram.geometry.motion.rotation import matrix_from_ypr
+from uavgram.io.photos.jpeg_segments import APP1, EXIF_HEAD, Segment, build_jpeg, parse_jpeg
 from uavgram.io.photos.poses.tags import first_maker, read_photo_tags
+from uavgram.io.photos.tagging.exif_gps import ExifGps, with_gps
 from uavgram.model.flight.photo_poses import PhotoPoses
 from uavgram.model.message import Message
 
@@ -156,6 +158,49 @@ def test_altitudes_of_zero_or_of_the_wrong_sign_are_named_and_not_used(
         assert message.frames == names
         assert names[0].removesuffix(".JPG") in message.text
         assert f"{altitudes[odd[0]]:.1f} m" in message.text
+
+
+@pytest.mark.parametrize(
+    ("heights", "odd"),
+    [
+        ((40.0, 0.0, 41.0), (1,)),
+        ((0.0, 0.0), (0, 1)),
+        ((40.0, -40.2, 41.0), (1,)),
+        ((-40.0, -41.0), (0, 1)),
+        ((-3.0, 45.0, 12.0), ()),  # into a valley
+    ],
+)
+def test_heights_above_take_off_of_zero_or_of_the_wrong_sign_are_not_used(
+    read: Read, heights: tuple[float, ...], odd: tuple[int, ...]
+) -> None:
+    poses, messages = read(*(PLACE | {"RelativeAltitude": f"{h:+}"} for h in heights))
+
+    expected = [np.nan if k in odd else h for k, h in enumerate(heights)]
+    np.testing.assert_array_equal(poses.height_home_m, expected)
+    assert np.isfinite(poses.height_m).all()
+    assert [m.code for m in messages] == ["odd-altitude"] * bool(odd)
+    for message in messages:
+        assert "the height above take-off that the tags state" in message.text
+        assert f"{heights[odd[0]]:.1f} m" in message.text
+
+
+def test_an_altitude_that_the_maker_left_empty_is_that_of_exif(tmp_path: Path) -> None:
+    gps = ExifGps(latitude_deg=46.8, longitude_deg=-91.9, height_m=198.5, sigma_horizontal_m=2.0)
+    plain = parse_jpeg(tagged_jpeg.jpeg(tagged_jpeg.dji(**PLACE | {"AbsoluteAltitude": "+0.00"})))
+    assert plain is not None
+    path = tmp_path / "DJI_0000.JPG"
+    tags = Segment(APP1, EXIF_HEAD + with_gps(None, gps))
+    path.write_bytes(build_jpeg([tags, *plain.segments], plain.scan))
+    poses, messages = read_photo_tags(tagged_jpeg.photos([path]))
+
+    assert poses.height_m.tolist() == [198.5]
+    assert messages == ()
+
+
+def test_vehicle_angles_of_zero_in_all_photos_are_not_filled_in(read: Read) -> None:
+    none = {f"Flight{angle}Degree": "+0.00" for angle in ("Yaw", "Pitch", "Roll")}
+
+    assert np.isnan(read(PLACE | none, PLACE | none)[0].vehicle_ypr_rad).all()
 
 
 def test_a_place_without_altitude_is_named_and_takes_part(read: Read) -> None:

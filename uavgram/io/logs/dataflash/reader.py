@@ -18,7 +18,7 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.geometry.earth.gps_time import utc_from_gps
-from uavgram.io.inputs import read_bytes
+from uavgram.input_files import read_bytes
 from uavgram.io.logs.build import Table, build_log
 from uavgram.io.logs.dataflash.binary import index_binary
 from uavgram.io.logs.dataflash.formats import Columns, odd_names

@@ -15,7 +15,7 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import matrix_from_ypr, ypr_from_matrix
-from uavgram.io.inputs import read_bytes
+from uavgram.input_files import read_bytes
 from uavgram.io.logs.build import Table, build_log, first_found
 from uavgram.io.logs.mavlink_dialect import message_name, vehicle_kind
 from uavgram.io.logs.quality.camera import events_of, gimbal_from_angles, image_numbers

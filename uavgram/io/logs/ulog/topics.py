@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.io.inputs import opened
+from uavgram.input_files import opened
 from uavgram.io.logs.quality.rows import LONGEST_BOOT_S
 from uavgram.io.logs.topics import Messages, Topic
 from uavgram.io.logs.ulog.messages import FLAGS, HEADER, LONGEST

@@ -16,7 +16,7 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.geometry.earth.gps_time import utc_from_gps
-from uavgram.io.inputs import read_bytes
+from uavgram.input_files import read_bytes
 from uavgram.io.photos.poses.tags import RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Photos

@@ -18,7 +18,7 @@ from uavgram.errors import InputError
 from uavgram.geometry.motion.nadir_angles import gimbal_from_nadir
 from uavgram.io.photos.exif_gps import ExifPlace, read_exif_place
 from uavgram.io.photos.xmp import DJI, PIX4D, XMP, XmpTags, read_xmp
-from uavgram.model.arrays import Bools
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import HeightDatum
 from uavgram.model.flight.photo_poses import PhotoPoses
@@ -46,6 +46,8 @@ DJI_GUESS = (
 RTK_GUESS = "DJI writes ellipsoidal heights where RTK is in use"
 EXIF_GUESS = "EXIF altitude references 0 and 1 name no datum; sea level was assumed"
 
+_HEIGHTS = {"height_m": "altitude", "height_home_m": "height above take-off"}
+"""Heights that tags state."""
 
 _COLUMNS = (
     *("latitude_deg", "longitude_deg", "height_m", "height_home_m"),
@@ -95,7 +97,7 @@ def dji_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
     return TagPose(
         latitude_deg=latitude,
         longitude_deg=longitude,
-        height_m=exif.altitude_m if math.isnan(altitude) else altitude,
+        height_m=next((h for h in (altitude, exif.altitude_m) if abs(h) > 0), altitude),
         height_home_m=number("RelativeAltitude"),
         datum="ellipsoid" if has_rtk else "msl",
         datum_guess=RTK_GUESS if has_rtk else DJI_GUESS,
@@ -240,31 +242,38 @@ def _without_fillers(
             "angles in a CSV file (`poses`)."
         )
         messages.append(Message("warning", "gimbal-not-filled", text))
-    odd = np.flatnonzero(_is_odd(poses))
-    if odd.size:
+    if not np.any([pose.vehicle_ypr_deg for pose in poses]):
+        poses = [replace(pose, vehicle_ypr_deg=NONE) for pose in poses]
+    for name, what in _HEIGHTS.items():
+        height = np.array([getattr(pose, name) for pose in poses])
+        odd = np.flatnonzero(_is_odd(name, height, poses))
+        if not odd.size:
+            continue
         names = tuple(frame_id[k] for k in odd)
-        stated = sorted({f"{poses[k].height_m:.1f} m" for k in odd})
+        stated = sorted({f"{height[k]:.1f} m" for k in odd})
         text = (
-            f"{listed_photos(names)} cannot have been taken at the altitude that the tags state "
-            f"({', '.join(stated)}): it is missing, 0 or of the wrong sign, and was not used, the "
-            "place was. Give true heights in a CSV file (`poses`)."
+            f"{listed_photos(names)} cannot have been taken at the {what} that the tags state "
+            f"({', '.join(stated)}): it is missing, 0 or of the wrong sign, and was not used, "
+            "the place was. Give true heights in a CSV file (`poses`)."
         ).replace("nan m", "none")
         messages.append(Message("warning", "odd-altitude", text, frames=names))
-        poses = [replace(p, height_m=math.nan) if k in odd else p for k, p in enumerate(poses)]
+        poses = [replace(p, **{name: math.nan}) if k in odd else p for k, p in enumerate(poses)]
     return poses, messages
 
 
-def _is_odd(poses: list[TagPose]) -> Bools:
-    """(N,) whether the altitude of a place is missing, 0, or below the sea by its sign.
+def _is_odd(name: str, height: Floats, poses: list[TagPose]) -> Bools:
+    """(N,) whether the altitude of a place is missing, or a height is 0 or of the wrong sign.
 
-    By its sign is one that mirrors those of the other photos, or where all are below.
+    The sign is wrong of one that mirrors those of the other photos, or where all are negative.
     """
-    height = np.array([pose.height_m for pose in poses])
     above = height[height > 0]
     usual = float(np.median(above)) if above.size else math.nan
-    below = (height < -_LEAST_DEPTH_M) & [pose.datum == "msl" for pose in poses]
     mirrored = np.abs(usual + height) < _MIRRORED_SHARE * (usual - height)
-    missing = np.isnan(height) & [_has_place(pose) for pose in poses]
+    missing = np.zeros(len(poses), dtype=np.bool_)
+    below = height < 0
+    if name == "height_m":
+        missing = np.isnan(height) & [_has_place(pose) for pose in poses]
+        below = (height < -_LEAST_DEPTH_M) & [pose.datum == "msl" for pose in poses]
     return np.asarray(missing | (height == 0) | (below & (mirrored | math.isnan(usual))))
 
 
