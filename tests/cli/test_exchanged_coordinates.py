@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
+from pyproj import Transformer
 from small_projects import Project
 
 from uavgram.errors import InputError
+from uavgram.estimation.reliability.coordinate_faults import likely_fault
 from uavgram.model.survey.world import Geodetic, World
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import known_in_world
@@ -28,3 +31,36 @@ def test_a_point_with_latitude_and_longitude_exchanged_is_a_mistake(
     wrong = read_inputs(project.path)
     with pytest.raises(InputError, match=r"point 'B' .* latitude and longitude exchanged"):
         known_in_world(wrong, getattr(wrong, role), WORLD)
+
+
+@pytest.mark.parametrize("crs", ["auto", "EPSG:25832"])
+@pytest.mark.parametrize("role", ["control", "check"])
+def test_a_point_with_easting_and_northing_exchanged_is_a_mistake(
+    project: Project, role: str, crs: str
+) -> None:
+    to_map = Transformer.from_crs("EPSG:4326", "EPSG:25832", always_xy=True)
+    east, north = to_map.transform(8.55, 47.301)
+    longitude, latitude = to_map.transform(north, east, direction="INVERSE")
+    rows = "label,latitude_deg,longitude_deg,height_m,sigma_m\nA,47.301,8.55,400,1\n"
+    (project / "points.csv").write_text(f"{rows}B,{latitude},{longitude},400,1\n")
+    project.set(**{role: "points.csv", "crs": crs})
+    wrong = read_inputs(project.path)
+    with pytest.raises(InputError, match=r"point 'B' .* easting and northing exchanged"):
+        known_in_world(wrong, getattr(wrong, role), WORLD)
+
+
+def test_points_that_are_all_of_another_place_are_a_mistake(project: Project) -> None:
+    rows = (
+        "label,latitude_deg,longitude_deg,height_m,sigma_m\nA,46.3,8.55,400,1\nB,46.4,8.6,400,1\n"
+    )
+    (project / "points.csv").write_text(rows)
+    project.set(control="points.csv")
+    wrong = read_inputs(project.path)
+    with pytest.raises(InputError, match=r"all known points are far .* 'A' by 111 km"):
+        known_in_world(wrong, wrong.control, WORLD)
+
+
+def test_local_coordinates_that_are_exchanged_are_named_by_where_the_points_were_found() -> None:
+    found = np.array([110.0, -40.0, 1.0])
+    assert "east and north exchanged" in likely_fault(np.array([-39.0, 111.0, 1.2]), found)
+    assert likely_fault(np.array([111.0, -60.0, 1.2]), found) == ""

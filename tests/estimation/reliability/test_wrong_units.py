@@ -43,5 +43,5 @@ def test_where_coordinates_lie_is_told_by_distance_sigma_and_side() -> None:
     assert displaced(np.array([0.0, 0.0, 4.0]), sigma).endswith("(sigma 0.05 m), mostly above")
     assert displaced(np.array([5.0, 5.0, 5.0]), sigma).endswith("to no one side")
     assert displaced(np.array([0.0, 2e6, 0.0]), sigma).startswith("2000 km from")
-    assert likely_fault(np.array([0.0, 2e6, 0.0]))
-    assert not likely_fault(np.array([0.0, 200.0, 0.0]))
+    assert likely_fault(np.array([0.0, 2e6, 0.0]), np.zeros(3))
+    assert not likely_fault(np.array([0.0, 200.0, 0.0]), np.zeros(3))

@@ -198,7 +198,11 @@ def test_a_label_at_two_heights_is_a_mistake(tmp_path: Path) -> None:
 @pytest.mark.parametrize("folder", [".", "images"])
 @pytest.mark.parametrize(
     ("head", "first", "second"),
-    [("EPSG:4326", "8.55 47.3", "47.3001 8.5502"), ("EPSG:32632", "{0} {1}", "{1} {0}")],
+    [
+        ("EPSG:4326", "8.55 47.3", "47.3001 8.5502"),
+        ("EPSG:32632", "{0} {1}", "{1} {0}"),
+        ("+proj=tmerc +lon_0=8.5 +lat_0=47.2 +y_0=1000", "{2} {3}", "{3} {2}"),  # alike in size
+    ],
 )
 def test_exchanged_coordinates_are_told_where_photos_show_it(
     tmp_path: Path, folder: str, head: str, first: str, second: str
@@ -207,10 +211,21 @@ def test_exchanged_coordinates_are_told_where_photos_show_it(
     (tmp_path / folder / "a.jpg").write_bytes(placed_jpeg(8.54, 47.31))
     to_map = Transformer.from_crs("EPSG:4326", "EPSG:32632", always_xy=True)
     east, north = to_map.transform(8.55, 47.3)
-    rows = f"{first} 400 1 1 a.jpg A\n{second} 400 2 2 a.jpg B\n".format(east, north)
+    alike = Transformer.from_crs("EPSG:4326", head, always_xy=True).transform(8.55, 47.3)
+    rows = f"{first} 400 1 1 a.jpg A\n{second} 400 2 2 a.jpg B\n".format(east, north, *alike)
     path = write(tmp_path, f"{head}\n{rows}")
 
     with pytest.raises(InputError, match=r":3: .*near it with latitude and longitude .* exchanged"):
+        read_gcp_list(path, GcpSigmas(sigma_m=0.05))
+
+
+def test_exchanged_coordinates_are_told_by_the_systems_area_where_no_photo_is_there(
+    tmp_path: Path,
+) -> None:
+    rows = "5238000 466000 400 1 1 a.jpg A\n466000 5238000 400 2 2 a.jpg B\n"
+    path = write(tmp_path, f"EPSG:32632\n{rows}")
+
+    with pytest.raises(InputError, match=r":2: is outside WGS 84 / UTM zone 32N, and inside with"):
         read_gcp_list(path, GcpSigmas(sigma_m=0.05))
 
 

@@ -9,6 +9,9 @@ from uavgram.model.arrays import Floats
 FAR_M = 10_000.0
 """Distance beyond which a point lies outside any survey: its coordinates are another place's."""
 
+EXCHANGED_SHARE = 0.1
+"""Of a distance, that is left at most where east and north are put back."""
+
 MOSTLY = 0.6
 """Share of a distance from which on it lies mostly along one axis."""
 
@@ -30,10 +33,19 @@ def displaced(off_m: Floats, sigma_m: Floats) -> str:
     return f"{size} from where it was found (sigma {sigma:.2g} m), {_whither(direction)}"
 
 
-def likely_fault(off_m: Floats) -> str:
-    """What may be wrong with coordinates so far off, in brackets; empty where nothing is likely."""
-    far = float(np.linalg.norm(off_m)) > FAR_M
-    return " (latitude and longitude swapped, a wrong sign, another system?)" if far else ""
+def likely_fault(stated_m: Floats, found_m: Floats) -> str:
+    """What may be wrong with coordinates that are off, in brackets; empty where nothing is likely.
+
+    Parameters
+    ----------
+    stated_m, found_m
+        (3,) east, north, up of a point as stated, and where it was found.
+    """
+    off_m = float(np.linalg.norm(stated_m - found_m))
+    turned_off_m = float(np.linalg.norm(stated_m[[1, 0, 2]] - found_m))
+    if turned_off_m < EXCHANGED_SHARE * off_m:
+        return " (east and north exchanged?)"
+    return " (a wrong sign, another coordinate system?)" if off_m > FAR_M else ""
 
 
 def _whither(direction: Floats) -> str:

@@ -21,6 +21,10 @@ SAME_SITE_M = 20_000.0
 """Farther apart, two places are not of one flight: over this the ground falls 31 m below the
 horizontal plane."""
 
+_BESIDE_M, _CLEAR = 2_000.0, 5.0
+"""Nearer, a place is exchanged only if it is beside the flight, and so many times nearer with x
+and y exchanged: eastings and northings of some national grids resemble each other."""
+
 
 def curvature_drop(distance_m: float) -> float:
     """How far the ground at a distance lies below the horizontal plane here [m]: d^2 / 2R."""
@@ -68,11 +72,12 @@ def are_exchanged(stated: Places, turned: Places, site: Origin) -> Bools:
     site
         Where the flight was.
     """
-    far, turned_far = (
-        ~(np.linalg.norm(enu_from_geodetic(*one, 0.0, site), axis=-1) < SAME_SITE_M)
+    away_m, turned_away_m = (
+        np.nan_to_num(np.linalg.norm(enu_from_geodetic(*one, 0.0, site), axis=-1), nan=np.inf)
         for one in (stated, turned)
     )
-    return np.asarray(far & ~turned_far)
+    far = (away_m > SAME_SITE_M) | (away_m > np.maximum(_CLEAR * turned_away_m, _BESIDE_M))
+    return np.asarray(far & (turned_away_m < SAME_SITE_M))
 
 
 def geodetic_from_enu(enu: Floats, origin: Origin) -> tuple[Floats, Floats, Floats]:

@@ -10,7 +10,7 @@ from pyproj.exceptions import CRSError
 
 from uavgram.errors import GeometryError
 from uavgram.geometry.earth.geodesy import Origin, geodetic_from_enu
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 
 # UTM covers these latitudes; beyond them maps use the polar stereographic pair.
 _UTM_SOUTH_DEG, _UTM_NORTH_DEG = -80.0, 84.0
@@ -99,6 +99,30 @@ def _is_within(bounds: tuple[float, ...], latitude_deg: float, longitude_deg: fl
     west, south, east, north = bounds
     width = (east - west) % 360.0 or 360.0
     return south <= latitude_deg <= north and (longitude_deg - west) % 360.0 <= width
+
+
+def within_area(crs: CRS, latitude_deg: Floats, longitude_deg: Floats) -> Bools:
+    """Tell which places (N,) are in a coordinate system's area of use; all where it names none."""
+    area = crs.area_of_use
+    places = zip(latitude_deg.tolist(), longitude_deg.tolist(), strict=True)
+    return np.array([area is None or _is_within(area.bounds, *place) for place in places])
+
+
+def with_axes_exchanged(
+    latitude_deg: Floats, longitude_deg: Floats, crs: str
+) -> tuple[Floats, Floats]:
+    """Find the places (N,) [deg] whose easting is the northing of others, and the reverse.
+
+    Parameters
+    ----------
+    latitude_deg, longitude_deg
+        (N,) the others, on WGS 84.
+    crs
+        A projected coordinate system.
+    """
+    easting, northing = _to_map(crs).transform(longitude_deg, latitude_deg)
+    longitude, latitude = geographic_from_projected(np.stack([northing, easting], axis=-1), crs)
+    return latitude, longitude
 
 
 def projected_from_enu(enu_m: Floats, origin: Origin, crs: str) -> Floats:

@@ -12,6 +12,7 @@ from pyproj.exceptions import CRSError
 
 from uavgram.errors import InputError
 from uavgram.geometry.earth.geodesy import EXCHANGED, Origin, are_exchanged
+from uavgram.geometry.earth.map_projection import within_area
 from uavgram.input_files import read_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import HeightDatum
@@ -118,19 +119,22 @@ def geodetic(
     ------
     InputError
         Names the line of a place that is none, and of one that is far from the photos but near
-        them with x and y exchanged.
+        them with x and y exchanged; without a site the same of the system's area of use.
     """
     flat = crs.to_2d() if not crs.is_compound else crs.sub_crs_list[0]
     to_wgs84 = Transformer.from_crs(flat, "EPSG:4326", always_xy=True)
     longitude, latitude = (np.asarray(v) for v in to_wgs84.transform(xyz[:, 0], xyz[:, 1]))
-    if site is not None:
-        east, north = to_wgs84.transform(xyz[:, 1], xyz[:, 0])
-        exchanged = are_exchanged((latitude, longitude), (north, east), site)
-        text = f"{EXCHANGED}: {_X_FIRST}"
-        if exchanged.any():
-            raise InputError.of_all(
-                path, [(line[k], text) for k in np.flatnonzero(exchanged).tolist()]
-            )
+    turned_longitude, turned_latitude = to_wgs84.transform(xyz[:, 1], xyz[:, 0])
+    if site is None:
+        exchanged = within_area(flat, turned_latitude, turned_longitude)
+        exchanged &= ~within_area(flat, latitude, longitude) & flat.is_projected
+        what = f"is outside {crs.name}, and inside with x and y exchanged"
+    else:
+        exchanged = are_exchanged((latitude, longitude), (turned_latitude, turned_longitude), site)
+        what = EXCHANGED
+    if exchanged.any():
+        text = f"{what}: {_X_FIRST}"
+        raise InputError.of_all(path, [(line[k], text) for k in np.flatnonzero(exchanged).tolist()])
     # inf where a projection has no inverse there; compares False
     inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360)
     if not inside.all():

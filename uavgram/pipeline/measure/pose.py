@@ -16,7 +16,7 @@ from uavgram.geometry.earth.geodesy import (
     curvature_drop,
     enu_from_geodetic,
 )
-from uavgram.geometry.earth.map_projection import misfit
+from uavgram.geometry.earth.map_projection import misfit, utm_crs, with_axes_exchanged
 from uavgram.model.arrays import Floats, rows_of
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import FlightLog, HeightDatum
@@ -350,7 +350,8 @@ def known_in_world(
     Raises
     ------
     InputError
-        A point is far from the world's origin, and near it with latitude and longitude exchanged.
+        A point is far from the world's origin, and near it with latitude and longitude, or easting
+        and northing, exchanged; or all of them are far from it.
     """
     coordinates: Floats = points.coordinates
     if points.kind == "geodetic" and len(points.label):
@@ -362,12 +363,34 @@ def known_in_world(
             return NO_CONTROL, (Message("warning", "points-unplaced", text, labels=points.label),)
         shift = height_shift(inputs, world.height_datum)
         latitude, longitude, height = points.coordinates.T
-        exchanged = are_exchanged((latitude, longitude), (longitude, latitude), world.origin)
+        _check_places(inputs, points, world.origin)
+        coordinates = enu_from_geodetic(latitude, longitude, height + shift, world.origin)
+    return KnownWorldPoints(label=points.label, world_m=coordinates, sigma_m=points.sigma_m), ()
+
+
+def _check_places(inputs: Inputs, points: KnownPoints, origin: Geodetic) -> None:
+    """Refuse coordinates that are exchanged, or all of another place, as `known_in_world` says."""
+    latitude, longitude, _ = points.coordinates.T
+    place, crs = origin[:2], inputs.project.crs
+    turned = {
+        "latitude and longitude": (longitude, latitude),
+        "easting and northing": with_axes_exchanged(
+            latitude, longitude, utm_crs(*place) if crs == "auto" else crs
+        ),
+    }
+    for what, places in turned.items():
+        exchanged = are_exchanged((latitude, longitude), places, origin)
         if exchanged.any():
             raise InputError(
                 inputs.project_path,
                 f"the known point {points.label[int(exchanged.argmax())]!r} is far from where the "
-                "survey is, and near it with latitude and longitude exchanged: correct its row",
+                f"survey is, and near it with {what} exchanged: correct its row",
             )
-        coordinates = enu_from_geodetic(latitude, longitude, height + shift, world.origin)
-    return KnownWorldPoints(label=points.label, world_m=coordinates, sigma_m=points.sigma_m), ()
+    away_m = np.linalg.norm(enu_from_geodetic(latitude, longitude, 0.0, (*place, 0.0)), axis=-1)
+    if not (away_m < SAME_SITE_M).any():
+        raise InputError(
+            inputs.project_path,
+            f"all known points are far from where the survey is, {points.label[0]!r} by "
+            f"{away_m[0] / 1000:.0f} km: they are of another place, or their coordinate system is "
+            "another one",
+        )

@@ -243,34 +243,42 @@ def judge_points(
     ]
     if adjustment.minimum.converged:
         off = [upper_tail(float(each), 3) < significance for each in squared]
-        messages += _suspects(checks, np.flatnonzero(off))
+        messages += _suspects(checks, known.world_m[seen], np.flatnonzero(off))
     return checks, tuple(messages)
 
 
-def _suspects(checks: PointChecks, off: Ints) -> list[Message]:
-    """A message on each check point that is off; one on all, where most of several are."""
+def _suspects(checks: PointChecks, stated_m: Floats, off: Ints) -> list[Message]:
+    """A message on each check point that is off; one on all, where most of several are.
+
+    Parameters
+    ----------
+    checks
+        What was found of C points.
+    stated_m
+        (C, 3) their known coordinates.
+    off
+        Rows of those that are off.
+    """
+    found_m = stated_m + checks.error_m
     if len(off) < FEW or 2 * len(off) <= len(checks.label):
-        return [_off(checks, int(i)) for i in off]
+        return [_off(checks, int(i), likely_fault(stated_m[i], found_m[i])) for i in off]
     middle, sigma = (np.median(each[off], axis=0) for each in (-checks.error_m, checks.sigma_m))
+    likely = likely_fault(*(np.median(each[off], axis=0) for each in (stated_m, found_m)))
     text = (
         f"{len(off)} of {len(checks.label)} check points are off, the median "
         f"{displaced(middle, sigma)}: look at what they have in common, the datum of their "
-        f"heights, their coordinate system{likely_fault(middle)} and the origin."
+        f"heights, their coordinate system{likely} and the origin."
     )
     labels = tuple(checks.label[i] for i in off)
     return [Message("warning", "check-suspect", text, labels=labels)]
 
 
-def _off(checks: PointChecks, i: int) -> Message:
-    off = -checks.error_m[i]
-    label, where = checks.label[i], displaced(off, checks.sigma_m[i])
+def _off(checks: PointChecks, i: int, likely: str) -> Message:
+    label, where = checks.label[i], displaced(-checks.error_m[i], checks.sigma_m[i])
     several = Several(
         "{count} check points are off",
-        f"{label!r} is {where}{likely_fault(off)}",
+        f"{label!r} is {where}{likely}",
         ending="Look at their coordinates and their picks.",
     )
-    text = (
-        f"The check point {label!r} is {where}: look at its coordinates{likely_fault(off)} and its "
-        "picks."
-    )
+    text = f"The check point {label!r} is {where}: look at its coordinates{likely} and its picks."
     return Message("warning", "check-suspect", text, labels=(label,), several=several)

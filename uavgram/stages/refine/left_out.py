@@ -114,11 +114,12 @@ def control_left_out(survey: Survey, refined: Refined, control: Ints) -> Iterato
     """
     if not len(control):
         return
-    off, covariance = _off(survey, refined, control)
+    found, covariance = _found(survey, refined, control)
     for k, i in enumerate(control.tolist()):
         sigma = np.sqrt(np.diag(covariance[k]) + survey.control_sigma_m[i] ** 2)
         label = survey.label[survey.control_label[i]]
-        where, likely = displaced(off[k], sigma), likely_fault(off[k])
+        stated = survey.control_world_m[i]
+        where, likely = displaced(stated - found[k], sigma), likely_fault(stated, found[k])
         text = (
             f"The control point {label!r} was left out: it is {where}, and with it nothing else "
             f"would fit. Look at its coordinates{likely}, its label and its picks."
@@ -171,14 +172,12 @@ def heights_left_out(survey: Survey, refined: Refined, labels: Sequence[str]) ->
         )
 
 
-def _off(survey: Survey, refined: Refined, control: Ints) -> tuple[Floats, Floats]:
-    """Stated less found (n, 3) of some control points, and the covariance (n, 3, 3) of the latter.
+def _found(survey: Survey, refined: Refined, control: Ints) -> tuple[Floats, Floats]:
+    """Where some control points were found (n, 3), and the covariance (n, 3, 3).
 
     NaN where an adjustment does not have the point.
     """
     label = [survey.label[k] for k in survey.control_label[control]]
     place = refined.adjustment.label_rows(label)
     found, covariance = refined.adjustment.points()
-    there = (place >= 0)[:, None]
-    off = np.where(there, survey.control_world_m[control] - found[place], np.nan)
-    return off, covariance[place]
+    return np.where((place >= 0)[:, None], found[place], np.nan), covariance[place]
