@@ -7,6 +7,7 @@ import pytest
 from scipy.stats import norm
 from textures import BLUR_PX, Texture
 
+from uavgram.imaging.matching import on_line
 from uavgram.imaging.matching.matched import Refused
 from uavgram.imaging.matching.on_line import OnLine, best_of, found_on_line
 from uavgram.imaging.matching.shared_corner import Line, corner_along
@@ -129,6 +130,20 @@ def test_a_pick_beside_a_corner_is_not_taken_for_it(aside: tuple[float, float]) 
     source, *others = (photo(1.4, base, 10 + k) for k, base in enumerate([np.zeros(2), *BASES]))
 
     assert Refused.NONE not in why(found_on_line(source, others, beside))
+
+
+@pytest.mark.parametrize(("photos", "reason"), [(1, Refused.NONE), (3, Refused.UNSTABLE)])
+def test_a_corner_that_the_line_passes_in_all_photos_is_another_one(
+    monkeypatch: pytest.MonkeyPatch, photos: int, reason: Refused
+) -> None:
+    """As that of the roof beside one of a wall that is seen from its edge: 1.3 px away in each."""
+    strength = np.where(np.arange(len(HEIGHT)) == np.abs(HEIGHT - 1.4).argmin(), 1.5, 0.0)
+    monkeypatch.setattr(on_line, "corner_along", lambda *_: strength)
+    passing = line()
+    passing.pixel_px[:, :photos] += (0.0, 1.3)
+    source, *others = (photo(1.4, base, 10 + k) for k, base in enumerate([np.zeros(2), *BASES]))
+
+    assert why(found_on_line(source, others, passing)) == [reason] * 3
 
 
 def test_the_shared_corner_is_where_the_roof_is_however_bright_what_lies_beyond() -> None:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.imaging.matching.beside import EVEN, SUPPORT, windows_beside
 from uavgram.imaging.matching.least_squares import fitted
 from uavgram.imaging.matching.matched import Refused
@@ -38,6 +39,11 @@ ANOTHER_PX = 10.0
 FITTED_HALF, FITTED_STEPS = 9, 12
 FARTHEST_PX = 1.5
 """How far the place in one photo may be from where all together have it: errors of poses."""
+
+POSE_SIGMA_PX, BY_CHANCE = 0.5, 0.01
+"""Standard deviation of a coordinate of such a step, and least probability of those of all photos
+together: less likely ones lead to another corner that the line of sight passes, such as that of a
+roof's edge before a wall."""
 
 FITTED_SIGMA_PX = 0.5
 """Most of the matching in one photo: what is beside an edge says little, but all photos agree."""
@@ -106,7 +112,9 @@ def found_on_line(
             refused[i] = Refused.NONE
             pixel[i], covariance[i] = one
     some = refused == Refused.NONE
-    if np.count_nonzero(some) < PHOTOS:
+    moved = pixel[some] - line.pixel_px[place, some]
+    passed = upper_tail(float(np.sum(moved**2)) / POSE_SIGMA_PX**2, moved.size) < BY_CHANCE
+    if np.count_nonzero(some) < PHOTOS or passed:
         refused[some] = Refused.UNSTABLE
         pixel[some], covariance[some] = np.nan, np.nan
     return OnLine(refused, pixel, covariance, score)

@@ -11,6 +11,7 @@ import re
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -257,7 +258,8 @@ def _without_fillers(
             "the place was. Give true heights in a CSV file (`poses`)."
         ).replace("nan m", "none")
         messages.append(Message("warning", "odd-altitude", text, frames=names))
-        poses = [replace(p, **{name: math.nan}) if k in odd else p for k, p in enumerate(poses)]
+        unknown: dict[str, Any] = {name: math.nan}
+        poses = [replace(p, **unknown) if k in odd else p for k, p in enumerate(poses)]
     return poses, messages
 
 
