@@ -51,6 +51,7 @@ from uavgram.views.survey.reliability import (
     removal_rows,
     weakest_links,
 )
+from uavgram.views.survey.sheet import INK
 from uavgram.views.survey.sources import (
     ONLY_PROGRAM,
     SOURCE_WORDS,
@@ -62,7 +63,8 @@ from uavgram.views.survey.sources import (
     points_made,
     ties_text,
 )
-from uavgram.views.survey.top_view import INK, top_view
+from uavgram.views.survey.texts import LETTERS
+from uavgram.views.survey.top_view import top_view
 from uavgram.views.survey.verdict import THREE_SIGMA, status_text, verdict_words
 from uavgram.views.units import spread_text, units_of, value_text
 from uavgram.views.wording import (
@@ -204,6 +206,7 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         gallery=gallery(result, pictures),
         **_plans(result, pictures, first),
         ink=INK,
+        letters=LETTERS,
         rings=rings,
         place=place(result),
         why_to_neighbours=WHY_TO_NEIGHBOURS,
