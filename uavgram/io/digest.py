@@ -48,8 +48,8 @@ def digest_file(path: str | Path, folder: str | Path | None = None) -> InputDige
 
 def name_inside(path: str | Path, folder: str | Path) -> str:
     """Return a path relative to a folder, with ``/``; one outside of it as it is."""
-    path = Path(path)
-    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
+    whole = Path(path).absolute()
+    return whole.relative_to(folder).as_posix() if whole.is_relative_to(folder) else str(path)
 
 
 def photo_files(frames: FrameResults) -> tuple[str, ...]:

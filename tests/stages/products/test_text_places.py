@@ -146,7 +146,7 @@ def drawing(rng: np.random.Generator) -> tuple[list[Label], Floats]:
     for row in range(int(rng.integers(2, 35))):
         start = np.clip(middle + spread * rng.normal(size=2), *PAPER)
         end = np.clip(start + spread * rng.normal(size=2), *PAPER)
-        where: Where = ("beside", "beside", "along")[row % 3]  # type: ignore[assignment]
+        where: Where = ("beside", "beside", "along")[row % 3]
         half = np.array([rng.uniform(8.0, 60.0), 7.0])
         labels.append(
             Label(start, start if row % 3 == 0 else end, half, 4.0, where, bool(row % 5), row % 2)

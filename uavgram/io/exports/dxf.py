@@ -28,6 +28,7 @@ from uavgram.io.exports.dxf_sheet import (
     Words,
     as_mtext,
     as_text,
+    cad_layer,
     half_size,
     text_beside,
 )
@@ -165,7 +166,9 @@ def _write(
     features: Features, path: Path, place: Place, note: str, words: Words, texts: PlacedTexts
 ) -> None:
     document = new("R2010", units=units.M)
-    for name, colour in (*LAYERS.values(), (LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
+    own = dict.fromkeys(cad_layer(layer.name) for layer in features.layers)
+    every = dict.fromkeys([*LAYERS.values(), *own])
+    for name, colour in (*every, (LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
         document.layers.add(name, color=colour)
     for hidden in HIDDEN:
         document.layers.get(LAYERS[hidden][0]).freeze()  # some programs do not know "off"
@@ -217,7 +220,7 @@ def _dimension_style(document: Drawing, text_m: float) -> None:
 
 
 def _draw(sheet: Sheet, layer: Layer) -> None:
-    name, strips = LAYERS[layer.name][0], placed(layer.vertices_m, sheet.place)
+    name, strips = cad_layer(layer.name)[0], placed(layer.vertices_m, sheet.place)
     if layer.name.startswith("ellipses"):
         _ellipses(sheet, layer, name)
     elif layer.name == "points":

@@ -70,6 +70,11 @@ ALIGNED = {
 """By the side of a text that a line leads to: its letters begin or end there."""
 
 
+def cad_layer(name: str) -> tuple[str, int]:
+    """Return name and colour in the drawing of a layer of the survey; by default its own, black."""
+    return LAYERS.get(name, (name.upper(), 7))
+
+
 @dataclass(frozen=True)
 class Sheet:
     """A drawing under way: where local metres go, height of letters [m], and words."""

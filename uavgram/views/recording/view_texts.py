@@ -84,14 +84,14 @@ def place_in_space(
         np.column_stack([dots * [1.0, -1.0], np.tile([HALF_DOT, HALF_DOT, 0.0], (len(dots), 1))]),
         most=most,
     )
-    rows = np.flatnonzero(np.isfinite(placed.boxes[:, 0]))
+    rows = np.flatnonzero(np.isfinite(placed.boxes[:, 0])).astype(np.int64)
     places = eye.in_space(anchor_m[rows], hanging(placed)[rows] * [1.0, -1.0])
     leaders = [
         np.stack([anchor_m[row], place])
         for row, place in zip(rows, places, strict=True)
         if np.isfinite(placed.leaders[row, 0, 0])
     ]
-    return ViewTexts(rows, places, tuple(words[row] for row in rows), leaders)
+    return ViewTexts(rows, places, tuple(words[row] for row in rows.tolist()), leaders)
 
 
 def place_texts(
