@@ -34,6 +34,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 from large_result import HEIGHT_PX, WIDTH_PX, large_result
 
 from uavgram.imaging.photos.preview import read_preview
+from uavgram.io.digest import photo_files
 from uavgram.pipeline.measure.run import write_review
 from uavgram.pipeline.parallel import prefetch
 from uavgram.views.recording import write_recording
@@ -63,7 +64,7 @@ def lay_out(folder: Path, frames: int, width_px: int) -> None:
     first = folder / "photo.jpg"
     make_photo(first, width_px)
     (folder / "photos").mkdir()
-    for path in large_result(frames, 30, str(folder / "photos")).frames.path:
+    for path in photo_files(large_result(frames, 30, str(folder / "photos")).frames):
         Path(path).hardlink_to(first)
 
 
@@ -73,7 +74,7 @@ def one(what: str, folder: Path, frames: int) -> None:
     cv2.setNumThreads(1)
     before, started = resource.getrusage(resource.RUSAGE_SELF), time.perf_counter()
     if what == "decode":
-        deque(prefetch(read_preview, result.frames.path), maxlen=0)
+        deque(prefetch(read_preview, photo_files(result.frames)), maxlen=0)
     else:
         write_review(result, folder / "recording.rrd")
     wall, after = time.perf_counter() - started, resource.getrusage(resource.RUSAGE_SELF)

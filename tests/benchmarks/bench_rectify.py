@@ -43,6 +43,7 @@ from rasterio.warp import Resampling, reproject
 
 from uavgram.geometry.earth.map_projection import projected_from_enu
 from uavgram.geometry.ground.top_view import View
+from uavgram.io.digest import photo_files
 from uavgram.io.exports.geotiff import write_colour_geotiff
 from uavgram.model.maps.raster import GroundRaster
 from uavgram.pipeline.ground_picture import warped_windows
@@ -79,7 +80,7 @@ def job_for(view: View, raster: GroundRaster) -> dict[str, object]:
         raster.crs,
     )
     return {
-        "photo": result.frames.path[row],
+        "photo": photo_files(result.frames)[row],
         "size_px": [result.camera.width_px, result.camera.height_px],
         "intrinsics": result.shared.intrinsics.value.tolist(),
         "center": placed[0].tolist(),

@@ -8,6 +8,7 @@ import pytest
 from flight_projects import Demo
 
 import uavgram
+from uavgram.io.digest import photo_files
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.pictures import ReportPictures
 
@@ -43,12 +44,12 @@ def test_each_measurement_is_printed_beside_its_truth(demo: Demo) -> None:
 
 def test_each_picture_is_the_part_of_its_photo(result: Result) -> None:
     parts = ReportPictures(result)
-    for path in filter(parts.wants, result.frames.path):
+    for path in filter(parts.wants, photo_files(result.frames)):
         parts.cut(path)
     pictures = parts.pictures()
     assert len(pictures.shown) > 3
     for one in pictures.shown:
-        where, photo = one.region, cv2.imread(result.frames.path[one.region.frame])
+        where, photo = one.region, cv2.imread(photo_files(result.frames)[one.region.frame])
         assert photo is not None
         wanted = photo[where.top_px :, where.left_px :][: where.height_px, : where.width_px]
         shown = cv2.imdecode(np.frombuffer(one.jpeg, np.uint8), cv2.IMREAD_COLOR)

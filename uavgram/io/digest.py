@@ -9,6 +9,7 @@ from pathlib import Path
 
 from uavgram.errors import InputError
 from uavgram.model.provenance import InputDigest
+from uavgram.model.result.tables import FrameResults
 
 
 def digest_inputs(
@@ -41,6 +42,16 @@ def digest_file(path: str | Path, folder: str | Path | None = None) -> InputDige
             size = os.fstat(stream.fileno()).st_size
     except OSError as fault:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    inside = folder is not None and path.is_relative_to(folder)
-    name = path.relative_to(folder).as_posix() if inside and folder is not None else str(path)
+    name = str(path) if folder is None else name_inside(path, folder)
     return InputDigest(path=name, sha256=sha256, size_bytes=size)
+
+
+def name_inside(path: str | Path, folder: str | Path) -> str:
+    """Return a path relative to a folder, with ``/``; one outside of it as it is."""
+    whole = Path(path).absolute()
+    return whole.relative_to(folder).as_posix() if whole.is_relative_to(folder) else str(path)
+
+
+def photo_files(frames: FrameResults) -> tuple[str, ...]:
+    """(F,) paths by which the photos of a result can be opened."""
+    return tuple(str(Path(frames.folder) / path) for path in frames.path)

@@ -11,6 +11,7 @@ from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.top_view.photo_cache import PhotoCache, photo_cache
 from uavgram.imaging.top_view.warp import warp_window
 from uavgram.imaging.top_view.warp_maps import Window
+from uavgram.io.digest import photo_files
 from uavgram.io.exports.geotiff import WINDOW_PX
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.maps.raster import GroundRaster
@@ -30,8 +31,9 @@ def photos_for(view: View, raster: GroundRaster, gains: Floats | None = None) ->
     gains
         (N,) factors of their brightness; by default they stay as they are.
     """
+    files = photo_files(view.result.frames)
     return photo_cache(
-        [view.result.frames.path[i] for i in view.rows],
+        [files[i] for i in view.rows],
         reductions(view, raster).tolist(),
         gains=None if gains is None else gains.tolist(),
     )

@@ -11,11 +11,11 @@ from uavgram.model.naming import figures
 
 
 def scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:
-    """One message: what gives the scale, and how far all else bears it out."""
+    """One message: what gives the scale, and how well all else confirms it."""
     found = scale_sigmas(adjustment)
     witnesses = _witnesses(adjustment)
     rest = " and ".join([", ".join(witnesses[:-1])] * (len(witnesses) > 1) + witnesses[-1:])
-    verb = "bear" if len(witnesses) > 1 or rest.endswith("s") else "bears"
+    verb = "confirm" if len(witnesses) > 1 or rest.endswith("s") else "confirms"
     if not np.isfinite(found.lengths):
         alone = "alone" if len(witnesses) == 1 else "together, without a length"
         text = f"The scale rests on {rest} {alone}: ± {_percent(found.all)} %."
@@ -23,18 +23,18 @@ def scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:
     own = f"your lengths (± {_percent(found.lengths)} %)"
     if not found.others < NOTHING:
         text = (
-            f"The scale rests on {own}; nothing else bears on it: a tape that is 1 % wrong makes "
+            f"The scale rests on {own}; nothing else confirms it: a tape that is 1 % wrong makes "
             "every result 1 % wrong, and nothing shows it."
         )
     elif found.others < found.lengths:
         text = f"The scale rests on {rest} (± {_percent(found.others)} %) more than on {own}."
     else:
-        text = f"The scale rests on {own}; {rest} {verb} it out to ± {_percent(found.others)} %."
+        text = f"The scale rests on {own}; {rest} {verb} it to ± {_percent(found.others)} %."
     return (Message("info", "scale-basis", text),)
 
 
 def _witnesses(adjustment: Adjustment) -> list[str]:
-    """What else may bear on the scale."""
+    """Name what else may confirm the scale."""
     observations = reversed(adjustment.problem.observations.values())
     names = [name for observation in observations for name in observation.witness()]
     return names or ["the stated heights"]

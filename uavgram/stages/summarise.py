@@ -117,6 +117,7 @@ def _changed(estimate: Estimate | None, factor: float = 1.0, shift: float = 0.0)
 def summarise_frames(
     frames: Frames,
     path: tuple[str, ...],
+    folder: str,
     seeds: Poses | None,
     refined: Refined,
     picked: Mapping[str, str],
@@ -127,8 +128,8 @@ def summarise_frames(
     ----------
     frames
         All F frames.
-    path
-        (F,) of their photos.
+    path, folder
+        (F,) of their photos, relative to the folder of the project where they are inside.
     seeds
         Poses from the telemetry, of the matched frames.
     refined
@@ -157,6 +158,7 @@ def summarise_frames(
     return FrameResults(
         frame_id=frames.frame_id,
         path=path,
+        folder=folder,
         time_utc_s=time_s,
         status=tuple(status for status, _ in verdicts),
         reason=tuple(why for _, why in verdicts),

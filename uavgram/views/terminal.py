@@ -12,30 +12,18 @@ from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
 from uavgram.model.units import METRIC, Units
-from uavgram.views.survey.verdict import LEVEL_WORDS, scale_sentence, status_text
+from uavgram.views.result_tables import result_table
+from uavgram.views.survey.verdict import LEVEL_WORDS, scale_sentence
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of, value_text
 from uavgram.views.wording import (
     LEVEL_RANK,
     NOT_UNIQUE,
-    measurement_text,
     number,
     utc,
     with_sigma,
     worst_first,
 )
-
-HEADER = (
-    "measurement",
-    "kind",
-    "points",
-    "value ± 1 sigma",
-    "95 % interval",
-    "sigma/value",
-    "status",
-)
-RIGHT_ALIGNED = (3, 4, 5, 6)
-OTHERS = "fits as well"
 
 
 def measurement_table(result: Result, most: int = 0) -> str:
@@ -55,14 +43,12 @@ def measurement_table(result: Result, most: int = 0) -> str:
     rows = result.measurements
     if not rows.name:
         return "No measurements were asked for (measure: in the project file)."
-    unsure, units = bool(rows.is_ambiguous.any()), units_of(result)
-    cells: list[tuple[str, ...]] = [(*HEADER, *((OTHERS,) if unsure else ()))]
-    for i in worst_first(rows)[: most or None]:
-        row = measurement_text(rows, int(i), units)
-        shown = (row.name, row.kind, " ".join(row.points), row.value, row.interval, row.relative)
-        status = status_text(rows, int(i))
-        cells.append((*shown, status, *((row.others,) if unsure else ())))
-    return aligned(cells) + (f"\n{NOT_UNIQUE}" if unsure else "")
+    shown = result_table("measured", result, worst_first(rows)[: most or None].tolist(), "terminal")
+    cells = [shown.titles, *(tuple(cell.text for cell in row) for row in shown.rows)]
+    right = tuple(
+        k for k, title in enumerate(shown.titles) if shown.numbers[k] or title == "status"
+    )
+    return aligned(cells, right) + (f"\n{NOT_UNIQUE}" if rows.is_ambiguous.any() else "")
 
 
 def light_line(result: Result) -> str:
@@ -106,7 +92,7 @@ def message_lines(messages: Sequence[Message], *, verbose: bool = True) -> list[
     return [f"{message.level}: {message.text} [{message.code}]" for message in ordered]
 
 
-def aligned(cells: Sequence[tuple[str, ...]], right: tuple[int, ...] = RIGHT_ALIGNED) -> str:
+def aligned(cells: Sequence[tuple[str, ...]], right: tuple[int, ...]) -> str:
     """Rows of text as columns two blanks apart, a rule below the first row."""
     widths = [max(len(row[c]) for row in cells) for c in range(len(cells[0]))]
     lines = [

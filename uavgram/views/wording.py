@@ -26,6 +26,9 @@ NOT_UNIQUE = (
 LEVEL_RANK = {"error": 0, "warning": 1, "info": 2}
 """Order in which messages are shown."""
 
+LEAST_SHIFT = 1e-4
+"""Below which a shift is told as nothing, in the unit of its value."""
+
 UNIT_WORDS = {"m": "m", "m2": "m²", "m3": "m³", "deg": "°", "m/s": "m/s"}
 
 KIND_WORDS = {
@@ -314,6 +317,19 @@ def relative(value: float, sigma: float, unit: str) -> str:
     if unit == "deg" or not math.isfinite(value) or value == 0:
         return "–"
     return f"{100 * sigma / abs(value):.2f} %"
+
+
+def shift_text(shift: float, unit: str) -> str:
+    """Two digits of a shift, with its unit; a dash where there is none."""
+    if not math.isfinite(shift):
+        return "–"
+    places = max(0, 1 - math.floor(math.log10(abs(shift)))) if abs(shift) > LEAST_SHIFT else 3
+    return f"{abs(shift):.{places}f} {UNIT_WORDS.get(unit, unit)}"
+
+
+def relief_text(units: Units) -> str:
+    """10 cm, of which the shifts by relief in results.json are, or the same in inches."""
+    return "10 cm" if units.length == "m" else "3.9 in"
 
 
 def utc(time_utc_s: float) -> str:

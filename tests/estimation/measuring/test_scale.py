@@ -57,12 +57,12 @@ def test_nothing_else_bears_on_it_without_a_log(scene_factory: Make, roughness_m
     assert np.isinf(scale_sigmas(adjustment).others)
     (said,) = scale_basis(adjustment)
     assert said.text.startswith("The scale rests on your lengths (± 0.1")
-    assert "nothing else bears on it" in said.text
+    assert "nothing else confirms it" in said.text
 
 
 def test_the_sentence_names_what_bears_it(scene_factory: Make) -> None:
     log = scale_basis(adjusted(scene_factory(4, frames=6, lines=8)))[0]
-    assert "; the log bears it out to ± " in log.text
+    assert "; the log confirms it to ± " in log.text
     alone = scale_basis(adjusted(scene_factory(4, frames=6, lines=0)))[0]
     assert alone.text.startswith("The scale rests on the log alone: ± ")
     control = scene_factory(4, frames=6, lines=0, control=4, telemetry=False)

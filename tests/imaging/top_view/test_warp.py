@@ -27,6 +27,7 @@ from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.top_view.photo_cache import MARGIN_PX, PhotoCache, photo_cache, read_photo
 from uavgram.imaging.top_view.warp import REACH, warp_window
 from uavgram.imaging.top_view.warp_maps import lay_lattice, look_from
+from uavgram.io.digest import photo_files
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.raster import GroundRaster
 from uavgram.stages.products.top_view import lay_raster
@@ -60,7 +61,7 @@ def scene(
 
 
 def cache(view: View, reduction: int = 1) -> PhotoCache:
-    paths = view.result.frames.path
+    paths = photo_files(view.result.frames)
     return photo_cache(paths, [reduction] * len(paths))
 
 

@@ -12,6 +12,7 @@ import pytest
 import synthetic_survey as survey
 
 from uavgram.imaging.photos.preview import preview_of_whole, read_preview
+from uavgram.io.digest import photo_files
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure import pictures
 from uavgram.pipeline.measure.pictures import ReportPictures
@@ -38,8 +39,8 @@ def test_photos_of_which_parts_are_shown_do_not_spoil_each_other(
     reduce = partial(preview_of_whole, max_width_px=width)
     monkeypatch.setattr(pictures, "preview_of_whole", reduce)
     parts = ReportPictures(result)
-    wanted = [path for path in result.frames.path if parts.wants(path)]
-    assert 1 < len(wanted) < len(result.frames.path)
+    wanted = [path for path in photo_files(result.frames) if parts.wants(path)]
+    assert 1 < len(wanted) < len(photo_files(result.frames))
 
     made = [parts.cut(path) for path in wanted]
 
@@ -48,5 +49,5 @@ def test_photos_of_which_parts_are_shown_do_not_spoil_each_other(
         assert preview.scale == other.scale
         assert np.abs(pixels.astype(float) - reduced).mean() < 2.0
     assert {one.region.frame for one in parts.pictures().shown} == {
-        result.frames.path.index(path) for path in wanted
+        photo_files(result.frames).index(path) for path in wanted
     }

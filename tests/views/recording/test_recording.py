@@ -31,9 +31,8 @@ from uavgram.views.recording.blueprint import blueprint
 from uavgram.views.recording.curves.plots import frame_curves
 from uavgram.views.recording.curves.pose_curves import pose_curves
 from uavgram.views.recording.photo.frame_picks import project_picks
-from uavgram.views.recording.photo.words import ON_SMALL_SCREENS, inside
+from uavgram.views.recording.photo.words import HALF_LETTER, ON_SMALL_SCREENS, place_on_photo
 from uavgram.views.recording.scene import measure_scene
-from uavgram.views.recording.world.labels import HALF_LETTER
 from uavgram.views.survey.limits import pick_limit
 
 PHOTO = "/survey/current_camera/photo"
@@ -367,18 +366,15 @@ def test_it_opens_at_its_first_frame(contents: Contents) -> None:
 
 @pytest.mark.parametrize("spot", [(0.0, 0.0), (1639.0, 10.0), (3.0, 1231.0), (850.0, 600.0)])
 def test_a_label_stands_wholly_in_the_photo(result: Result, spot: tuple[float, float]) -> None:
-    (moved, text), (long, _) = inside(
-        result, [(np.array(spot), "P1"), (np.array(spot), "south 19.93 m ± 0.29 (not checked)")]
-    )
+    at = np.array(spot)
+    words = [(at, "P1"), (at, "south 19.93 m ± 0.29 (not checked)")]
+    boxes = place_on_photo(result, words, at[None]).boxes
 
     wide = ON_SMALL_SCREENS * HALF_LETTER * 1640
-    assert text == "P1"
-    for at, letters in ((moved, 2), (long, 34)):
-        assert at[0] - letters * wide >= -1e-9
-        assert at[0] + letters * wide <= 1640 + 1e-9
-        assert 0 <= at[1] <= 1232
-    if spot == (850.0, 600.0):
-        assert tuple(moved) == tuple(long) == spot
+    for box, letters in zip(boxes, (2, 34), strict=True):
+        assert box[2] >= letters * wide
+        assert (box[:2] - box[2:4] >= -1e-9).all()
+        assert (box[:2] + box[2:4] <= [1640 + 1e-9, 1232 + 1e-9]).all()
 
 
 def test_misses_are_told_in_metres_at_the_distance_of_the_points(

@@ -56,7 +56,7 @@ def test_a_drawing_is_to_scale(result: Result) -> None:
     assert bottom - top == pytest.approx(0.4 * steep)
     _, high, low = kerb.bars[1]
     assert low - high == pytest.approx(2 * 1.959964 * 0.03 * steep)
-    assert [text for _, text in kerb.names] == ["A", "B", "C"]
+    assert [text.text for text in kerb.names] == ["A", "B", "C"]
     assert kerb.bar == pytest.approx(float(kerb.bar_text.split()[0]) * across / 10.0)
 
 

@@ -64,7 +64,7 @@ def test_texts_in_drawings_say_themselves_what_they_look_like() -> None:
 
     assert len(texts) > 20
     for attrs in texts:
-        assert attrs["text-anchor"] == "middle"
+        assert attrs["text-anchor"] in ("start", "middle", "end")
         assert {"font-size", "font-weight", "fill", "font-family"} <= attrs.keys()
 
 

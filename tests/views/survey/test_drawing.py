@@ -119,13 +119,6 @@ def test_exaggerations_are_round_numbers_that_stay_within_the_limit(
     assert drawing.nice_factor(size, 2.0) == factor
 
 
-def test_texts_do_not_cover_each_other() -> None:
-    anchors = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 3.0], [5.0, 0.0]])
-
-    assert drawing.uncovered(anchors, np.full(4, 1.0), 2.0, 10).tolist() == [0, 2, 3]
-    assert drawing.uncovered(anchors, np.full(4, 1.0), 2.0, 2).tolist() == [0, 2]
-
-
 def test_the_first_view_has_points_frusta_and_ground_in_it_and_nothing_to_spare() -> None:
     result = survey.build()
     covered = np.ones((64, 96), dtype=bool)

@@ -74,13 +74,13 @@ def test_the_least_certain_length_is_that_one_with_its_other_values(marked: Resu
 def test_the_recording_marks_it_in_its_table_and_on_its_label(sure: Result, marked: Result) -> None:
     (row,) = [line for line in measured_page(marked).splitlines() if line.startswith(f"| {NAME}")]
     at = marked.measurements.name.index(NAME)
-    labels = survey_labels(marked, measure_scene(marked))
+    labels, _ = survey_labels(marked, measure_scene(marked))
 
     assert OTHERS in row
     assert 'Values with "or" are not sure' in measured_page(marked)
     assert 'Values with "or"' not in measured_page(sure)
     assert measured_text(marked, at).endswith(f"{OTHERS} (doubtful)")
-    assert [t for t in labels.text if t.startswith("NOT UNIQUE: ") and OTHERS in t]
+    assert [t for t in labels.words if t.startswith("NOT UNIQUE: ") and OTHERS in t]
 
 
 def test_the_drawing_of_the_report_doubts_it(sure: Result, marked: Result) -> None:

@@ -8,9 +8,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import synthetic_survey as survey
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import TextPath
 
 from uavgram.model.result.result import Result
 from uavgram.views.survey.top_view import TopView, top_view
+
+
+def width(text: str, is_bold: bool) -> float:  # noqa: FBT001
+    """Of a text of 11 units in DejaVu Sans, the widest of the usual fonts."""
+    font = FontProperties(family="DejaVu Sans", weight="bold" if is_bold else "normal")
+    return float(TextPath((0.0, 0.0), text, size=11, prop=font).get_extents().width)
 
 
 def drawing(result: Result) -> TopView:
@@ -109,16 +117,18 @@ def test_no_text_is_cut_off_or_covers_another() -> None:
         for i, pair in enumerate(pairwise(labels))
     )
     view = drawing(survey.build(measures=measures))
-    # letters of 11 units are at most 0.7 of that wide on average, bold ones of DejaVu Sans
-    half = np.array([11 * 0.7 * len(text.text) / 2 for text in view.texts])
+    bold = [text.kind == "measured" for text in view.texts]
+    half = np.array(
+        [width(text.text, is_bold) / 2 for text, is_bold in zip(view.texts, bold, strict=True)]
+    )
     x, y = np.array([(text.x, text.y) for text in view.texts]).T
     aside = np.abs(x[:, None] - x) < half[:, None] + half
     level = np.abs(y[:, None] - y) < 11
-    bold = np.array([text.kind == "measured" for text in view.texts])
 
+    assert (half <= [text.half_width for text in view.texts]).all()
     assert (x[bold] - half[bold] >= 0).all()
     assert (x[bold] + half[bold] <= view.width).all()
-    assert not (np.triu(aside & level, 1) & bold & bold[:, None]).any()
+    assert not (np.triu(aside & level, 1) & bold & np.array(bold)[:, None]).any()
 
 
 @pytest.mark.parametrize("seed", range(3))

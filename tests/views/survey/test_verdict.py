@@ -36,7 +36,7 @@ def first_rows(table: MeasurementResults, count: int) -> MeasurementResults:
     return MeasurementResults(**columns | {"correlation": correlation})
 
 
-SCALE = "The scale rests on your lengths (± 1 %); nothing else bears on it."
+SCALE = "The scale rests on your lengths (± 1 %); nothing else confirms it."
 
 
 def test_a_survey_without_a_flaw_is_green_in_one_sentence() -> None:

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 from ezdxf import const, units
 from ezdxf.document import Drawing
-from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
 
 from uavgram.geometry.earth.map_projection import map_scale, projected_from_enu
 from uavgram.io.exports.dxf_points import add_point_block, draw_points, texts_of_points
 from uavgram.io.exports.dxf_profiles import draw_profiles
 from uavgram.io.exports.dxf_sheet import (
+    ALIGNED,
     LABELS,
     LAYERS,
     Place,
@@ -28,12 +28,13 @@ from uavgram.io.exports.dxf_sheet import (
     Words,
     as_mtext,
     as_text,
+    cad_layer,
     half_size,
     text_beside,
 )
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.layers import HIDDEN, Features, Layer, placed
-from uavgram.stages.products.text_places import Label, leader, place_labels
+from uavgram.stages.products.text_places import Label, Placed, place_labels
 
 METRIC = Words()
 """Numbers in metres, as the drawing itself."""
@@ -62,8 +63,8 @@ class PlacedTexts:
 
     Attributes
     ----------
-    texts, boxes
-        The texts, and (n, 5) their places as `place_labels` gives them.
+    texts, places
+        The texts, and where `place_labels` put them.
     text_m
         Height of letters.
     corner
@@ -71,7 +72,7 @@ class PlacedTexts:
     """
 
     texts: tuple[Text, ...]
-    boxes: Floats
+    places: Placed
     text_m: float
     corner: Floats
 
@@ -96,11 +97,11 @@ def place_texts(features: Features, words: Words = METRIC) -> PlacedTexts:
     large = _FAR * text_m
     below = np.array([[corner[0], corner[1] + 1.5 * text_m - large, large, large, 0.0]])
     labels = [text.label for text in texts]
-    boxes, size = place_labels(labels, below)
+    placed = place_labels(labels, below)
     # hundreds at one place have no room: they are where they belong, one over the other
-    own = [[*(one.start + one.end) / 2, *size * one.half, 0.0] for one in labels]
-    boxes = np.where(np.isfinite(boxes), boxes, np.reshape(own, boxes.shape))
-    return PlacedTexts(tuple(texts), boxes, text_m * size, corner)
+    own = [[*(one.start + one.end) / 2, *placed.size * one.half, 0.0] for one in labels]
+    boxes = np.where(np.isfinite(placed.boxes), placed.boxes, np.reshape(own, placed.boxes.shape))
+    return PlacedTexts(tuple(texts), placed._replace(boxes=boxes), text_m * placed.size, corner)
 
 
 def write_local_dxf(
@@ -165,7 +166,9 @@ def _write(
     features: Features, path: Path, place: Place, note: str, words: Words, texts: PlacedTexts
 ) -> None:
     document = new("R2010", units=units.M)
-    for name, colour in (*LAYERS.values(), (LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
+    own = dict.fromkeys(cad_layer(layer.name) for layer in features.layers)
+    every = dict.fromkeys([*LAYERS.values(), *own])
+    for name, colour in (*every, (LABELS, 7), (_DIMENSIONS, 134), (_NOTES, 8)):
         document.layers.add(name, color=colour)
     for hidden in HIDDEN:
         document.layers.get(LAYERS[hidden][0]).freeze()  # some programs do not know "off"
@@ -217,7 +220,7 @@ def _dimension_style(document: Drawing, text_m: float) -> None:
 
 
 def _draw(sheet: Sheet, layer: Layer) -> None:
-    name, strips = LAYERS[layer.name][0], placed(layer.vertices_m, sheet.place)
+    name, strips = cad_layer(layer.name)[0], placed(layer.vertices_m, sheet.place)
     if layer.name.startswith("ellipses"):
         _ellipses(sheet, layer, name)
     elif layer.name == "points":
@@ -284,7 +287,7 @@ def _values(layer: Layer, text_m: float, words: Words) -> list[Text]:
             # from left to right, as texts are read
             ends = strip[np.lexsort(strip[:, 1::-1].T)]
             half = half_size(text, text_m)
-            label = Label(ends[0, :2], ends[1, :2], half, _ASIDE * text_m, is_turned=True)
+            label = Label(ends[0, :2], ends[1, :2], half, _ASIDE * text_m, "along")
             on = LAYERS[layer.name][0] if is_known else _DIMENSIONS
             texts.append(Text(text, label, on, ends))
         elif len(strip) and not is_length:
@@ -295,14 +298,18 @@ def _values(layer: Layer, text_m: float, words: Words) -> list[Text]:
 def _write_texts(sheet: Sheet, texts: PlacedTexts) -> None:
     """Dimensions, and texts with a line to what they name where they are not beside it."""
     up = np.array([text.ends[:, 2].mean() for text in texts.texts])
-    middle = np.column_stack([texts.boxes[:, :2], up])
-    turn = texts.boxes[:, 4:]
+    boxes, leaders, sides, _ = texts.places
+    turn = boxes[:, 4:]
+    # letters begin or end where a line leads to; a dimension has lines of its own
+    sides = np.where([len(text.ends) == 1 for text in texts.texts], sides, 0)
+    aside = (sides * boxes[:, 2])[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
+    middle = np.column_stack([boxes[:, :2] + aside, up])
     along = np.column_stack([np.cos(turn), np.sin(turn), 0.0 * turn])
     drawn = sheet.place(np.concatenate([middle, middle + along]))
     middle, way = drawn[: len(up)], np.diff(drawn.reshape(2, -1, 3), axis=0)[0]
-    for text, box, at, (east, north, _) in zip(texts.texts, texts.boxes, middle, way, strict=True):
+    for k, (text, at, (east, north, _)) in enumerate(zip(texts.texts, middle, way, strict=True)):
         if len(text.ends) > 1:
-            _dimension(sheet, text, at, float(box[3]))
+            _dimension(sheet, text, at, float(boxes[k, 3]))
             continue
         degrees = (math.degrees(math.atan2(north, east)) + 90.0) % 180.0 - 90.0  # never upside down
         written = sheet.space.add_text(
@@ -311,9 +318,9 @@ def _write_texts(sheet: Sheet, texts: PlacedTexts) -> None:
             rotation=degrees,
             dxfattribs={"layer": text.layer},
         )
-        written.set_placement(tuple(at), align=TextEntityAlignment.MIDDLE_CENTER)
-        if (line := leader(text.label, box)) is not None:
-            ends = sheet.place(np.column_stack([line, np.full(2, text.ends[0, 2])]))
+        written.set_placement(tuple(at), align=ALIGNED[int(sides[k])])
+        if np.isfinite(leaders[k, 0, 0]):
+            ends = sheet.place(np.column_stack([leaders[k], np.full(2, text.ends[0, 2])]))
             start, end = ends.tolist()
             sheet.space.add_line(start, end, dxfattribs={"layer": text.layer})
 

@@ -14,10 +14,11 @@ from ezdxf.document import Drawing
 from ezdxf.enums import TextEntityAlignment
 from ezdxf.layouts.blocklayout import BlockLayout
 
-from uavgram.io.exports.dxf_sheet import Words, as_text
+from uavgram.io.exports.dxf_sheet import ALIGNED, Words, as_text, half_size
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.profile_sheet import ProfileSheet
 from uavgram.stages.products.profile_sheets import TWO_SIDED_95
+from uavgram.stages.products.text_places import Label, place_labels
 
 # Name in the drawing, and colour of AutoCAD's index.
 _AXES, _TEXTS = ("PROFILE_AXES", 8), ("PROFILE_TEXTS", 7)
@@ -28,6 +29,7 @@ _TEXT_SHARE = 1 / 110  # of a profile's length is the height of its letters
 _PAPER_MM, _MARGIN_MM = (420.0, 297.0), 20.0  # A3
 _SCALES = (1, 2, 5, 10, 20, 25, 50, 100, 200, 250, 500)  # and tens of these
 _ROWS = ("point", "station", "height", "± 1 sigma", "ground", "± 1 sigma")
+_FAR = 1e3  # of letters and of the profile: farther than anything reaches
 _ROW_SHARE = 6.0  # of the letters is the height of a row: its numbers stand upright
 
 
@@ -123,11 +125,16 @@ class _Paper:
         self.block.add_lwpolyline(ends, dxfattribs={"layer": layer[0]})
 
     def write(
-        self, text: str, at: tuple[float, float], align: TextEntityAlignment, turned: float = 0.0
+        self,
+        text: str,
+        at: tuple[float, float],
+        align: TextEntityAlignment,
+        turned: float = 0.0,
+        share: float = 1.0,
     ) -> None:
-        self.block.add_text(
-            as_text(text), height=self.text, rotation=turned, dxfattribs={"layer": _TEXTS[0]}
-        ).set_placement(at, align=align)
+        height, on = share * self.text, {"layer": _TEXTS[0]}
+        written = self.block.add_text(as_text(text), height=height, rotation=turned, dxfattribs=on)
+        written.set_placement(at, align=align)
 
 
 def spread(places: Floats, least: float) -> Floats:
@@ -152,13 +159,31 @@ def _draw(paper: _Paper) -> None:
         for a, b, one in zip(x, height, TWO_SIDED_95 * sigma, strict=True):
             if one > 0:
                 paper.line([(a, paper.y(b - one)), (a, paper.y(b + one))], _INTERVALS)
-    tops = sheet.height_m + TWO_SIDED_95 * sheet.height_sigma_m
-    for label, a, height, top in zip(sheet.label, x, sheet.height_m, tops, strict=True):
-        circle = {"layer": _LINE[0]}
+    circle = {"layer": _LINE[0]}
+    for a, height in zip(x, sheet.height_m, strict=True):
         paper.block.add_circle((a, paper.y(height)), 0.25 * paper.text, dxfattribs=circle)
-        above = (a, paper.y(top) + 0.5 * paper.text)
-        paper.write(label, above, TextEntityAlignment.BOTTOM_CENTER)
+    _names(paper)
     _band(paper)
+
+
+def _names(paper: _Paper) -> None:
+    """Labels around the tops of the bars, with a line where others are in the way."""
+    sheet, text = paper.sheet, paper.text
+    tops = sheet.height_m + TWO_SIDED_95 * sheet.height_sigma_m
+    spots = np.array([[paper.x(a), paper.y(b)] for a, b in zip(sheet.station_m, tops, strict=True)])
+    labels = [
+        Label(spot, spot, half_size(label, text), 0.5 * text)
+        for label, spot in zip(sheet.label, spots, strict=True)
+    ]
+    right, top = paper.x(sheet.station_ticks_m[-1]), paper.y(sheet.height_ticks_m[-1])
+    title = np.array([right / 2, top + 6.0 * text, right, 3.0 * text, 0.0])
+    below = np.array([right / 2, -_FAR * text, _FAR * right, _FAR * text, 0.0])
+    placed = place_labels(labels, np.stack([title, below]))
+    for label, box, line, side in zip(sheet.label, *placed[:3], strict=True):
+        at = (float(box[0] + side * box[2]), float(box[1]))
+        paper.write(label, at, ALIGNED[int(side)], share=placed.size)
+        if np.isfinite(line[0, 0]):
+            paper.line([tuple(end) for end in line.tolist()], _TEXTS)
 
 
 def _axes(paper: _Paper) -> None:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from ezdxf.document import Drawing
+from ezdxf.enums import TextEntityAlignment
 from ezdxf.fonts.fonts import AbstractFont, make_font
 from ezdxf.layouts.layout import Modelspace
 
@@ -60,6 +61,18 @@ LAYERS = {
     "off_ground": ("POINTS_OFF_GROUND", 1),
     "verticals": ("HEIGHTS", 1),
 }
+
+ALIGNED = {
+    -1: TextEntityAlignment.MIDDLE_LEFT,
+    0: TextEntityAlignment.MIDDLE_CENTER,
+    1: TextEntityAlignment.MIDDLE_RIGHT,
+}
+"""By the side of a text that a line leads to: its letters begin or end there."""
+
+
+def cad_layer(name: str) -> tuple[str, int]:
+    """Return name and colour in the drawing of a layer of the survey; by default its own, black."""
+    return LAYERS.get(name, (name.upper(), 7))
 
 
 @dataclass(frozen=True)

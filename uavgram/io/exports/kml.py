@@ -36,6 +36,8 @@ _LAYERS = {
     "planned_plates": ("Plates to lay", "ff7a12b0"),
     "planned_line_ends": ("Ends of lines", "ff7a12b0"),
 }
+_UNSEEN = ("verticals", "planned_accuracy")
+"""Points have lines down to the ground of their own; cells of a map would hide the globe."""
 _HIDDEN = (*HIDDEN, "planned_footprints")
 _NO_PLACE = "Nothing ties this survey to the earth, so nothing of it can be drawn on a globe."
 
@@ -52,7 +54,7 @@ def write_kml(features: Features, path: Path) -> None:
     if features.origin is None:
         SubElement(document, "description").text = _NO_PLACE
     else:
-        shown = [layer for layer in features.layers if layer.name in _LAYERS]
+        shown = [layer for layer in features.layers if layer.name not in _UNSEEN]
         for layer in shown:
             _style(document, layer)
         for layer in shown:
@@ -62,7 +64,7 @@ def write_kml(features: Features, path: Path) -> None:
 
 def _style(document: Element, layer: Layer) -> None:
     style = SubElement(document, "Style", id=layer.name)
-    colour = _LAYERS[layer.name][1]
+    colour = _title_and_colour(layer)[1]
     if layer.kind == "point":
         SubElement(SubElement(style, "IconStyle"), "color").text = colour
     line = SubElement(style, "LineStyle")
@@ -72,9 +74,14 @@ def _style(document: Element, layer: Layer) -> None:
         SubElement(SubElement(style, "PolyStyle"), "color").text = "1a" + colour[2:]
 
 
+def _title_and_colour(layer: Layer) -> tuple[str, str]:
+    """By default the layer's own name, and white."""
+    return _LAYERS.get(layer.name, (layer.name.replace("_", " ").capitalize(), "ffffffff"))
+
+
 def _folder(document: Element, layer: Layer, origin: Origin) -> None:
     folder = SubElement(document, "Folder")
-    SubElement(folder, "name").text = _LAYERS[layer.name][0]
+    SubElement(folder, "name").text = _title_and_colour(layer)[0]
     visibility = "0" if layer.name in _HIDDEN else "1"
     SubElement(folder, "visibility").text = visibility
     folder.tail = "\n"

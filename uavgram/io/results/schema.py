@@ -41,6 +41,23 @@ from uavgram.model.result.ties import TieSummary
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.model.survey.world import Geodetic, World
 
+SIGMA_KEY = re.compile(r"(.*_)?sigma(_.*)?")
+NOT_NEGATIVE = {
+    *("bytes", "chi2", "count", "degrees_of_freedom", "height_px", "iterations", "mahalanobis"),
+    *("mdb", "mdb_m", "observations", "rms_error_m", "rms_px", "samples", "semi_major_m"),
+    *("semi_minor_m", "sightings", "ties", "ties_rms_px", "variance_factor", "width_px"),
+}
+"""Keys of standard deviations, and of other numbers that are never negative."""
+UNITS = {
+    "m": "metres", "m2": "square metres", "px": "pixels", "deg": "degrees", "rad": "radians",
+    "s": "seconds", "ppm": "parts per million", "percent": "per cent",
+}  # fmt: skip
+UNITS_OF_KEYS = {
+    "covariance_m3": "square metres, of east, north and up",
+    "time_utc_s": "seconds since 1970-01-01 UTC",
+}
+"""By the end of a key, and by keys that do not end so."""
+
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 _TEXT: Record = {"type": "string"}
@@ -212,7 +229,34 @@ def _object(
     properties: Mapping[str, Record], optional: Sequence[str] | Mapping[str, Any] = ()
 ) -> Record:
     required = [key for key in properties if key not in optional]
-    return {"type": "object", "properties": dict(properties), "required": required}
+    own = {key: _with_unit(key, _limited(key, one)) for key, one in properties.items()}
+    return {"type": "object", "properties": own, "required": required}
+
+
+def _limited(key: str, schema: Record) -> Record:
+    """Return the schema of a value with the limits that its key gives to numbers."""
+    is_share = key.endswith("probability")
+    if not is_share and not SIGMA_KEY.fullmatch(key) and key not in NOT_NEGATIVE:
+        return schema
+    return _with_limits(schema, {"minimum": 0, **({"maximum": 1} if is_share else {})})
+
+
+def _with_limits(schema: Record, limits: Record) -> Record:
+    if "items" in schema:
+        return {**schema, "items": _with_limits(schema["items"], limits)}
+    if "anyOf" in schema:
+        return {**schema, "anyOf": [_with_limits(one, limits) for one in schema["anyOf"]]}
+    kinds = schema.get("type", ())
+    return {**schema, **limits} if "number" in kinds or kinds == "integer" else schema
+
+
+def _with_unit(key: str, schema: Record) -> Record:
+    """Return the schema of a value with the unit that its key ends with in its description."""
+    unit = UNITS_OF_KEYS.get(key) or UNITS.get(key.rpartition("_")[2] if "_" in key else "")
+    if unit is None or schema.get("type") == "object":
+        return schema
+    about = str(schema.get("description", "")).rstrip(".")
+    return {**schema, "description": f"{about}{'; ' if about else ''}unit: {unit}"}
 
 
 def _array(item: Record, size: int | None = None) -> Record:

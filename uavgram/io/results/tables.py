@@ -32,7 +32,7 @@ from uavgram.model.result.tables import (
 )
 
 _ELLIPSE = ("ellipse_95_m", "ellipse_azimuth_rad")
-FRAMES = Table(FrameResults, elsewhere=("seed", "refined"))
+FRAMES = Table(FrameResults, elsewhere=("seed", "refined", "folder"))
 POSES = Table(PoseTable)
 POINTS = Table(PointResults, elsewhere=(*_ELLIPSE, "relative"))
 RELATIVE = Table(PlanarUncertainty, elsewhere=_ELLIPSE)

@@ -42,7 +42,7 @@ class FrameResults(FrozenArrays):
     Attributes
     ----------
     frame_id, path
-        (F,) file name; where the photo is.
+        (F,) file name; where the photo is, relative to the project's folder where it is inside.
     time_utc_s
         (F,) of the exposure, after the adjustment; NaN where unknown.
     status, reason
@@ -56,6 +56,8 @@ class FrameResults(FrozenArrays):
     ties, ties_rms_px
         (F,) how many tie points were seen in it and used, and the root mean square of their
         residuals in each coordinate; 0 and NaN where there are none, and left out.
+    folder
+        Of the project, which relative paths begin at; not in files, which may be moved.
     """
 
     frame_id: Annotated[tuple[str, ...], "n"]
@@ -70,6 +72,7 @@ class FrameResults(FrozenArrays):
     )
     ties: Annotated[Ints, "n"] = field(default_factory=lambda: np.zeros(0, np.int64))
     ties_rms_px: Annotated[Floats, "n", NAN_IS_NONE] = field(default_factory=lambda: np.zeros(0))
+    folder: str = field(default="", repr=False)
 
     def __post_init__(self) -> None:
         n = len(self.frame_id)

@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.io.digest import photo_files
 from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.model.arrays import Floats
 from uavgram.model.batch import Fit, SeenParameter, SurveyRow
@@ -48,7 +49,7 @@ def row_of(result: Result, project: str, output: str, seconds: float) -> SurveyR
         latitude_deg=place[0],
         longitude_deg=place[1],
         camera=result.camera.name,
-        drone=_drone(result.frames.path),
+        drone=_drone(photo_files(result.frames)),
         photos=len(result.frames.frame_id),
         measurements=len(result.measurements.name),
         mean_sigma_m=_mean(sigmas),

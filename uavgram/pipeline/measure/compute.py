@@ -25,6 +25,7 @@ from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observed import Observations
 from uavgram.geometry.earth.map_projection import checked_crs, utm_crs
 from uavgram.imaging.known_point_pose import known_point_poses
+from uavgram.io.digest import name_inside
 from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message
 from uavgram.model.options import Project, SolveOptions, option_pairs
@@ -376,7 +377,9 @@ def _frames(
     for why, image in sorted(left_out, key=lambda one: not one[0].cause.is_of_frame):
         reasons[image] = reasons[image] or why.text
     seeds = None if posed.telemetry is None else posed.telemetry.poses
-    return summarise_frames(posed.frames, inputs.photos.path, seeds, refined, reasons)
+    folder = inputs.folder
+    paths = tuple(name_inside(path, folder) for path in inputs.photos.path)
+    return summarise_frames(posed.frames, paths, str(folder), seeds, refined, reasons)
 
 
 def _provenance(inputs: Inputs, sampling: Sampling | None) -> Provenance:

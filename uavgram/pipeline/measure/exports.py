@@ -10,6 +10,7 @@ import numpy as np
 
 from uavgram.geometry.earth.map_projection import projected_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
+from uavgram.io.digest import photo_files
 from uavgram.io.exports.colmap import write_colmap_model
 from uavgram.io.exports.dxf import place_texts, write_local_dxf, write_map_dxf
 from uavgram.io.exports.dxf_sheet import Words
@@ -30,7 +31,7 @@ from uavgram.model.units import Units
 from uavgram.stages.products.geotags import geotag
 from uavgram.stages.products.map_layers import features_of, shown_poses
 from uavgram.views.style import REFINED, hex_colour
-from uavgram.views.survey.top_view import INK
+from uavgram.views.survey.sheet import INK
 from uavgram.views.units import column, quantity, units_of
 
 Writers = dict[str, Callable[[Path], None]]
@@ -160,5 +161,6 @@ def geotags_of(result: Result) -> GeoTags:
     """Tags of every photo that has a pose: the adjusted one, else the telemetry's."""
     rows, poses = shown_poses(result)
     kinds: list[PoseChoice] = ["refined" if result.has_refined[k] else "seed" for k in rows]
-    paths = tuple(result.frames.path[k] for k in rows)
+    files = photo_files(result.frames)
+    paths = tuple(files[k] for k in rows)
     return geotag(poses, paths, tuple(kinds), result.world)

@@ -10,6 +10,7 @@ from uavgram.imaging.photos.decode import read_pixels
 from uavgram.imaging.photos.preview import Pixels, Preview, preview_of_whole
 from uavgram.imaging.top_view.ground_cut import cut_ground
 from uavgram.imaging.top_view.mosaic import GroundTexture
+from uavgram.io.digest import photo_files
 from uavgram.model.result.pictures import GroundPicture, Picture, Pictures, Region
 from uavgram.model.result.result import Result
 from uavgram.stages.products.picture_plan import picture_plan
@@ -27,8 +28,9 @@ class ReportPictures:
     def __init__(self, result: Result) -> None:
         """Choose what is shown of which photo."""
         self._result, self._plan = result, picture_plan(result)
+        files = photo_files(result.frames)
         self._wanted = {
-            result.frames.path[frame]: tuple(regions)
+            files[frame]: tuple(regions)
             for frame, regions in groupby(sorted(self._plan.regions, key=_frame), _frame)
         }
         self._made: dict[str, tuple[Picture, ...]] = {}

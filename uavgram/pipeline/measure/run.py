@@ -11,6 +11,7 @@ from typing import Literal
 
 from uavgram.imaging.photos.preview import Pixels, Preview, jpeg_preview_scale, read_preview
 from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
+from uavgram.io.digest import photo_files
 from uavgram.io.outputs import replace_bytes, staged_output
 from uavgram.io.own_files import check_folder_of_project
 from uavgram.io.results.results_json import write_results
@@ -209,7 +210,7 @@ def write_review(
         return parts.cut(path) if parts and parts.wants(path) else read_preview(path)
 
     def photos() -> Iterator[tuple[str, Preview]]:
-        reduced = prefetch(reduced_photo, result.frames.path)
+        reduced = prefetch(reduced_photo, photo_files(result.frames))
         shown = progress(zip(names, reduced, strict=True), "photos", len(names))
         for name, (_, (preview, pixels)) in shown:
             mosaic.add(name, pixels)

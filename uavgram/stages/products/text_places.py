@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -29,8 +29,18 @@ _FIRST = (16, 80)
 _ROOM = 64
 """Places that are kept room for at first."""
 
+_OVER_LETTERS = 0.7
+"""A line from above or below ends at that share of a text's half width: letters are there."""
+
+_FEET = np.linspace(0.0, 1.0, 65)
+"""Shares of a line from which a line to its text may begin."""
+
 _MOVED_GAP = 0.375
 """Of half the height of a text: between the end of a line and a text that was moved beyond it."""
+
+
+Where = Literal["beside", "along", "at"]
+"""Level, beside a point or on a line; turned, beside a line; or at one place and no other."""
 
 
 class Label(NamedTuple):
@@ -44,18 +54,25 @@ class Label(NamedTuple):
         (2,) half its width and height.
     gap
         Between the text and what it names.
-    is_turned
-        Whether it runs along the line, beside it; otherwise it is level, and may be on the line.
+    where
+        Which places are tried. A text that may be at one place only is in the middle of its line,
+        turned by `turn`.
     is_needed
         Otherwise it is left out where there is no room right beside what it names.
+    rank
+        Texts of a lower rank are placed first; of one rank those with the least choice.
+    turn
+        Angle [rad] of a text that may be at one place only.
     """
 
     start: Floats
     end: Floats
     half: Floats
     gap: float
-    is_turned: bool = False
+    where: Where = "beside"
     is_needed: bool = True
+    rank: int = 0
+    turn: float = 0.0
 
 
 class Placed(NamedTuple):
@@ -65,73 +82,106 @@ class Placed(NamedTuple):
     ----------
     boxes
         (n, 5) places as of `TextPlaces`; NaN where there was no room even for the smallest letters.
+    leaders
+        (n, 2, 2) lines from what texts name to the edges of their boxes; NaN where these are close.
+    sides
+        (n,) where a leader ends: -1 at the beginning of the text, 1 at its end, 0 above or below
+        it, or no leader.
     size
         Of the letters, as a share of the full one.
     """
 
     boxes: Floats
+    leaders: Floats
+    sides: Ints
     size: float
 
 
 def place_labels(
     labels: Sequence[Label],
-    taken: Floats,
+    taken: Floats | None = None,
     bounds: tuple[Floats, Floats] | None = None,
     least: float = 0.01,
     reach: float = REACH,
+    most: int | None = None,
 ) -> Placed:
     """Place all texts; the letters of all are made smaller until there is room for each.
+
+    Every drawing has its texts from here: report, plan, field sheet, CAD drawing and recording.
 
     Parameters
     ----------
     labels
-        What is to be placed; those with the least choice are placed first.
+        What is to be placed.
     taken
         (t, 5) places that are kept free.
     bounds
         Lower and upper corner (2,) of the picture; by default it is endless.
     least
-        Size of letters that are not made smaller.
+        Size of letters that are not made smaller; texts without room are then left out.
     reach
         How far texts may be from what they name at first, in heights of a line of text.
+    most
+        So many texts are placed at most; by default all.
     """
-    length = np.array([float(np.linalg.norm(one.end - one.start)) for one in labels])
-    is_extra = np.array([not one.is_needed for one in labels], np.bool_)
-    order = np.lexsort((length, is_extra))
+    taken = np.empty((0, 5)) if taken is None else np.reshape(taken, (-1, 5))
+    length = [float(np.linalg.norm(one.end - one.start)) for one in labels]
+    order = np.lexsort(
+        (length, [one.rank for one in labels], [not one.is_needed for one in labels])
+    )
     size = 1.0
     while True:
         places, boxes = TextPlaces(taken), np.full((len(labels), 5), np.nan)
-        for row in order:
+        for count, row in enumerate(order):
+            if most is not None and np.isfinite(boxes[order[:count], 0]).sum() == most:
+                return _with_leaders(labels, boxes, size)
             box = _place(places, labels[row], size, reach, bounds)
             if box is not None:
                 boxes[row] = box
             elif labels[row].is_needed and size > least:
                 break
         else:
-            return Placed(boxes, size)
-        fitted = float(np.isfinite(boxes[~is_extra, 0]).mean())
+            return _with_leaders(labels, boxes, size)
+        needed = [row for row, one in enumerate(labels) if one.is_needed]
+        fitted = float(np.isfinite(boxes[needed, 0]).mean())
         size = max(least, size * min(max(fitted, _SMALLER[0]), _SMALLER[1]))
         reach *= _FARTHER
 
 
-def leader(label: Label, box: Floats) -> Floats | None:
-    """(2, 2) a line from what a text names to the text; None where these are close.
+def _with_leaders(labels: Sequence[Label], boxes: Floats, size: float) -> Placed:
+    leaders, sides = np.full((len(labels), 2, 2), np.nan), np.zeros(len(labels), np.int64)
+    for row, label in enumerate(labels):
+        if np.isfinite(boxes[row, 0]) and label.where != "at":
+            leaders[row], sides[row] = _leader(label, boxes[row])
+    return Placed(boxes, leaders, sides, size)
 
-    Parameters
-    ----------
-    label
-        The text.
-    box
-        (5,) its place.
+
+def _leader(label: Label, box: Floats) -> tuple[Floats, int]:
+    """(2, 2) the line from what a text names to the edge of its box (5,), and the side of that.
+
+    NaN where the text is not farther than half its height and the usual gap. The line ends in the
+    middle of a side of the box where it comes from that side, otherwise above or below letters.
     """
     way = label.end - label.start
-    share = float((box[:2] - label.start) @ way) / max(float(way @ way), 1e-12)
-    foot = label.start + min(max(share, 0.0), 1.0) * way
+    middle = float((box[:2] - label.start) @ way) / max(float(way @ way), 1e-12)
+    shares = np.append(np.clip(middle, 0.0, 1.0), _FEET if way.any() else [])
+    feet = label.start + shares[:, None] * way
     cos, sin = math.cos(box[4]), math.sin(box[4])
     axes = np.array([[cos, sin], [-sin, cos]])
-    edge = box[:2] + np.clip(axes @ (foot - box[:2]), -box[2:4], box[2:4]) @ axes
-    beside = (1.0 + label.gap / label.half[1]) * box[3]
-    return np.stack([foot, edge]) if np.linalg.norm(edge - foot) > beside else None
+    own = (feet - box[:2]) @ axes.T
+    away = np.linalg.norm(own - np.clip(own, -box[2:4], box[2:4]), axis=1)
+    if away.min() <= (1.0 + label.gap / label.half[1]) * box[3]:
+        return np.full((2, 2), np.nan), 0
+    # beside the middle of the text, unless that is much farther
+    first = int(np.argmin(away > away.min() + box[3]))
+    foot, own = feet[first], own[first]
+    nearest = np.clip(own, -box[2:4], box[2:4])
+    side = 0 if abs(own[0]) <= box[2] else int(np.sign(own[0]))
+    if side:
+        nearest[1] = 0.0
+    else:
+        nearest[0] = np.clip(own[0], -_OVER_LETTERS * box[2], _OVER_LETTERS * box[2])
+    return np.stack([foot, box[:2] + nearest @ axes]), side
 
 
 def _place(
@@ -144,26 +194,40 @@ def _place(
     """Take the best place that is free, (5,); None where none is."""
     half, gap = size * label.half, size * label.gap
     rounds = np.arange(max(int(reach - gap / (2 * half[1])), 0) + 1 if label.is_needed else 1)
-    way = label.end - label.start
+    way, middle = label.end - label.start, (label.start + label.end) / 2
     length = math.hypot(*way)
     shift = np.zeros(2)
-    if label.is_turned and length > 0:
+    if label.where == "at":
+        candidates = np.array([[*middle, *half, label.turn]])
+    elif label.where == "along" and length > 0:
         shift = _moved_aside(half, length) / 2 * way / length
         candidates = _along(label.start + shift, way / length, length, half, gap, rounds)
         candidates[:, 2] += math.hypot(*shift)
     else:
-        candidates = around((label.start + label.end) / 2, half, gap, rounds)
+        candidates = around(middle, half, gap, rounds)
         if length > 0:
             on_line = label.start + np.array(_SHARES)[:, None] * way
             on_line = np.column_stack([on_line, np.broadcast_to([*half, 0.0], (len(on_line), 3))])
             candidates = np.concatenate([on_line, candidates])
     if bounds is not None:
-        low, high = bounds[0] + candidates[:, 2:4], bounds[1] - candidates[:, 2:4]
-        candidates[:, :2] = np.clip(candidates[:, :2], low, np.maximum(low, high))
+        candidates = _within_bounds(candidates, bounds, label.where)
     for some in np.split(candidates, _FIRST):
         if (which := places.take(some)) is not None:
             return np.array([*(some[which, :2] - shift), *half, some[which, 4]])
     return None
+
+
+def _within_bounds(candidates: Floats, bounds: tuple[Floats, Floats], where: Where) -> Floats:
+    """(c, 5) level places moved into a picture; turned ones and fixed ones that are inside."""
+    cos, sin = np.abs(np.cos(candidates[:, 4])), np.abs(np.sin(candidates[:, 4]))
+    width, height = candidates[:, 2], candidates[:, 3]
+    reach = np.column_stack([cos * width + sin * height, sin * width + cos * height])
+    low, high = bounds[0] + reach, bounds[1] - reach
+    if where == "beside":
+        candidates[:, :2] = np.clip(candidates[:, :2], low, np.maximum(low, high))
+        return candidates
+    inside = (candidates[:, :2] >= low).all(axis=1) & (candidates[:, :2] <= high).all(axis=1)
+    return np.asarray(candidates[inside])
 
 
 def _moved_aside(half: Floats, length: float) -> float:

@@ -10,9 +10,10 @@ from uavgram.model.arrays import Floats
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
 from uavgram.stages.products.planned_layers import wanted_shapes
-from uavgram.views.field_sheet.names import Name, placed_names
-from uavgram.views.field_sheet.paper import WIDTH, Paper, svg_points
+from uavgram.views.field_sheet.names import placed_names
+from uavgram.views.field_sheet.paper import WIDTH, Paper
 from uavgram.views.field_sheet.shades import Shading, shading
+from uavgram.views.survey.texts import Text, svg_points
 from uavgram.views.units import round_bar
 
 MOST_FOOTPRINTS = 8
@@ -66,7 +67,7 @@ class FieldDrawing:
     plates: tuple[str, ...]
     wanted: tuple[str, ...]
     points: tuple[tuple[float, float], ...]
-    names: tuple[Name, ...]
+    names: tuple[Text, ...]
     bar: float
     bar_text: str
 

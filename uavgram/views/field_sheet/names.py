@@ -3,33 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import Units
-from uavgram.stages.products.text_places import Label, place_labels
 from uavgram.views.field_sheet.paper import WIDTH, Paper
 from uavgram.views.planned.numbers import metres
+from uavgram.views.survey.texts import Letters, Text, Wanted, box, placed_texts
 from uavgram.views.unit_words import in_units
 
-NameKind = Literal["line", "plate", "corner", "end", "wanted", "photo", "point"]
-
-SIZES: dict[NameKind, float] = {
-    "line": 15.0,
-    "plate": 15.0,
-    "corner": 13.0,
-    "end": 11.0,
-    "wanted": 12.0,
-    "photo": 11.0,
-    "point": 10.0,
+LETTERS = {
+    "line": Letters(15.0, is_bold=True, colour="#000"),
+    "plate": Letters(15.0, is_bold=True, colour="#000"),
+    "corner": Letters(13.0, is_bold=True, colour="#000"),
+    "end": Letters(11.0, colour="#000"),
+    "wanted": Letters(12.0, colour="#000"),
+    "photo": Letters(11.0, colour="#000"),
+    "point": Letters(10.0, colour="#000"),
+    "bar": Letters(13.0, colour="#000"),
+    "north": Letters(14.0, is_bold=True, colour="#000"),
 }
-"""Height of the letters."""
-
-BOLD: frozenset[NameKind] = frozenset({"line", "plate", "corner"})
+"""Black and white, by kind of name."""
 
 BAR_ROOM = WIDTH / 5 + 40.0
 """What the scale bar takes at the lower left; the arrow to the north is at the upper right."""
@@ -37,25 +33,12 @@ BAR_ROOM = WIDTH / 5 + 40.0
 _REACH = 40.0
 """Names may be so far from what they name, in heights of a line of text."""
 
-_HALF_LETTER, _HALF_LINE, _BESIDE = 0.31, 0.62, 8.0
+_BESIDE = 8.0
 _HALF_TICK, _HALF_PHOTO, _HALF_POINT = 8.0, 9.0, 3.0
 
 
-@dataclass(frozen=True)
-class Name:
-    """A text with its middle at (x, y), and the white plate under it."""
-
-    x: float
-    y: float
-    text: str
-    size: float
-    is_bold: bool
-    half_width: float
-    half_height: float
-
-
-def placed_names(planned: FlightPlanned, paper: Paper, units: Units) -> tuple[Name, ...]:
-    """All names, those that are needed most first: each at the nearest place that is free.
+def placed_names(planned: FlightPlanned, paper: Paper, units: Units) -> tuple[Text, ...]:
+    """Place all names: each at the nearest place that is free.
 
     Parameters
     ----------
@@ -64,26 +47,14 @@ def placed_names(planned: FlightPlanned, paper: Paper, units: Units) -> tuple[Na
     paper
         From the world to the drawing.
     units
-        Of the lengths that are told.
+        Of lengths.
     """
-    names = list(_names(planned, units))
-    labels = [
-        Label(
-            anchor := paper(at),
-            anchor,
-            np.array([_HALF_LETTER * SIZES[kind] * len(text) + 2.0, _HALF_LINE * SIZES[kind]]),
-            _BESIDE,
-        )
-        for kind, text, at in names
+    wanted = [
+        Wanted(text, kind, paper(at)[None], gap=_BESIDE)
+        for kind, text, at in _names(planned, units)
     ]
     sheet = np.zeros(2), np.array([WIDTH, paper.height])
-    boxes, size = place_labels(labels, _taken(planned, paper), sheet, reach=_REACH)
-    return tuple(
-        Name(x, y, text, size * SIZES[kind], kind in BOLD, half_width, half_height)
-        for (kind, text, _), (x, y, half_width, half_height, _) in zip(
-            names, boxes.tolist(), strict=True
-        )
-    )
+    return placed_texts(wanted, sheet, _taken(planned, paper), letters=LETTERS, reach=_REACH)[0]
 
 
 def _taken(planned: FlightPlanned, paper: Paper) -> Floats:
@@ -100,8 +71,8 @@ def _taken(planned: FlightPlanned, paper: Paper) -> Floats:
     )
     return np.concatenate(
         [
-            [[0.5 * BAR_ROOM, paper.height - 21.0, 0.5 * BAR_ROOM, 21.0, 0.0]],
-            [[WIDTH - 26.0, 35.0, 26.0, 35.0, 0.0]],
+            [box((0.5 * BAR_ROOM, paper.height - 21.0), 0.5 * BAR_ROOM, 21.0)],
+            [box((WIDTH - 26.0, 35.0), 26.0, 35.0)],
             np.column_stack([(starts + ends) / 2, reach, half, angle]),
             *(
                 np.column_stack([paper(at), np.tile([half_mark, half_mark, 0.0], (len(at), 1))])
@@ -111,7 +82,7 @@ def _taken(planned: FlightPlanned, paper: Paper) -> Floats:
     )
 
 
-def _names(planned: FlightPlanned, units: Units) -> Iterator[tuple[NameKind, str, Floats]]:
+def _names(planned: FlightPlanned, units: Units) -> Iterator[tuple[str, str, Floats]]:
     lines, measured, points = planned.lines, planned.measurements, planned.points
     middles = (lines.start_world_m + lines.end_world_m) / 2
     for name, length, at in zip(lines.name, lines.length_m, middles, strict=True):

@@ -9,6 +9,7 @@ from uavgram.model.maps.plan import Paper
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.model.units import METRIC, Units
 from uavgram.views.field_sheet.drawing import field_drawing
+from uavgram.views.field_sheet.names import LETTERS
 from uavgram.views.pages import page_environment
 from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf
 from uavgram.views.planned.numbers import metres
@@ -50,6 +51,7 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
         .render(
             planned=planned,
             view=field_drawing(planned, units),
+            letters=LETTERS,
             headline=headline(planned),
             outcome=outcome(planned),
             lines=line_rows(planned),

@@ -53,8 +53,3 @@ class Paper:
         """(..., 2) x to the right and y downwards of (..., 2 or 3) places."""
         x = MARGIN + (world_m[..., 0] - self.west_m) * self.scale
         return np.stack([x, MARGIN + (self.north_m - world_m[..., 1]) * self.scale], axis=-1)
-
-
-def svg_points(drawn: Floats) -> str:
-    """Points (n, 2) as an SVG polygon or polyline has them."""
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn.tolist())

@@ -9,8 +9,9 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.planned.plan import FlightPlanned
 from uavgram.stages.products.planned_layers import grid_cells
-from uavgram.views.field_sheet.paper import Paper, svg_points
+from uavgram.views.field_sheet.paper import Paper
 from uavgram.views.planned.numbers import centimetres
+from uavgram.views.survey.texts import svg_points
 
 LIGHTEST, DARKEST = 1.0, 0.66
 """Of white: names on the darkest can still be read."""

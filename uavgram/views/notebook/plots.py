@@ -13,7 +13,7 @@ import numpy as np
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.views.survey.drawing import nice_factor
-from uavgram.views.survey.top_view import INK
+from uavgram.views.survey.sheet import INK
 from uavgram.views.units import column, units_of
 from uavgram.views.wording import measurement_text, worst_first
 

@@ -156,6 +156,8 @@ def columns(table: object, before: str = "") -> Iterator[tuple[str, object]]:
     """Column names and columns of a table."""
     for field in dataclasses.fields(table):  # type: ignore[arg-type]
         value = getattr(table, field.name)
+        if not field.repr:
+            continue  # no column: it is about this computer
         if dataclasses.is_dataclass(value):
             yield from columns(value, f"{before}{field.name}_")
         elif isinstance(value, np.ndarray) and value.ndim > 1:

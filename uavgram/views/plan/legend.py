@@ -9,9 +9,9 @@ from uavgram.model.maps.plan import Plan
 from uavgram.model.result.result import Result
 from uavgram.views.plan.notes import fitted, plan_notes
 from uavgram.views.plan.sheet import INK as BLACK
-from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, only_at, plain
+from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, plain
 from uavgram.views.plan.surveyed import DASHES, DIAMOND_MM, LINE_PT
-from uavgram.views.survey.top_view import INK
+from uavgram.views.survey.sheet import INK
 from uavgram.views.units import round_bar, units_of
 
 TITLE_PT, TEXT_PT, FOOT_PT, NUMBER_PT = 11.0, 6.0, 5.0, 11.0
@@ -195,4 +195,4 @@ def outline_sheets(sheet: Sheet, tiled: Plan) -> None:
         sheet.line(drawn, BLACK, 2 * THIN_PT)
         corner = np.maximum(drawn[3], [left, -np.inf])
         corner = np.minimum(corner, [np.inf, bottom + up])
-        sheet.name(str(one.number), BLACK, NUMBER_PT, only_at(corner + np.array([4.0, -4.0])))
+        sheet.name(str(one.number), BLACK, NUMBER_PT, corner[None] + [4.0, -4.0], "at")

@@ -22,7 +22,7 @@ from uavgram.model.maps.raster import GroundRaster
 from uavgram.model.result.result import Result
 from uavgram.views.plan.jpeg_pages import JpegPages
 from uavgram.views.plan.legend import draw_legend, outline_sheets
-from uavgram.views.plan.sheet import INK, PAPER, QUIET, THIN_PT, Sheet, only_at
+from uavgram.views.plan.sheet import INK, PAPER, QUIET, THIN_PT, Sheet
 from uavgram.views.plan.surveyed import draw_grid, draw_surveyed
 
 PNG_DPI = 200
@@ -209,7 +209,7 @@ def _seams(sheet: Sheet) -> None:
         }.get(beside)
         if middle is not None:
             turn = math.pi / 2 if beside[0] else 0.0
-            sheet.name(f"sheet {other.number}", QUIET, 7.0, only_at(np.array(middle), turn))
+            sheet.name(f"sheet {other.number}", QUIET, 7.0, np.array([middle]), "at", turn=turn)
 
 
 def _cut(sheet: Sheet, drawn: Floats) -> None:

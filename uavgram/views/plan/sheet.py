@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,7 +15,7 @@ from matplotlib.textpath import TextPath
 
 from uavgram.model.arrays import Floats
 from uavgram.model.maps.plan import Plan, PlanSheet
-from uavgram.stages.products.text_places import TextPlaces, around
+from uavgram.stages.products.text_places import Label, Where, place_labels
 
 MM_OF_POINT = 25.4 / 72.0
 INK, QUIET, PAPER = "#1d232b", "#5b6470", "#ffffff"
@@ -23,29 +23,17 @@ THIN_PT = 0.4
 _LINE = 1.5
 """Height of a line of text, of the size of its letters."""
 
-
-Rounds = Callable[[Floats], list[Floats]]
-"""Of half a text's width and height, its (c, 5) places round by round; the best first."""
-
-
-def only_at(middle: Floats, turn: float = 0.0) -> Rounds:
-    """A text stands at (2,) its place, turned by an angle [rad], or nowhere."""
-    return lambda half: [np.array([[*middle, *half, turn]])]
+_GAP_MM, _FARTHEST = 0.7, 12.0
+"""Between a text and what it names, and how far it may be from that, in its heights."""
 
 
-def beside(spot: Floats, gap_mm: float, most: int) -> Rounds:
-    """A text stands around a place (2,), farther and farther out.
+class _Name(NamedTuple):
+    """A text to be placed: colour and size of its letters, and what it names."""
 
-    Parameters
-    ----------
-    spot
-        The place.
-    gap_mm
-        Between place and text, at first.
-    most
-        How many rounds are tried.
-    """
-    return lambda half: [around(spot, half, gap_mm, ring) for ring in range(most)]
+    text: str
+    colour: str
+    size_pt: float
+    label: Label
 
 
 class Sheet:
@@ -70,7 +58,8 @@ class Sheet:
         self.axes.set_axis_off()
         left, bottom, across, up = plan.frame_mm
         self.frame = Rectangle((left, bottom), across, up, transform=self.axes.transData)
-        self._places = TextPlaces()
+        self._names: list[_Name] = []
+        self._taken: list[Floats] = []
         self.left_out = 0
 
     def on_paper(self, world_m: Floats) -> Floats:
@@ -113,16 +102,20 @@ class Sheet:
 
     def reserve(self, middle: Floats, half: Floats) -> None:
         """Keep a level rectangle free of texts."""
-        self._places.reserve(np.array([*middle, *half, 0.0]))
+        self._taken.append(np.array([*middle, *half, 0.0]))
 
     def name(
         self,
         text: str,
         colour: str,
         size_pt: float,
-        rounds: Rounds,
-    ) -> Floats | None:
-        """Write a text where there is room, on a white patch.
+        spots: Floats,
+        where: Where = "beside",
+        *,
+        is_needed: bool = True,
+        turn: float = 0.0,
+    ) -> None:
+        """Name an object; the text is written by `write_names`, those named first before others.
 
         Parameters
         ----------
@@ -130,36 +123,34 @@ class Sheet:
             What is written.
         colour, size_pt
             Of its letters.
-        rounds
-            Where it may stand.
-
-        Returns
-        -------
-        (5,) its place; None where there is none, which is counted.
+        spots
+            (1, 2) the point or (2, 2) the ends of the line that it names.
+        where, is_needed, turn
+            As of `Label`.
         """
-        half = half_text(text, size_pt)
-        for places in rounds(half):
-            fitting = places[self._fits(places)]
-            if len(fitting) and (which := self._places.take(fitting)) is not None:
-                self._write(fitting[which], text, colour, size_pt)
-                return np.asarray(fitting[which])
-        self.left_out += 1
-        return None
+        half, rank = half_text(text, size_pt), len(self._names)
+        label = Label(spots[0], spots[-1], half, _GAP_MM, where, is_needed, rank, turn)
+        self._names.append(_Name(text, colour, size_pt, label))
 
-    def _fits(self, places: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        """(c,) whether texts lie in the frame."""
+    def write_names(self) -> None:
+        """Write all texts that there is room for, on white patches, with lines to their objects."""
         left, bottom, across, up = self.plan.frame_mm
-        cos, sin = np.abs(np.cos(places[:, 4])), np.abs(np.sin(places[:, 4]))
-        reach = np.column_stack(
-            [
-                cos * places[:, 2] + sin * places[:, 3],
-                sin * places[:, 2] + cos * places[:, 3],
-            ]
+        low, size = np.array([left, bottom]), np.array([across, up])
+        placed = place_labels(
+            [one.label for one in self._names],
+            np.reshape(self._taken, (-1, 5)),
+            (low, low + size),
+            least=1.0,
+            reach=_FARTHEST,
         )
-        low, high = places[:, :2] - reach, places[:, :2] + reach
-        return np.asarray(
-            (low >= [left, bottom]).all(axis=1) & (high <= [left + across, bottom + up]).all(axis=1)
-        )
+        for one, box, line in zip(self._names, placed.boxes, placed.leaders, strict=True):
+            if np.isnan(box[0]):
+                self.left_out += 1
+                continue
+            if np.isfinite(line[0, 0]):
+                self.line(line, PAPER, 4 * THIN_PT)
+                self.line(line, one.colour, 1.5 * THIN_PT)
+            self._write(box, one.text, one.colour, one.size_pt)
 
     def _write(self, place: Floats, text: str, colour: str, size_pt: float) -> None:
         self.axes.text(

@@ -10,8 +10,8 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, position_strips, reference_strips
 from uavgram.stages.products.measured_shapes import ENCLOSED
-from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Rounds, Sheet, beside, only_at
-from uavgram.views.survey.top_view import INK
+from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, half_text
+from uavgram.views.survey.sheet import INK
 from uavgram.views.units import column, round_bar, units_of, value_text
 from uavgram.views.wording import measurement_text, number, worst_first
 
@@ -36,12 +36,12 @@ DOUBT = " ?"
 """After a value that is contradicted, or another one in another solution that fits as well."""
 
 DIAMOND_MM = 1.4
-ROUNDS = 12
-SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)
+IN_MIDDLE_MM = 0.01
+"""A line so short through the middle of an area: its name may be on it."""
 
 
 def draw_surveyed(sheet: Sheet, result: Result) -> None:
-    """Draw all that a plan shows of a survey; measured values are placed first.
+    """Draw all that a plan shows of a survey, and write all names; measured values come first.
 
     Parameters
     ----------
@@ -67,18 +67,18 @@ def draw_surveyed(sheet: Sheet, result: Result) -> None:
         if strips := measured.get(int(k), []):
             row = measurement_text(rows, int(k), units)
             text = f"{row.name}: {row.value}{DOUBT if doubt[k] else ''}"
-            most = ROUNDS if are_few else 1
             if rows.kind[k] in ENCLOSED:
-                _name_area(sheet, strips, text, most)
+                _name_area(sheet, strips, text, is_needed=are_few)
             else:
-                _name_strip(sheet, strips, text, "measured", most)
+                _name_strip(sheet, strips, text, "measured", is_needed=are_few)
     for i, strip in known.items():
         length, sigma = float(result.lines.length_m[i]), float(result.lines.sigma_m[i])
         text = f"{result.lines.name[i]}: {value_text(length, sigma, 'm', units)}"
-        _name_strip(sheet, [strip], text, result.lines.status[i], ROUNDS)
+        _name_strip(sheet, [strip], text, result.lines.status[i])
     for (name, strip), status in zip(positions, result.control_lines.status, strict=True):
-        _name_strip(sheet, [strip], name, "position" if status == "used" else status, ROUNDS)
+        _name_strip(sheet, [strip], name, "position" if status == "used" else status)
     _names(sheet, result)
+    sheet.write_names()
 
 
 def is_doubtful(result: Result) -> Bools:
@@ -173,24 +173,22 @@ def _names(sheet: Sheet, result: Result) -> None:
             if points.is_off_ground[k]:
                 sign = "+" if height[k] > 0 else ""
                 text += f" {sign}{value_text(float(height[k]), float(sigma[k]), 'm', units)}"
-            sheet.name(
-                text, INK["point"], NAME_PT,
-                beside(spot, 0.7, ROUNDS),
-            )  # fmt: skip
+            sheet.name(text, INK["point"], NAME_PT, spot[None])
 
 
-def _name_area(sheet: Sheet, strips: list[Floats], text: str, most: int) -> None:
+def _name_area(sheet: Sheet, strips: list[Floats], text: str, *, is_needed: bool) -> None:
     """In the middle of what its points enclose; beside its longest side where that is off."""
     middle = sheet.on_paper(np.concatenate([strip[1:] for strip in strips]).mean(axis=0))
     if sheet.inside(middle):
-        near = beside(middle, 0.0, most)
-        rounds: Rounds = lambda half: [*only_at(middle)(half), *near(half)]  # noqa: E731
-        sheet.name(text, INK["measured"], MEASURED_PT, rounds)
+        spots = middle + np.array([[-IN_MIDDLE_MM, 0.0], [IN_MIDDLE_MM, 0.0]])
+        sheet.name(text, INK["measured"], MEASURED_PT, spots, is_needed=is_needed)
     else:
-        _name_strip(sheet, strips, text, "measured", most)
+        _name_strip(sheet, strips, text, "measured", is_needed=is_needed)
 
 
-def _name_strip(sheet: Sheet, strips: list[Floats], text: str, ink: str, most: int) -> None:
+def _name_strip(
+    sheet: Sheet, strips: list[Floats], text: str, ink: str, *, is_needed: bool = True
+) -> None:
     """Along the longest part that this sheet shows; where that is too short, around its middle."""
     size_pt = MEASURED_PT if ink == "measured" else KNOWN_PT
     parts = [
@@ -202,28 +200,12 @@ def _name_strip(sheet: Sheet, strips: list[Floats], text: str, ink: str, most: i
     if not parts:
         return
     start, end = max(parts, key=lambda part: float(np.linalg.norm(part[1] - part[0])))
-    start, end = sorted((start, end), key=tuple)
-    way = end - start
-    length, middle = float(np.linalg.norm(way)), (start + end) / 2
-
-    near = beside(middle, 1.0, most)
-
-    def rounds(half: Floats) -> list[Floats]:
-        close = near(half)
-        if length < 2 * half[0]:
-            return close
-        turn = math.atan2(way[1], way[0])
-        across = np.array([-way[1], way[0]]) / length
-        along = start + np.array(SHARES)[:, None] * way
-        box = np.broadcast_to([*half, turn], (len(SHARES), 3))
-        offsets = (0.0, 2.2 * half[1], -2.2 * half[1])
-        return [np.column_stack([along + o * across, box]) for o in offsets] + close
-
-    place = sheet.name(text, INK[ink], size_pt, rounds)
-    if place is not None and np.linalg.norm(place[:2] - middle) > place[2] + 4.0:
-        leader = np.stack([middle, place[:2]])
-        sheet.line(leader, PAPER, 4 * THIN_PT)
-        sheet.line(leader, INK[ink], 1.5 * THIN_PT)
+    spots = np.stack([start, end])
+    spots = spots[np.lexsort(spots.T[::-1])]  # from left to right, as texts are read
+    if np.linalg.norm(end - start) >= 2 * half_text(text, size_pt)[0]:
+        sheet.name(text, INK[ink], size_pt, spots, "along", is_needed=is_needed)
+    else:
+        sheet.name(text, INK[ink], size_pt, spots.mean(axis=0)[None], is_needed=is_needed)
 
 
 def clipped(

@@ -16,9 +16,9 @@ from uavgram.views.planned.numbers import centimetres, metres
 from uavgram.views.recording.eye import Eye
 from uavgram.views.recording.scene import FRUSTUM_SHARE, SPACING_SHARE, TO_THE_EYE
 from uavgram.views.recording.stream import Recorder
+from uavgram.views.recording.view_texts import log_in_space, place_in_space
 from uavgram.views.recording.world.footprint_marks import closed
-from uavgram.views.recording.world.labels import HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN
-from uavgram.views.recording.world.marks import polylines, texts
+from uavgram.views.recording.world.marks import polylines
 from uavgram.views.style import (
     BAD,
     MEASURED,
@@ -28,17 +28,17 @@ from uavgram.views.style import (
     REFINED,
     scale_colours,
 )
-from uavgram.views.survey.drawing import corner_rays, longest_middle, pyramids, uncovered
+from uavgram.views.survey.drawing import corner_rays, longest_middle, pyramids
 from uavgram.views.unit_words import in_units
 
 SPACE = "plan"
-NAMES, PHOTO_NAMES = f"{SPACE}/names", f"{SPACE}/photo_names"
+NAMES, FLAT_NAMES = f"{SPACE}/names", f"{SPACE}/names_from_above"
 
 DIM = 0.6
-_LIFT = 0.012
 _DROP = 1e-3
-"""Names float above what they name, and the map lies below what is drawn on it: shares of the size
-of the scene."""
+"""The map is so far below what is drawn on it, as a share of the size of the scene."""
+FROM_ABOVE = 1.15
+"""Distance of the eye above the area, in its sizes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +51,14 @@ class PlanScene:
         Of the area.
     frusta_m
         (F, 10, 3) of all photos.
-    eye
-        Of the first view: shows area, lines and photos.
+    eye, top_eye
+        Of the first view, which shows area, lines and photos; of the view from above.
     """
 
     size_m: float
     frusta_m: Floats
     eye: Eye
+    top_eye: Eye
 
 
 def measure_plan(planned: FlightPlanned) -> PlanScene:
@@ -73,7 +74,8 @@ def measure_plan(planned: FlightPlanned) -> PlanScene:
     rays = depth * corner_rays(camera.parameters, camera.width_px, camera.height_px)
     frusta = pyramids(frames.center_world_m, frames.world_from_camera, rays)
     shown = [area, lines.start_world_m, lines.end_world_m, frusta.reshape(-1, 3)]
-    return PlanScene(size, frusta, Eye.fitting(np.concatenate(shown), TO_THE_EYE))
+    above = Eye(np.array([0.0, 0.0, 1.0]), area.mean(axis=0), FROM_ABOVE * size)
+    return PlanScene(size, frusta, Eye.fitting(np.concatenate(shown), TO_THE_EYE), above)
 
 
 def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: Units) -> None:
@@ -164,8 +166,9 @@ def _one_by_one(recorder: Recorder, path: str, strips: list[Floats], width: floa
     recorder.each(path, lambda some: rr.LineStrips3D.columns(strips=[strips[k] for k in some]))
 
 
-def _names(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: Units) -> None:
-    lines, rows, lift = planned.lines, planned.measurements, np.array([0, 0, _LIFT * scene.size_m])
+def _named(planned: FlightPlanned, units: Units) -> tuple[list[Floats], list[str]]:
+    """(3,) places on the ground, and their names, those that are needed most first."""
+    lines, rows = planned.lines, planned.measurements
     places = list((lines.start_world_m + lines.end_world_m) / 2)
     words = [
         f"{name} {in_units(metres(float(length)), units)}"
@@ -184,9 +187,19 @@ def _names(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: 
     words += ["keep out"] * len(planned.no_go_world_m)
     places += list(planned.area_world_m)
     words += [f"corner {k}" for k in range(1, len(planned.area_world_m) + 1)]
-    anchors = np.array(places) + lift
-    half_widths = HALF_LETTER_ON_SCREEN * np.array([len(text) for text in words])
-    shown = uncovered(scene.eye.on_screen(anchors), half_widths, LINE_ON_SCREEN, len(words))
-    recorder.static(NAMES, texts(anchors[shown], tuple(words[k] for k in shown)))
-    frames = planned.frames
-    recorder.static(PHOTO_NAMES, texts(frames.center_world_m + lift, frames.name))
+    return places, words
+
+
+def _names(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: Units) -> None:
+    """Log names for each of both views: what is free in one is not in the other."""
+    places, words = _named(planned, units)
+    frames, points = planned.frames, planned.points.world_m
+    above = np.array(places)
+    log_in_space(recorder, FLAT_NAMES, place_in_space(scene.top_eye, above, words, dots_m=points))
+    placed = place_in_space(
+        scene.eye,
+        np.concatenate([above, frames.center_world_m]),
+        [*words, *frames.name],
+        dots_m=np.concatenate([points, frames.center_world_m]),
+    )
+    log_in_space(recorder, NAMES, placed)

@@ -13,7 +13,8 @@ from uavgram.model.units import METRIC, Units
 from uavgram.views.planned_recording.documents import LAY, PHOTO, SUMMARY, log_plan_documents
 from uavgram.views.planned_recording.legend import log_plan_legend
 from uavgram.views.planned_recording.space import (
-    PHOTO_NAMES,
+    FLAT_NAMES,
+    NAMES,
     SPACE,
     PlanScene,
     log_plan,
@@ -22,9 +23,6 @@ from uavgram.views.planned_recording.space import (
 from uavgram.views.recording.blueprint import BACKGROUND, layout, space_view
 from uavgram.views.recording.stream import open_recording
 from uavgram.views.recording.world.legend import LEGEND
-
-FROM_ABOVE = 1.15
-"""Distance of the eye above the area, in its sizes."""
 
 
 def write_plan_recording(planned: FlightPlanned, path: Path, units: Units = METRIC) -> None:
@@ -54,23 +52,22 @@ def write_plan_recording(planned: FlightPlanned, path: Path, units: Units = METR
             log_plan(recorder, planned, scene, units)
             log_plan_legend(recorder, planned, units)
             log_plan_documents(recorder, planned, units)
-            recorder.stream.send_blueprint(plan_blueprint(planned, scene))
+            recorder.stream.send_blueprint(plan_blueprint(scene))
     except OSError as error:
         raise OutputError(f"{path}: the recording cannot be written: {error}") from error
 
 
-def plan_blueprint(planned: FlightPlanned, scene: PlanScene) -> rrb.Blueprint:
+def plan_blueprint(scene: PlanScene) -> rrb.Blueprint:
     """The plan in space on the left, pages on the right."""
     contents = [f"+ /{SPACE}/**", f"- /{SPACE}/footprints"]
-    eye = scene.eye
-    middle = planned.area_world_m.mean(axis=0)
-    above = middle + np.array([0.0, 0.0, FROM_ABOVE * scene.size_m])
-    flat = [*contents, f"- /{PHOTO_NAMES}", f"- /{SPACE}/photos", f"- /{SPACE}/this_photo"]
+    eye, above = scene.eye, scene.top_eye
+    flat = [*contents, f"- /{NAMES}/**", f"- /{SPACE}/photos", f"- /{SPACE}/this_photo"]
+    contents.append(f"- /{FLAT_NAMES}/**")
     views = rrb.Tabs(
         space_view(
             "Plan, north away from you", contents, eye.position_m, eye.target_m, up=(0, 0, 1)
         ),
-        space_view("From above, north up", flat, above, middle),
+        space_view("From above, north up", flat, above.position_m, above.target_m),
         active_tab=0,
     )
     legend = rrb.Spatial2DView(origin=LEGEND, name="Legend", titlebar=False, background=BACKGROUND)

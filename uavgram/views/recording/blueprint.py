@@ -170,7 +170,7 @@ def _survey(scene: Scene) -> rrb.Spatial3DView:
 
 def _from_the_side(eye: Eye) -> rrb.Spatial3DView:
     """Level, so that heights are seen."""
-    shown = ("survey/ground/**", "survey/points/picked", f"{RULERS}/**", SIDE_TEXTS)
+    shown = ("survey/ground/**", "survey/points/picked", f"{RULERS}/**", f"{SIDE_TEXTS}/**")
     contents = [f"+ /{one}" for one in (*shown, f"{ELLIPSOIDS}_true_size/**")]
     name = f"From the side, looking {eye.heading}"
     return space_view(name, contents, eye.position_m, eye.target_m, up=(0, 0, 1))
@@ -287,19 +287,19 @@ def _profiles(result: Result) -> rrb.Spatial2DView:
 
 
 def _plan(scene: Scene) -> rrb.Spatial3DView:
-    position = scene.middle_m + np.array([0.0, 0.0, 1.25]) * scene.size_m
+    eye = scene.top_eye
     filled = [] if scene.fill_ellipses else ["- /survey/points/ellipse_95_true_size/**"]
     known = ("known_lengths/**", "lines_of_known_position/**")
     shown = ("ground/**", "points/**", *known, "measured/**", "point_names/**")
     contents = [*(f"+ /survey/{one}" for one in shown), f"+ /{ALL}", f"+ /{CURRENT}", *filled]
-    return space_view("Top view, north up", contents, position, scene.middle_m)
+    return space_view("Top view, north up", contents, eye.position_m, eye.target_m)
 
 
 def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
     spot = result.points.position_world_m[row]
     axes = result.points.relative.ellipse_95_m[row]
     position = spot + np.array([0.0, 0.0, EYE_ABOVE * axes[0]])
-    shown = ("ground/**", "points/picked", "point_names/**", "points/ellipse_95_true_size/**")
+    shown = ("ground/**", "points/picked", "points/ellipse_95_true_size/**")
     contents = [*(f"+ /survey/{one}" for one in shown), f"+ /{CLOSE_UP}/**"]
     size = in_units(axes_text(axes), units_of(result))
     name = f"Worst point {result.points.label[row]}, true scale: {size}"

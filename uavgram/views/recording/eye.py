@@ -21,7 +21,8 @@ class Eye:
     Attributes
     ----------
     towards
-        (3,) unit vector from what it looks at to the eye; not straight up.
+        (3,) unit vector from what it looks at to the eye; seen from straight above, north
+        is up.
     target_m
         (3,) what it looks at.
     distance_m
@@ -68,6 +69,14 @@ class Eye:
         depth = np.maximum(self.distance_m - nearer, 1e-9)
         return np.stack([right / depth, upward / depth], axis=-1)
 
+    def in_space(self, points_m: Floats, screen: Floats) -> Floats:
+        """(N, 3) places seen at (N, 2) tangents as of `on_screen`, as far away as (N, 3) points."""
+        right, up = _axes(self.towards)
+        _, _, nearer = _seen(points_m - self.target_m, self.towards)
+        aside = screen * np.maximum(self.distance_m - nearer, 1e-9)[:, None]
+        across = aside[:, :1] * right + aside[:, 1:] * up
+        return np.asarray(self.target_m + across + nearer[:, None] * self.towards)
+
 
 def _seen(offset_m: Floats, towards: Floats) -> tuple[Floats, Floats, Floats]:
     """(N,) of (N, 3) offsets from a target: to the right, upward, and towards the eye."""
@@ -78,5 +87,6 @@ def _seen(offset_m: Floats, towards: Floats) -> tuple[Floats, Floats, Floats]:
 def _axes(towards: Floats) -> tuple[Floats, Floats]:
     """(3,) to the right and (3,) upward on the screen."""
     right = np.cross([0.0, 0.0, 1.0], towards)
-    right /= np.linalg.norm(right)
+    length = float(np.linalg.norm(right))
+    right = right / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
     return right, np.cross(towards, right)

@@ -38,6 +38,8 @@ GROUND_DROP_SHARE = 5e-4
 
 # From the south, a little from the west, and from above.
 TO_THE_EYE = np.array([-0.185, -0.80, 0.572]) / np.linalg.norm([-0.185, -0.80, 0.572])
+# Distance of the eye above the points, in sizes of these.
+TOP_DISTANCE = 1.25
 # The eye of the side view is this much above the level, as a tangent: the ground is no line.
 LEVEL = 0.07
 # Share of the typical height off the ground that the median exaggerated ellipsoid may fill.
@@ -73,8 +75,8 @@ class Scene:
         By how much the ground is drawn below its plane.
     ground_is_lowered
         Whether that is so much that it must be said: some points lie below the plane.
-    eye
-        Of the first view: shows ground, points and cameras.
+    eye, top_eye
+        Of the first view, which shows ground, points and cameras; of the view from above.
     off_ground, ellipsoid_factor
         Points off the ground, None where there is none; exaggeration of their ellipsoids.
     side_eye
@@ -94,6 +96,7 @@ class Scene:
     ground_drop_m: float
     ground_is_lowered: bool
     eye: Eye
+    top_eye: Eye
     off_ground: OffGround | None
     ellipsoid_factor: int
     side_eye: Eye | None
@@ -145,6 +148,7 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
         ground_drop_m=least + below,
         ground_is_lowered=below > least,
         eye=Eye.fitting(np.concatenate(shown), TO_THE_EYE),
+        top_eye=Eye(np.array([0.0, 0.0, 1.0]), middle, TOP_DISTANCE * size),
         off_ground=standing,
         ellipsoid_factor=_ellipsoid_factor(result, standing),
         side_eye=_from_the_side(result, standing),

@@ -53,7 +53,7 @@ def checks_summary(result: Result) -> ChecksSummary | None:
         inside += f", {bad} OUTSIDE"
     elif off:
         inside += ", but TOGETHER they are further off than their uncertainties allow"
-    overall, look = overall_words(result), _look(result, fits=not (bad or off))
+    overall, look = overall_words(result, in_statistics=False), _look(result, fits=not (bad or off))
     if look == "none":
         overall = f"{overall} But the verdict on the whole is red: see the first page.".lstrip()
     return ChecksSummary(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -11,18 +10,11 @@ from uavgram.model.result.noise import Noise
 from uavgram.model.result.result import Alternative, Result
 from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
 from uavgram.views.survey.reliability import second_order_rows
-from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of
-from uavgram.views.wording import UNIT_WORDS, computed_first, number
-
-RELIEF = "10 cm"
-"""Of which the shifts by relief in results.json are."""
+from uavgram.views.wording import computed_first, number, relief_text, shift_text
 
 MOST_RELIEF = 10
 """Measurements in single photos that have a sentence of their own: those that are least certain."""
-
-LEAST_SHIFT = 1e-4
-"""Below which a shift is told as nothing, in the unit of its value."""
 
 MOST_DIFFERENT = 10
 """Measurements that are shown under another solution: those that it changes most."""
@@ -62,7 +54,7 @@ def relief_notes(result: Result) -> ReliefNotes:
         if np.isfinite(rows.shift_relief_10cm[i])
         and all(len(photos.get(label, ())) == 1 for label in rows.points[i])
     ]
-    relief = relief_text(result)
+    relief = relief_text(units_of(result))
     sentences = tuple(
         f"{rows.name[i]}: each of its points is seen in one photo only, so nothing shows how high "
         f"the ground is there. If the ground at its points is {relief} higher or lower than taken, "
@@ -70,22 +62,6 @@ def relief_notes(result: Result) -> ReliefNotes:
         for i in alone[:MOST_RELIEF]
     )
     return ReliefNotes(sentences, len(alone) - len(sentences))
-
-
-def relief_text(result: Result) -> str:
-    """`RELIEF` in the units of a survey.
-
-    It stands for itself: in a sentence it would be taken for a length of the survey, rounded.
-    """
-    return in_units(RELIEF, units_of(result))
-
-
-def shift_text(shift: float, unit: str) -> str:
-    """Two digits of a shift, with its unit; a dash where there is none."""
-    if not np.isfinite(shift):
-        return "–"
-    places = max(0, 1 - math.floor(math.log10(abs(shift)))) if abs(shift) > LEAST_SHIFT else 3
-    return f"{abs(shift):.{places}f} {UNIT_WORDS.get(unit, unit)}"
 
 
 def learnt_words(result: Result) -> str:

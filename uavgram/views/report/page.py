@@ -31,14 +31,13 @@ from uavgram.views.report.measured import (
     alternative_tables,
     learnt_words,
     relief_notes,
-    relief_text,
     sampled_words,
     second_order_note,
-    shift_text,
 )
 from uavgram.views.report.method import method_facts
 from uavgram.views.report.pictures import MOST_HALVES, gallery
 from uavgram.views.report.shapes import rings
+from uavgram.views.result_tables import result_table
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.drawing import largest_sigmas
 from uavgram.views.survey.key_facts import key_facts
@@ -47,10 +46,12 @@ from uavgram.views.survey.limits import line_limits
 from uavgram.views.survey.profiles import profile_drawings
 from uavgram.views.survey.reliability import (
     effect_words,
+    overall_words,
     prior_rows,
     removal_rows,
     weakest_links,
 )
+from uavgram.views.survey.sheet import INK
 from uavgram.views.survey.sources import (
     ONLY_PROGRAM,
     SOURCE_WORDS,
@@ -62,7 +63,8 @@ from uavgram.views.survey.sources import (
     points_made,
     ties_text,
 )
-from uavgram.views.survey.top_view import INK, top_view
+from uavgram.views.survey.texts import LETTERS
+from uavgram.views.survey.top_view import top_view
 from uavgram.views.survey.verdict import THREE_SIGMA, status_text, verdict_words
 from uavgram.views.units import spread_text, units_of, value_text
 from uavgram.views.wording import (
@@ -76,6 +78,7 @@ from uavgram.views.wording import (
     interval,
     measurement_text,
     place,
+    relief_text,
     shapes_first,
     worst_fit_first,
 )
@@ -159,6 +162,8 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
     """Compute what both templates show."""
     units, first = units_of(result), brief(result)
     position_m, attitude_deg = largest_sigmas(result.frames.refined)
+    fits = worst_fit_first(result.lines.w)
+    unwithheld = [int(i) for i in fits if result.lines.status[i] != "checked"]
     return dict(
         result=result,
         effect_words=effect_words,
@@ -179,9 +184,7 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         annex_file=annex_of(report).name,
         foundations=foundations(result),
         files_shown=files_shown(result),
-        used_lengths=[
-            int(i) for i in worst_fit_first(result.lines.w) if result.lines.status[i] != "checked"
-        ],
+        used_lengths=unwithheld,
         most_lengths=MOST_LENGTHS,
         most_warnings=MOST_WARNINGS,
         most_halves=MOST_HALVES,
@@ -189,8 +192,8 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         most_cells=MOST_CELLS,
         not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
         relief=relief_notes(result),
-        relief_step=relief_text(result),
-        shift_text=shift_text,
+        relief_step=relief_text(units),
+        table=partial(result_table, result=result),
         value_text=partial(value_text, units=units),
         spread_text=partial(spread_text, units=units),
         learnt=learnt_words(result),
@@ -204,15 +207,17 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         gallery=gallery(result, pictures),
         **_plans(result, pictures, first),
         ink=INK,
+        letters=LETTERS,
         rings=rings,
         place=place(result),
         why_to_neighbours=WHY_TO_NEIGHBOURS,
         why_two_ellipses=WHY_TWO_ELLIPSES,
         budget=budget_table(result),
-        lengths=worst_fit_first(result.lines.w),
+        unwithheld=unwithheld,
         known=known_table(result),
         removals=removal_rows(result),
         checks=checks_summary(result),
+        checks_together=overall_words(result),
         three_sigma=THREE_SIGMA,
         suspect_w=line_limits(result),
         weakest=weakest_links(result),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -208,10 +207,8 @@ def _drawn(result: Result, regions: Sequence[Region]) -> _Drawn:
 
 def photo_sha256(result: Result, frame: int) -> str:
     """Of the photo's file, as the chain of custody has it; empty where that names none."""
-    path = Path(result.frames.path[frame])
-    named = [one for one in result.provenance.inputs if Path(one.path).name == path.name]
-    exact = [one for one in named if path.as_posix().endswith(f"/{one.path}")]
-    return next((one.sha256 for one in (*exact, *named[:1])), "")
+    digests = {one.path: one.sha256 for one in result.provenance.inputs}
+    return digests.get(result.frames.path[frame], "")
 
 
 def _stretch_text(picture: Picture) -> str:

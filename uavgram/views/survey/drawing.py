@@ -200,28 +200,3 @@ def thinned(run: Floats, off_px: float) -> Floats:
         if np.linalg.norm(drawn - run, axis=1).max() <= off_px:
             return np.asarray(run[kept])
     return run
-
-
-def uncovered(anchors: Floats, half_widths: Floats, height: float, most: int) -> Ints:
-    """Rows of texts, taken in order, that cover none taken before.
-
-    Parameters
-    ----------
-    anchors
-        (N, 2) middles of the texts.
-    half_widths
-        (N,) half the length of each text, in the same unit.
-    height
-        Of a text.
-    most
-        How many are taken at most.
-    """
-    taken: list[int] = []
-    for i, anchor in enumerate(anchors):
-        gap = np.abs(anchors[taken] - anchor)
-        free = (gap[:, 0] >= half_widths[taken] + half_widths[i]) | (gap[:, 1] >= height)
-        if free.all():
-            taken.append(i)
-        if len(taken) == most:
-            break
-    return np.array(taken, dtype=np.int64)

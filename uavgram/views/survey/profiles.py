@@ -9,7 +9,8 @@ import numpy as np
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.profiles import COLUMNS
 from uavgram.model.result.result import Result
-from uavgram.views.survey.drawing import nice_factor, round_length, uncovered
+from uavgram.views.survey.drawing import nice_factor, round_length
+from uavgram.views.survey.texts import Text, Wanted, box, placed_texts
 from uavgram.views.units import Shown, column, round_bar, units_of
 from uavgram.views.wording import decimals_for, number
 
@@ -17,7 +18,8 @@ WIDTH, LEFT, RIGHT, TOP, BOTTOM = 900.0, 70.0, 30.0, 34.0, 30.0
 MOST_HEIGHT, LEAST_HEIGHT = 200.0, 24.0
 """Of what is drawn: heights are exaggerated as far as the first allows."""
 
-HALF_LETTER, NAME_ABOVE, LETTERS, MOST_NAMES = 3.5, 9.0, 12.0, 60
+HALF_DOT, HALF_BAR = 2.5, 1.5
+"""Around points and bars, where no name is."""
 GRID_LINES = 4
 WIDE = 1.959964
 """Half of a 95 % interval, in sigmas."""
@@ -41,8 +43,8 @@ class ProfileDrawing:
         (x, top, bottom) of the 95 % interval of each height.
     rulers
         (x, top, bottom) from the ground to each point off it.
-    names
-        Places and texts of the labels that cover no other.
+    labels, names
+        Of all points, and those texts of them that there is room for.
     grid
         y of level lines, and their heights over the first point as texts.
     exaggeration
@@ -60,7 +62,8 @@ class ProfileDrawing:
     ground: tuple[Place, ...]
     bars: tuple[tuple[float, float, float], ...]
     rulers: tuple[tuple[float, float, float], ...]
-    names: tuple[tuple[Place, str], ...]
+    labels: tuple[str, ...]
+    names: tuple[Text, ...]
     grid: tuple[tuple[float, str], ...]
     exaggeration: int
     bar_text: str
@@ -105,15 +108,18 @@ def _drawn(result: Result, name: str, rows: Ints) -> ProfileDrawing:
     off = up != ground
     units = units_of(result)
     bar_m, bar_text = round_bar(run / 4.0, units)
+    height = TOP + max(rise * sheet.steep, LEAST_HEIGHT) + BOTTOM
+    labels = tuple(profiles.label[i] for i in rows)
     return ProfileDrawing(
         name=name,
         width=WIDTH,
-        height=TOP + max(rise * sheet.steep, LEAST_HEIGHT) + BOTTOM,
+        height=height,
         dots=_places(x, y),
         ground=_places(x[in_order], below[in_order]),
         bars=_uprights(*bars),
         rulers=_uprights(x[off], y[off], below[off]),
-        names=_names([profiles.label[i] for i in rows], *bars[:2]),
+        labels=labels,
+        names=_names(labels, bars, y, height),
         grid=_grid(sheet, low, high, column(units)),
         exaggeration=factor,
         bar_text=bar_text,
@@ -122,12 +128,24 @@ def _drawn(result: Result, name: str, rows: Ints) -> ProfileDrawing:
     )
 
 
-def _names(labels: list[str], x: Floats, top: Floats) -> tuple[tuple[Place, str], ...]:
-    """Labels above their bars, but those that would cover others."""
-    anchors = np.column_stack([x, top - NAME_ABOVE])
-    half = HALF_LETTER * np.array([len(label) for label in labels]) + 2.0
-    shown = uncovered(anchors, half, LETTERS, MOST_NAMES)
-    return tuple(((float(anchors[i, 0]), float(anchors[i, 1])), labels[i]) for i in shown)
+def _names(
+    labels: tuple[str, ...], bars: tuple[Floats, Floats, Floats], y: Floats, height: float
+) -> tuple[Text, ...]:
+    """Labels around the tops of their bars, as far as there is room above the scale bar."""
+    x, top, bottom = bars
+    wanted = [
+        Wanted(label, "name", np.array([spot]), is_needed=False, rank=rank)
+        for rank, (label, spot) in enumerate(
+            zip(labels, np.column_stack([x, top]).tolist(), strict=True)
+        )
+    ]
+    middle = (top + bottom) / 2
+    taken = [box((a, b), HALF_DOT, HALF_DOT) for a, b in zip(x, y, strict=True)]
+    taken += [
+        box((a, b), HALF_BAR, float(c))
+        for a, b, c in zip(x, middle, np.abs(bottom - top) / 2, strict=True)
+    ]
+    return placed_texts(wanted, (np.array([LEFT, 0.0]), np.array([WIDTH, height])), taken)[0]
 
 
 def _grid(sheet: _Sheet, low: float, high: float, one: Shown) -> tuple[tuple[float, str], ...]:

@@ -139,8 +139,16 @@ def second_order_rows(result: Result) -> list[str]:
     ]
 
 
-def overall_words(result: Result) -> str:
-    """All checks together, in a sentence; empty where nothing was withheld."""
+def overall_words(result: Result, *, in_statistics: bool = True) -> str:
+    """All checks together, in a sentence; empty where nothing was withheld.
+
+    Parameters
+    ----------
+    result
+        Of a run.
+    in_statistics
+        Whether for a reader who knows the chi-square test.
+    """
     checks = result.checks_overall
     if checks is None:
         return ""
@@ -149,10 +157,18 @@ def overall_words(result: Result) -> str:
         if np.isfinite(checks.mean_error_percent)
         else ""
     )
-    return (
+    together = (
         f"Together: {checks.count} numbers, root mean square error {number(checks.rms_error_m)} m"
-        f"{share}; chi-square {number(checks.chi2, 1)} with their joint covariance, chance of one "
-        f"as large {chance(checks.probability)}."
+        f"{share}"
+    )
+    if not in_statistics:
+        percent = 100.0 * checks.probability
+        often = f"{percent:.2g}" if percent > 0.1 else "fewer than 0.1"
+        often = "nearly 100" if percent > 99 else often
+        return f"{together}. Errors as large as these are to be expected in {often} of 100 surveys."
+    return (
+        f"{together}; chi-square {number(checks.chi2, 1)} with their joint covariance, chance of "
+        f"one as large {chance(checks.probability)}."
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.units import Units
+from uavgram.views.style import ABOVE, BELOW, hex_colour
 from uavgram.views.units import column, round_bar
 
 WIDTH = 900.0
@@ -22,6 +23,21 @@ EDGE, LETTER = 4.0, 5.6
 """Between the side of a drawing and what is written along it; width of a letter there."""
 COMPASS, SCALE_BAR = 90.0, 44.0
 """Beside the north arrow, and above the scale bar, no line of the grid is named."""
+
+INK = {
+    "used": "#b0127a",
+    "suspect": "#c62828",
+    "removed": "#c62828",
+    "checked": "#6a3fb5",
+    "unseen": "#777777",
+    "position": "#8e24aa",
+    "measured": "#00796b",
+    "point": "#222222",
+    "ellipse": "#e07b00",
+    "above": hex_colour(ABOVE),
+    "below": hex_colour(BELOW),
+}
+"""Colours on white paper, where those of the screen are too faint."""
 
 
 @dataclass(frozen=True)

@@ -1,28 +1,54 @@
-"""Texts in drawings of the report: all that are wanted, none over another, each near its object."""
+"""Texts in drawings on paper: all that are wanted, none over another, each near its object."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.stages.products.text_places import Label, leader, place_labels
-from uavgram.views.survey.sheet import COMPASS, LETTER, SCALE_BAR, WIDTH, GridLine, Sheet
+from uavgram.stages.products.text_places import Label, place_labels
+from uavgram.views.survey.sheet import COMPASS, INK, LETTER, SCALE_BAR, WIDTH, GridLine, Sheet
 
-HALF_LETTER = {"measured": 3.9, "off_plane": 3.2, "off_ground": 3.2, "label": 2.8}
-"""Half the width of a letter, by CSS class, in the widest of the usual fonts."""
 
-HALF_OTHER = 3.5
-"""The same of all other classes."""
+class Letters(NamedTuple):
+    """Looks of a text: height of its letters in units of the drawing, and colour."""
 
-ASIDE, HALF_LINE = 2.0, 7.0
-"""Around a text, and half the height of its line."""
+    size: float
+    is_bold: bool = False
+    colour: str = "#1b1f24"
+    style: Literal["normal", "italic"] = "normal"
 
-BASELINE = 3.5
-"""Below the middle of a text."""
+
+LETTERS = {
+    "measured": Letters(11.0, is_bold=True, colour=INK["measured"]),
+    "known": Letters(11.0, colour=INK["used"]),
+    "name": Letters(10.0, colour="#444444"),
+    "off_ground": Letters(9.5, is_bold=True),
+    "off_plane": Letters(9.5, style="italic"),
+    "scale": Letters(11.0),
+    "grid": Letters(8.5, colour="#4a525c"),
+    "photo": Letters(10.0, is_bold=True, colour="#0b4f8a"),
+    "label": Letters(9.0, colour="#444444"),
+}
+"""By kind of text in the drawings of the report."""
+
+WIDTHS = {
+    "|ijlI.,:;'! ": 0.34, "ftr()[]/-–": 0.42, "²³°_": 0.5, "ABCEFJKLPRSTVXYZ": 0.7,
+    "DGHNOQU": 0.79, "Mw+±=<>~": 0.86, "mW@%—…": 1.0,
+}  # fmt: skip
+"""Of letters, as shares of their height, in DejaVu Sans, the widest of the usual fonts."""
+USUAL_WIDTH, WIDE_WIDTH, BOLD = 0.64, 1.0, 1.1
+"""The same of all other letters, of those of the Far East, and how much wider bold ones are."""
+_WIDTH_OF = {letter: width for letters, width in WIDTHS.items() for letter in letters}
+
+ASIDE, HALF_LINE, BASELINE = 2.0, 0.64, 0.32
+"""Around a text in units of the drawing; half a line, and the baseline below it, in letters."""
+
+HALF_CAPITAL = 0.42
+"""Half the height of capitals, in letters: a line from above or below ends there."""
 
 GAP = 4.0
 """Between a text and what it names."""
@@ -38,7 +64,7 @@ LEAST_SIZE = 0.5
 
 
 class Wanted(NamedTuple):
-    """A text, its CSS class, and (1, 2) the point or (2, 2) the ends of the line that it names.
+    """A text, its kind, and (1, 2) the point or (2, 2) the ends of the line that it names.
 
     One that is not needed is left out where there is no room right beside that, at a distance.
     """
@@ -48,20 +74,26 @@ class Wanted(NamedTuple):
     spots: Floats
     is_needed: bool = True
     gap: float = GAP
+    rank: int = 0
 
 
 @dataclass(frozen=True)
 class Text:
-    """A text with the middle of its baseline at (x, y).
+    """A text with the middle of its box at x, and its baseline at y.
 
     Attributes
     ----------
     x, y, text, kind
-        Where it is, what it says, and a CSS class.
+        Where it is, what it says, and its kind.
     size
         Of its letters, as a share of what is usual.
+    half_width, half_height
+        Of its box.
     leader
         SVG points of a line to what it names; empty where that is beside it.
+    side
+        Where its letters begin (-1) or end (1) at the side of the box, for a line leads there; 0:
+        they are in the middle.
     """
 
     x: float
@@ -69,14 +101,19 @@ class Text:
     text: str
     kind: str
     size: float = 1.0
+    half_width: float = 0.0
+    half_height: float = 0.0
     leader: str = ""
+    side: int = 0
 
 
 def placed_texts(
     wanted: Sequence[Wanted],
     bounds: tuple[Floats, Floats],
-    taken: Sequence[Floats],
+    taken: Sequence[Floats] | Floats,
     unit: float = 1.0,
+    letters: dict[str, Letters] = LETTERS,
+    reach: float = REACH,
 ) -> tuple[tuple[Text, ...], int]:
     """Place texts in a drawing; those that no place was found for are left out.
 
@@ -90,6 +127,10 @@ def placed_texts(
         (5,) places where no text may be, as of `box`.
     unit
         Length in it of one unit of a letter's height.
+    letters
+        Looks of each kind of text.
+    reach
+        How far a text may be from what it names, in its heights.
 
     Returns
     -------
@@ -104,27 +145,41 @@ def placed_texts(
         Label(
             one.spots[0],
             one.spots[-1],
-            unit
-            * np.array([HALF_LETTER.get(one.kind, HALF_OTHER) * len(one.text) + ASIDE, HALF_LINE]),
+            unit * half_size(one.text, letters[one.kind]),
             unit * one.gap,
             is_needed=one.is_needed and bool(are_few),
+            rank=one.rank,
         )
         for one in (wanted if are_few else wanted[:MOST_NEEDED])
     ]
-    boxes, size = place_labels(labels, np.reshape(taken, (-1, 5)), bounds, LEAST_SIZE, REACH)
+    free = np.reshape(taken, (-1, 5))
+    boxes, leaders, sides, size = place_labels(labels, free, bounds, LEAST_SIZE, reach)
     rows = np.flatnonzero(np.isfinite(boxes[:, 0])).tolist()
-    texts = tuple(
-        Text(
-            float(boxes[k, 0]),
-            float(boxes[k, 1]) + size * unit * BASELINE,
-            wanted[k].text,
-            wanted[k].kind,
-            size,
-            "" if (line := leader(labels[k], boxes[k])) is None else svg_points(line),
+    texts = []
+    for k in rows:
+        height = size * unit * letters[wanted[k].kind].size
+        x, y, half_width, half_height, _ = boxes[k].tolist()
+        line = leaders[k].copy()
+        if sides[k] == 0:  # up to the letters
+            line[1, 1] -= np.sign(line[1, 1] - y) * (half_height - HALF_CAPITAL * height)
+        texts.append(
+            Text(
+                *(x, y + BASELINE * height, wanted[k].text, wanted[k].kind, size),
+                *(half_width, half_height),
+                leader="" if np.isnan(line[0, 0]) else svg_points(line),
+                side=int(sides[k]),
+            )
         )
-        for k in rows
+    return tuple(texts), int(needed.sum() - needed[rows].sum())
+
+
+def half_size(text: str, letters: Letters) -> Floats:
+    """(2,) half the width and height of a text's box, whichever usual font a program has."""
+    width = sum(
+        WIDE_WIDTH if letter >= "\u2e80" else _WIDTH_OF.get(letter, USUAL_WIDTH) for letter in text
     )
-    return texts, int(needed.sum() - needed[rows].sum())
+    bold = BOLD if letters.is_bold else 1.0
+    return np.array([letters.size * bold * width / 2 + ASIDE, HALF_LINE * letters.size])
 
 
 def svg_points(drawn: Floats) -> str:

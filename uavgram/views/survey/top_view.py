@@ -16,10 +16,11 @@ from uavgram.stages.products.map_layers import (
     position_strips,
     reference_strips,
 )
-from uavgram.views.style import ABOVE, BELOW, hex_colour
+from uavgram.views.style import hex_colour
 from uavgram.views.survey.departures import Departures, departures
 from uavgram.views.survey.drawing import longest_part, nice_factor
 from uavgram.views.survey.sheet import (
+    INK,
     MOST_HEIGHT,
     WIDTH,
     GridLine,
@@ -43,20 +44,6 @@ WELL_KNOWN_M = 0.01
 # Many lines are drawn thin, and only so many of the measured ones named.
 MANY_LINES, MOST_MEASURED = 20, 12
 BOLD, FINE, THIN = 2.0, 1.0, 0.5
-# On white paper the screen's light colours are too faint.
-INK = {
-    "used": "#b0127a",
-    "suspect": "#c62828",
-    "removed": "#c62828",
-    "checked": "#6a3fb5",
-    "unseen": "#777777",
-    "position": "#8e24aa",
-    "measured": "#00796b",
-    "point": "#222222",
-    "ellipse": "#e07b00",
-    "above": hex_colour(ABOVE),
-    "below": hex_colour(BELOW),
-}
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from uavgram.model.result.result import Result
 from uavgram.views.pages import page_environment, units_shown
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.world.points import has_outlines
-from uavgram.views.survey.departures import departures
+from uavgram.views.result_tables import result_table
 from uavgram.views.survey.key_facts import key_facts
 from uavgram.views.survey.off_ground import OffGround, height_of
 from uavgram.views.survey.reliability import (
@@ -29,11 +29,9 @@ from uavgram.views.survey.sources import (
     has_found,
     measured_alone,
     picks_text,
-    points_made,
     ties_text,
 )
 from uavgram.views.survey.verdict import THREE_SIGMA, VerdictWords, headline, status_text
-from uavgram.views.units import units_of
 from uavgram.views.wording import (
     LEVEL_RANK,
     LINE_STATUS_WORDS,
@@ -41,7 +39,6 @@ from uavgram.views.wording import (
     WHY_TO_NEIGHBOURS,
     WHY_TWO_ELLIPSES,
     computed_first,
-    measurement_text,
     place,
     worst_fit_first,
 )
@@ -57,7 +54,7 @@ def _page(name: str, result: Result, **shown: object) -> str:
     text = template.render(
         result=result,
         effect_words=effect_words,
-        measurement_text=partial(measurement_text, units=units_of(result)),
+        table=partial(result_table, result=result),
         **units_shown(result),
         line_words=LINE_STATUS_WORDS,
         status_text=status_text,
@@ -133,11 +130,6 @@ def points_page(result: Result) -> str:
         "points",
         result,
         points_order=order,
-        uneven=departures(result),
-        off_ground=bool(result.points.is_off_ground.any()),
-        height_of=height_of,
-        made=points_made(result) if has_found(result) else (),
-        azimuth_deg=np.degrees(within.ellipse_azimuth_rad),
     )
 
 

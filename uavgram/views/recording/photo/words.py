@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
+from uavgram.stages.products.text_places import Placed
 from uavgram.views.recording.photo.frame_picks import FramePicks
-from uavgram.views.recording.photo_marks import log_texts
+from uavgram.views.recording.photo_marks import log_polylines, log_texts
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.world.labels import HALF_LETTER, LINE_HEIGHT
-from uavgram.views.survey.drawing import uncovered
+from uavgram.views.recording.view_texts import hanging, place_texts
+from uavgram.views.style import OBSERVED
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of
 from uavgram.views.wording import number
@@ -21,16 +24,23 @@ Word = tuple[Floats, str]
 MOST_LINE_WORDS, MOST_WORDS = 10, 22
 """More labels than this hide the photo: of lines, and of lines and points."""
 
+HALF_LETTER, LINE_HEIGHT, HALF_DOT = 0.0062, 0.062, 0.004
+"""Half the width of a letter and of a pick in shares of the photo's width, and the height of a
+line in shares of its height, on a usual screen."""
+
 ON_SMALL_SCREENS = 1.55
 """Texts are as many times as long there, in shares of the photo: on 1280 x 720 pixels."""
+
+LEADERS, LEADER_WIDTH = "labels/lines", 1.0
+"""Lines to texts that are not beside what they name, and their width in points of the screen."""
 
 
 def log_names(
     recorder: Recorder, result: Result, picks: FramePicks, words: list[list[Word]], photo: str
 ) -> None:
-    """Texts of the lines, then names of the points, as far as they do not cover each other.
+    """Log texts of the lines, then names of the points, with lines to what is not beside them.
 
-    Each stands wholly in the photo: the view ends with it.
+    Each is wholly in the photo: the view ends with it.
 
     Parameters
     ----------
@@ -45,39 +55,46 @@ def log_names(
     photo
         Path of the photo's entity.
     """
-    anchors, texts, named = [], [], _with_heights(result)
+    places, texts, leaders, named = [], [], [], _with_heights(result)
     for rows, lines in zip(picks.rows, words, strict=True):
-        kept = _fitting(result, inside(result, lines), MOST_LINE_WORDS)
-        labels = [result.picks.label[p] for p in rows]
         at = result.picks.pixel_px[rows]
+        labels = [result.picks.label[p] for p in rows]
         names = [(spot, named.get(label, label)) for spot, label in zip(at, labels, strict=True)]
-        every = _fitting(result, kept + inside(result, names), MOST_WORDS)
-        anchors.append(np.reshape([anchor for anchor, _ in every], (-1, 2)))
-        texts.append([text for _, text in every])
-    log_texts(recorder, f"{photo}/labels", anchors, texts)
+        wanted = [*lines[:MOST_LINE_WORDS], *names]
+        placed = place_on_photo(result, wanted, at)
+        kept = np.flatnonzero(np.isfinite(placed.boxes[:, 0])).tolist()
+        hung = hanging(placed)
+        places.append(hung[kept])
+        texts.append([wanted[k][1] for k in kept])
+        far = [k for k in kept if np.isfinite(placed.leaders[k, 0, 0])]
+        leaders.append([np.stack([placed.leaders[k, 0], hung[k]]) for k in far])
+    log_polylines(recorder, f"{photo}/{LEADERS}", leaders, OBSERVED, LEADER_WIDTH)
+    log_texts(recorder, f"{photo}/labels", places, texts)
 
 
-def _half_widths(result: Result, words: list[Word]) -> Floats:
-    """(n,) of texts, in pixels of the photo."""
-    return HALF_LETTER * result.camera.width_px * np.array([len(t) for _, t in words], dtype=float)
+def place_on_photo(result: Result, words: Sequence[Word], picked_px: Floats) -> Placed:
+    """Place texts on a photo, at most MOST_WORDS, the first ones first.
 
-
-def inside(result: Result, words: list[Word]) -> list[Word]:
-    """The same texts, moved into the photo where they would reach beyond it."""
-    width, height = result.camera.width_px, result.camera.height_px
-    moved = []
-    for (anchor, text), half in zip(words, _half_widths(result, words), strict=True):
-        edge = min(ON_SMALL_SCREENS * half, width / 2)
-        u = np.clip(anchor[0], edge, width - edge)
-        moved.append((np.array([u, np.clip(anchor[1], 0.0, (1 - LINE_HEIGHT) * height)]), text))
-    return moved
-
-
-def _fitting(result: Result, words: list[Word], most: int) -> list[Word]:
-    at = np.reshape([anchor for anchor, _ in words], (-1, 2))
-    half_widths = _half_widths(result, words)
-    kept = uncovered(at, half_widths, LINE_HEIGHT * result.camera.height_px, most)
-    return [words[k] for k in kept]
+    Parameters
+    ----------
+    result
+        Of the run.
+    words
+        What is wanted.
+    picked_px
+        (n, 2) picks, which must be seen.
+    """
+    size = np.array([result.camera.width_px, result.camera.height_px], dtype=np.float64)
+    letter = size * [ON_SMALL_SCREENS * HALF_LETTER, LINE_HEIGHT / 2]
+    dot = np.tile([*(HALF_DOT * size[:1]), *(HALF_DOT * size[:1]), 0.0], (len(picked_px), 1))
+    return place_texts(
+        np.reshape([spot for spot, _ in words], (-1, 2)),
+        [text for _, text in words],
+        letter,
+        (np.zeros(2), size),
+        np.column_stack([picked_px, dot]),
+        most=MOST_WORDS,
+    )
 
 
 def _with_heights(result: Result) -> dict[str, str]:

@@ -13,8 +13,8 @@ from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
+from uavgram.views.recording.view_texts import log_in_space
 from uavgram.views.recording.world.labels import height_labels
-from uavgram.views.recording.world.marks import texts
 from uavgram.views.style import HEIGHT_COLOURS
 from uavgram.views.survey.off_ground import OffGround, height_of
 
@@ -23,8 +23,6 @@ MOST_ELLIPSOIDS = 50_000
 RULERS = "survey/points/heights"
 ELLIPSOIDS = "survey/points/ellipsoid_95"
 SIDE_TEXTS = "from_the_side/heights"
-# Texts float a little above their points, in distances of the eye.
-LABEL_LIFT = 0.02
 # In points of the screen.
 RULER_WIDTH = 2.5
 
@@ -51,9 +49,7 @@ def log_heights(recorder: Recorder, result: Result, scene: Scene, colours: Pixel
     _ellipsoids(recorder, result, standing, "true_size", 1, colours)
     if scene.ellipsoid_factor > 1:
         _ellipsoids(recorder, result, standing, "exaggerated", scene.ellipsoid_factor, colours)
-    words = height_labels(result, scene)
-    lift = np.array([0.0, 0.0, LABEL_LIFT * scene.side_eye.distance_m])
-    recorder.static(SIDE_TEXTS, texts(words.anchor_m + lift, words.text))
+    log_in_space(recorder, SIDE_TEXTS, height_labels(result, scene, scene.side_eye))
 
 
 def _rulers(recorder: Recorder, result: Result, standing: OffGround, source: HeightSource) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from uavgram.model.arrays import Floats
@@ -11,7 +9,8 @@ from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, point_index, reference_strips
 from uavgram.views.recording.eye import Eye
 from uavgram.views.recording.scene import Scene
-from uavgram.views.survey.drawing import longest_middle, uncovered
+from uavgram.views.recording.view_texts import ViewTexts, place_in_space
+from uavgram.views.survey.drawing import longest_middle
 from uavgram.views.survey.key_facts import least_certain_length
 from uavgram.views.survey.off_ground import height_label
 from uavgram.views.survey.verdict import STATUS_WORDS, status_text
@@ -25,33 +24,17 @@ from uavgram.views.wording import (
     worst_first,
 )
 
-# Rerun does not keep labels from covering each other: beyond a dozen, tables are read instead.
+# Beyond a dozen, tables are read instead.
 MOST_LABELS = 14
 MOST_MEASURED = 8
 MOST_OF_A_KIND = 3
 # The view from the side shows nothing else.
 MOST_HEIGHTS = 24
-# Size of a letter on a usual screen: half the width of one, and the height of a line. In the survey
-# as tangents of angles of view, in the photo as shares of its width and height.
-HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0056, 0.040
-HALF_LETTER, LINE_HEIGHT = 0.0062, 0.062
 # So many lines that they hide the ground: thin ones, and labels farther apart.
 MANY_LINES = 20
 SPREAD = 1.5
-# Between an ellipse and a label beside it, in sizes of the scene.
-LABEL_GAP = 0.03
-
 # Place in the world, text, and row of the measurement (-1: none).
 Candidate = tuple[Floats, str, int]
-
-
-@dataclass(frozen=True, eq=False)
-class Labels:
-    """(N, 3) places in the world and (N,) texts; `measured` are the rows that are labelled."""
-
-    anchor_m: Floats
-    text: tuple[str, ...]
-    measured: frozenset[int]
 
 
 def line_width(count: int) -> float:
@@ -81,42 +64,54 @@ def measured_text(result: Result, row: int) -> str:
     return " ".join(filter(None, words))
 
 
-def survey_labels(result: Result, scene: Scene) -> Labels:
-    """What deserves to be seen first; a label that would cover one before it is left out.
+def survey_labels(result: Result, scene: Scene) -> tuple[ViewTexts, frozenset[int]]:
+    """Place what deserves to be seen first; the tables have all.
 
     Suspect lines, the least certain length, the largest ellipse, rejected frames and suspect
     picks, other measurements (at most MOST_MEASURED, spread out), then the other known lengths and
-    heights of points: the tables have them all.
+    heights of points.
+
+    Returns
+    -------
+    texts
+        What has room.
+    measured
+        Rows of the measurements among them.
     """
     known = reference_strips(result)
     suspect = [i for i in known if result.lines.status[i] in ("suspect", "removed")]
-    measured = _measured(result)
-    first = [*_known(result, suspect), *measured[:1]]
+    measured, trouble = _measured(result), _trouble(result)
+    wanted = [*_known(result, suspect), *measured[:1], *_worst_point(result, scene), *trouble]
+    wanted += measured[1:MOST_MEASURED]
+    wanted += _known(result, [i for i in known if i not in suspect])
+    wanted += _heights(result, scene)
     spread = SPREAD if len(measured) > MANY_LINES else 1.0
-    worst = _worst_point(result, scene, first, spread)
-    trouble = _trouble(result)
-    first += [*worst, *trouble, *measured[1:]]
-    most = len(suspect) + len(worst) + len(trouble) + MOST_MEASURED
-    chosen = _take(first, scene.eye, most, spread)
-    rest = _known(result, [i for i in known if i not in suspect])
-    kept = _take([*chosen, *rest, *_heights(result, scene)], scene.eye, MOST_LABELS, 1.0)
-    return Labels(
-        np.reshape([anchor for anchor, _, _ in kept], (-1, 3)),
-        tuple(text for _, text, _ in kept),
-        frozenset(row for _, _, row in kept if row >= 0),
-    )
+    texts = _placed(wanted, scene.eye, result, MOST_LABELS, spread)
+    return texts, frozenset(wanted[k][2] for k in texts.rows.tolist() if wanted[k][2] >= 0)
 
 
-def height_labels(result: Result, scene: Scene) -> Labels:
-    """Heights of points off the ground as far as they fit into the view from the side."""
-    if scene.side_eye is None:
-        return Labels(np.zeros((0, 3)), (), frozenset())
-    kept = _take(_heights(result, scene), scene.side_eye, MOST_HEIGHTS, 1.0)
-    return Labels(
-        np.reshape([anchor for anchor, _, _ in kept], (-1, 3)),
-        tuple(text for _, text, _ in kept),
-        frozenset(),
-    )
+def height_labels(result: Result, scene: Scene, eye: Eye) -> ViewTexts:
+    """Place heights of points off the ground as far as they fit into the view from the side.
+
+    Parameters
+    ----------
+    result
+        Of the run.
+    scene
+        What stands off the ground.
+    eye
+        Of the view.
+    """
+    return _placed(_heights(result, scene), eye, result, MOST_HEIGHTS)
+
+
+def _placed(
+    wanted: list[Candidate], eye: Eye, result: Result, most: int, spread: float = 1.0
+) -> ViewTexts:
+    anchors = np.reshape([anchor for anchor, _, _ in wanted], (-1, 3))
+    words = [text for _, text, _ in wanted]
+    dots = result.points.position_world_m
+    return place_in_space(eye, anchors, words, dots_m=dots, most=most, spread=spread)
 
 
 def _heights(result: Result, scene: Scene) -> list[Candidate]:
@@ -136,23 +131,15 @@ def _known(result: Result, rows: list[int]) -> list[Candidate]:
     return [(longest_middle([known[i]]), reference_text(result, i), -1) for i in rows]
 
 
-def _worst_point(
-    result: Result, scene: Scene, before: list[Candidate], spread: float
-) -> list[Candidate]:
-    """The largest ellipse: beside it to the north or south where other labels cover the point."""
+def _worst_point(result: Result, scene: Scene) -> list[Candidate]:
+    """The largest ellipse."""
     row, points = scene.worst_point, result.points
     if row is None:
         return []
-    axes, spot = points.relative.ellipse_95_m[row], points.position_world_m[row]
-    text = (
-        f"{points.label[row]}: largest 95 % ellipse, {in_units(axes_text(axes), units_of(result))}"
-    )
-    aside = np.array([0.0, scene.ellipse_factor * axes[0] + LABEL_GAP * scene.size_m, 0.0])
-    for side in (0, 1, -1):
-        place: Candidate = (spot + side * aside, text, -1)
-        if _take([*before, place], scene.eye, MOST_LABELS, spread)[-1] is place:
-            return [place]
-    return []
+    axes = in_units(axes_text(points.relative.ellipse_95_m[row]), units_of(result))
+    return [
+        (points.position_world_m[row], f"{points.label[row]}: largest 95 % ellipse, {axes}", -1)
+    ]
 
 
 def _trouble(result: Result) -> list[Candidate]:
@@ -197,10 +184,3 @@ def _least_certain(result: Result, row: int) -> str:
         return "NOT UNIQUE: "
     share = relative(float(rows.value[row]), float(rows.sigma[row]), rows.unit[row])
     return f"LEAST CERTAIN LENGTH (by {share}): "
-
-
-def _take(candidates: list[Candidate], eye: Eye, most: int, spread: float) -> list[Candidate]:
-    anchors = np.reshape([anchor for anchor, _, _ in candidates], (-1, 3))
-    half_widths = HALF_LETTER_ON_SCREEN * np.array([len(text) for _, text, _ in candidates])
-    rows = uncovered(eye.on_screen(anchors), spread * half_widths, spread * LINE_ON_SCREEN, most)
-    return [candidates[i] for i in rows]

@@ -12,6 +12,7 @@ from uavgram.model.result.ties import TieCloud
 from uavgram.stages.products.map_layers import ellipse_outlines
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
+from uavgram.views.recording.view_texts import log_in_space, place_in_space
 from uavgram.views.recording.world.heights import MOST_ELLIPSOIDS, log_heights
 from uavgram.views.recording.world.marks import polylines, texts
 from uavgram.views.style import OBSERVED, TIE_FAINT, scale_colours
@@ -96,7 +97,8 @@ def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
             polylines(np.concatenate([outlines, height], axis=-1), colours, 1.3),
         )
     if few:
-        recorder.static("survey/point_names", texts(position, points.label))
+        names = place_in_space(scene.top_eye, position, points.label, dots_m=position)
+        log_in_space(recorder, "survey/point_names", names)
 
 
 def log_tie_points(recorder: Recorder, ties: TieCloud) -> None:
@@ -161,6 +163,8 @@ def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
             show_labels=True,
         ),
     )
+    spot = result.points.position_world_m[[scene.worst_point]]
+    recorder.static(f"{CLOSE_UP}/name", texts(spot, (result.points.label[scene.worst_point],)))
     if result.points.is_off_ground[scene.worst_point]:
         colours = scale_colours(sigma_shares(result)[0])
         worst = np.array([scene.worst_point])

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 import rerun as rr
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.views.recording.stream import Recorder
+from uavgram.views.recording.view_texts import hanging, place_texts
 from uavgram.views.style import FREE, GROUND, MEASURED, OBSERVED, QUIET, SPREAD, Rgb
-from uavgram.views.survey.drawing import uncovered
 from uavgram.views.survey.profiles import LEFT, WIDTH, Place, ProfileDrawing, profile_drawings
 
 PROFILES = "profiles"
 # The view opens on as many as fit into this height; the others are below.
 MOST_SHOWN = 600.0
-# Rerun's letters, and the box around its texts, in units of the drawing.
-HALF_LETTER, BOX, LINE = 4.5, 6.0, 24.0
-# It puts a text below its place.
-RAISE = 10.0
+# Rerun's letters and lines, in units of the drawing.
+HALF_LETTER, LINE, HALF_DOT = 4.5, 24.0, 3.0
 TITLE_UP, BAR_UP, NUMBER_AT = 6.0, 8.0, 26.0
 GAP = 36.0
 
@@ -57,14 +57,15 @@ def log_profiles(recorder: Recorder, result: Result) -> None:
     recorder.static(
         f"{PROFILES}/points", rr.Points2D(dots, radii=rr.Radius.ui_points(3.0), colors=OBSERVED)
     )
-    words = [((at[0], at[1] + top - RAISE), text) for one, top in both for at, text in _words(one)]
+    words = [(at, text, line) for one, top in both for at, text, line in _words(one, top)]
+    log_lines("texts/lines", [line for _, _, line in words if np.isfinite(line[0, 0])], QUIET, 1.0)
     recorder.static(
         f"{PROFILES}/texts",
         rr.Points2D(
-            [at for at, _ in words],
+            [at for at, _, _ in words],
             radii=rr.Radius.ui_points(0.0),
             colors=OBSERVED,
-            labels=[text for _, text in words],
+            labels=[text for _, text, _ in words],
             show_labels=True,
         ),
     )
@@ -83,16 +84,33 @@ def _grid(drawing: ProfileDrawing) -> list[Floats]:
     return [*(np.array([[LEFT, y], [WIDTH, y]]) for y, _ in drawing.grid), bar]
 
 
-def _words(drawing: ProfileDrawing) -> list[Word]:
-    """Title, length of the bar, heights of the level lines, and the names that cover nothing."""
+def _words(drawing: ProfileDrawing, top: float) -> Iterator[tuple[Floats, str, Floats]]:
+    """Title, length of the bar, heights of the level lines, and the names that have room.
+
+    Each with (2,) the place that it hangs below, and the (2, 2) line to it; NaN where none is.
+    """
     factor = drawing.exaggeration
     scale = "to one scale" if factor == 1 else f"heights {factor} times too large"
-    words: list[Word] = [
+    fixed: list[Word] = [
         ((WIDTH / 2, -TITLE_UP), f"{drawing.name}: 95 % intervals, {scale}"),
         ((LEFT + drawing.bar / 2, drawing.height + BAR_UP), drawing.bar_text),
         *(((NUMBER_AT, y), text) for y, text in drawing.grid),
-        *drawing.names,
     ]
-    anchors = np.array([at for at, _ in words])
-    half = HALF_LETTER * np.array([len(text) for _, text in words]) + BOX
-    return [words[i] for i in uncovered(anchors, half, LINE, len(words))]
+    tops = [
+        ((x, bar_top), label)
+        for (x, bar_top, _), label in zip(drawing.bars, drawing.labels, strict=True)
+    ]
+    words = [*fixed, *tops]
+    placed = place_texts(
+        np.array([at for at, _ in words]),
+        [text for _, text in words],
+        np.array([HALF_LETTER, LINE / 2]),
+        (np.array([0.0, -GAP]), np.array([WIDTH, drawing.height + GAP])),
+        np.array([[x, y, HALF_DOT, HALF_DOT, 0.0] for x, y in drawing.dots]),
+        ranks=[-1] * len(fixed) + list(range(len(tops))),
+    )
+    hung = hanging(placed)
+    for k, (_, text) in enumerate(words):
+        if np.isfinite(hung[k, 0]):
+            ends = np.stack([placed.leaders[k, 0], hung[k]])
+            yield _lower(hung[k], top), text, _lower(ends, top)

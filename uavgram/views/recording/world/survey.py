@@ -14,8 +14,9 @@ from uavgram.model.result.tables import PoseTable
 from uavgram.stages.products.map_layers import measured_strips, position_strips, reference_strips
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.world.labels import MANY_LINES, Labels, line_width, survey_labels
-from uavgram.views.recording.world.marks import polylines, texts
+from uavgram.views.recording.view_texts import log_in_space
+from uavgram.views.recording.world.labels import MANY_LINES, line_width, survey_labels
+from uavgram.views.recording.world.marks import polylines
 from uavgram.views.recording.world.points import log_departures, log_points
 from uavgram.views.style import (
     FRAME_COLOURS,
@@ -32,8 +33,6 @@ from uavgram.views.survey.frame_states import frame_states
 
 # Corners of the mesh that carries the mosaic, in pixels of the mosaic.
 MESH_CELL_PX = 8
-# Labels float a little above what they name.
-LABEL_LIFT = 0.05
 # States of frames that are drawn once more, and the words for their paths.
 ODD_FRAMES = {"check": "to_check", "rejected": "rejected"}
 
@@ -61,11 +60,9 @@ def log_survey(
     _flight(recorder, result, scene, "survey/refined", result.frames.refined, REFINED)
     _odd_frames(recorder, result, scene)
     _reference_lines(recorder, result)
-    labels = survey_labels(result, scene)
-    _measured(recorder, result, labels)
-    if labels.text:
-        lift = np.array([0.0, 0.0, LABEL_LIFT * scene.size_m])
-        recorder.static("survey/labels", texts(labels.anchor_m + lift, labels.text))
+    labels, named = survey_labels(result, scene)
+    _measured(recorder, result, named)
+    log_in_space(recorder, "survey/labels", labels)
     if result.points.label:
         log_points(recorder, result, scene)
     if scene.uneven is not None:
@@ -98,7 +95,7 @@ def _only(poses: PoseTable, rows: Bools) -> PoseTable:
     return replace(poses, center_world_m=np.where(rows[:, None], poses.center_world_m, np.nan))
 
 
-def _measured(recorder: Recorder, result: Result, labels: Labels) -> None:
+def _measured(recorder: Recorder, result: Result, named: frozenset[int]) -> None:
     """Labelled lines stand out; where there are many, the others are thin and quiet.
 
     What does not fit, or is contradicted, has a colour and an entity of its own.
@@ -113,8 +110,8 @@ def _measured(recorder: Recorder, result: Result, labels: Labels) -> None:
             colour, width = MEASURED_COLOURS[doubt], line_width(total)
             recorder.static(f"survey/measured/{doubt}", polylines(own, colour, width))
     strips = {row: s for row, s in strips.items() if status[row] in ("ok", "not-checked")}
-    bold = [strip for row in labels.measured for strip in strips.get(row, [])]
-    quiet = [strip for row, some in strips.items() if row not in labels.measured for strip in some]
+    bold = [strip for row in named for strip in strips.get(row, [])]
+    quiet = [strip for row, some in strips.items() if row not in named for strip in some]
     if bold:
         recorder.static("survey/measured/least_certain", polylines(bold, MEASURED, 3.5))
     if quiet:

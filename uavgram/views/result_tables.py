@@ -1,0 +1,563 @@
+"""Tables of a result for people: titles, units and decimals of each column, once for all places.
+
+A column that is named here is in the terminal, the report, its annex and the recording, as its
+`places` say. Numbers are in the project's units; titles name these.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
+from uavgram.model.units import Units
+from uavgram.views.survey.departures import departures
+from uavgram.views.survey.limits import line_limits
+from uavgram.views.survey.off_ground import height_of
+from uavgram.views.survey.reliability import effect_words
+from uavgram.views.survey.sources import has_found, measured_alone, points_made
+from uavgram.views.survey.verdict import status_text
+from uavgram.views.units import column, spread_text, units_of
+from uavgram.views.wording import (
+    LINE_STATUS_WORDS,
+    MeasurementText,
+    axes_text,
+    height_text,
+    interval,
+    measurement_text,
+    number,
+    plus_minus,
+    relief_text,
+    shift_text,
+    size_text,
+)
+
+Place = Literal["terminal", "first page", "report", "annex", "recording"]
+TableName = Literal["measured", "lengths", "points"]
+PAPER: tuple[Place, ...] = ("first page", "report", "annex")
+FULL: tuple[Place, ...] = ("annex", "recording")
+ALL: tuple[Place, ...] = ("terminal", *PAPER, "recording")
+
+STATUS_LOOKS = {"ok": "good", "not-checked": "look", "doubtful": "look", "contradicted": "bad"}
+BAD_LINES = ("suspect", "removed")
+
+
+class Cell(NamedTuple):
+    """A cell of a table.
+
+    Attributes
+    ----------
+    text, second
+        Its lines; the terminal has the first alone.
+    below
+        In small letters below it.
+    look
+        ``good``, ``look`` or ``bad``: its colour; ``value``: what the table is about, ``doubt``
+        and ``struck`` where that is doubtful or contradicted; empty.
+    tags
+        Short warnings behind it.
+    hint
+        Shown where somebody points at it.
+    gauge
+        A number of sigmas and its limit, drawn as a scale.
+    """
+
+    text: str
+    second: str = ""
+    below: str = ""
+    look: str = ""
+    tags: tuple[str, ...] = ()
+    hint: str = ""
+    gauge: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """A result, with what several cells need, computed once."""
+
+    result: Result
+
+    @cached_property
+    def units(self) -> Units:
+        """In which it is shown."""
+        return units_of(self.result)
+
+    @cached_property
+    def alone(self) -> Sequence[str]:
+        """(M,) what measurements rest on alone."""
+        return measured_alone(self.result)
+
+    @cached_property
+    def limits(self) -> Floats:
+        """(L,) from which w a length is suspect."""
+        return line_limits(self.result)
+
+    @cached_property
+    def made(self) -> Sequence[str]:
+        """(K,) who made the picks of points; empty where all are a person's."""
+        return points_made(self.result) if has_found(self.result) else ()
+
+    @cached_property
+    def sigma_m(self) -> Floats:
+        """(K, 3) of east, north and up."""
+        covariance = self.result.points.covariance_m3
+        return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+
+    @cached_property
+    def is_uneven(self) -> bool:
+        """Whether the ground is no plane."""
+        return departures(self.result) is not None
+
+    @property
+    def is_on_earth(self) -> bool:
+        """Whether the world lies on the earth."""
+        return self.result.world.gauge == "world"
+
+    @property
+    def has_heights(self) -> bool:
+        """Whether points are off the ground."""
+        return bool(self.result.points.is_off_ground.any())
+
+    @property
+    def has_three_sigmas(self) -> bool:
+        """Whether heights of points are uncertain in their own right."""
+        return self.has_heights or self.is_uneven
+
+    def measured(self, row: int) -> MeasurementText:
+        """Return a measurement in words."""
+        return measurement_text(self.result.measurements, row, self.units)
+
+    def length(self, value_m: float, *, signed: bool = False) -> str:
+        """Return a length in the unit of the titles."""
+        return number(column(self.units).factor * float(value_m), signed=signed)
+
+    def length_with_sigma(self, value_m: float, sigma_m: float, *, signed: bool = False) -> str:
+        """Return a length and its sigma in the unit of the titles.
+
+        Parameters
+        ----------
+        value_m, sigma_m
+            Of the length.
+        signed
+            Whether it has a plus where it is positive.
+        """
+        factor = column(self.units).factor
+        return plus_minus(factor * float(value_m), factor * float(sigma_m), signed=signed)
+
+
+def _always(_: Source) -> bool:
+    return True
+
+
+@dataclass(frozen=True)
+class ShownColumn:
+    """A column of a table for people.
+
+    Attributes
+    ----------
+    title
+        ``[m]`` in it becomes the unit of lengths, ``[relief]`` what shifts by relief are of.
+    cell
+        Of a row.
+    places
+        That have it, in the order of the table.
+    titles
+        Where it has another title.
+    is_number
+        Whether it is aligned to the right.
+    when
+        Whether a result has it.
+    """
+
+    title: str
+    cell: Callable[[Source, int], Cell | str]
+    places: tuple[Place, ...] = ALL
+    titles: Mapping[Place, str] = field(default_factory=dict)
+    is_number: bool = False
+    when: Callable[[Source], bool] = _always
+
+
+class ShownTable(NamedTuple):
+    """A table as a place shows it.
+
+    Attributes
+    ----------
+    titles, numbers
+        (c,) of its columns, and whether they are aligned to the right.
+    rows
+        Cells of each row.
+    bad
+        Whether each row is one that does not fit.
+    """
+
+    titles: tuple[str, ...]
+    numbers: tuple[bool, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    bad: tuple[bool, ...]
+
+
+def _kind(source: Source, row: int) -> Cell:
+    second, words = source.result.second_order, source.measured(row)
+    tags = ["not unique"] if words.others else []
+    tags += ["first order is not enough"] if second is not None and second.off[row] else []
+    return Cell(words.kind, tags=tuple(tags))
+
+
+def _what(source: Source, row: int) -> str:
+    """Of the points of a measurement all where there are few, else the first and the last."""
+    words = source.measured(row)
+    points = words.points if len(words.points) <= 3 else (words.points[0], "…", words.points[-1])
+    return f"{words.kind}, {' – '.join(points)}" if points else words.kind
+
+
+def _value(source: Source, row: int) -> Cell:
+    words, status = source.measured(row), source.result.measurements.status[row]
+    look = {"contradicted": "struck", "doubtful": "doubt"}.get(status, "value")
+    return Cell(words.value, words.others, look=look)
+
+
+def _status(source: Source, row: int) -> Cell:
+    rows = source.result.measurements
+    return Cell(
+        status_text(rows, row), below=source.alone[row], look=STATUS_LOOKS[rows.status[row]]
+    )
+
+
+def _sampled_sigma(source: Source, row: int) -> str:
+    sampled = source.result.monte_carlo
+    unit = source.result.measurements.unit[row]
+    return "–" if sampled is None else spread_text(float(sampled.sigma[row]), unit, source.units)
+
+
+def _sampled_interval(source: Source, row: int) -> str:
+    sampled, rows = source.result.monte_carlo, source.result.measurements
+    if sampled is None:
+        return "–"
+    low, high = map(float, sampled.interval_95[row])
+    return interval(low, high, float(rows.sigma[row]), rows.unit[row], source.units)
+
+
+def _relief(source: Source, row: int) -> str:
+    rows = source.result.measurements
+    return shift_text(float(rows.shift_relief_10cm[row]), rows.unit[row])
+
+
+def _tape(source: Source, row: int) -> str:
+    rows = source.result.measurements
+    return shift_text(float(rows.shift_tape_1pct[row]), rows.unit[row])
+
+
+_WHAT_ELSE: tuple[Place, ...] = ("terminal", "report", "annex")
+_SHORT = {"first page": "value ± standard uncertainty", "report": "value ± standard uncertainty"}
+_SHORT_95 = dict.fromkeys(("first page", "report"), "true in 19 of 20 cases within")
+
+MEASURED = (
+    ShownColumn(
+        "measured", lambda source, row: source.measured(row).name, titles={"annex": "name"}
+    ),
+    ShownColumn("what", _what, ("first page",)),
+    ShownColumn("kind", _kind, _WHAT_ELSE),
+    ShownColumn("points", lambda source, row: " – ".join(source.measured(row).points), _WHAT_ELSE),
+    ShownColumn("value ± 1 sigma", _value, titles=_SHORT, is_number=True),  # type: ignore[arg-type]
+    ShownColumn("status", _status, ("recording",)),
+    ShownColumn(
+        "95 % interval",
+        lambda source, row: source.measured(row).interval,
+        titles=_SHORT_95,  # type: ignore[arg-type]
+        is_number=True,
+    ),
+    ShownColumn(
+        "sigma/value",
+        lambda source, row: source.measured(row).relative,
+        ("terminal", "annex"),
+        is_number=True,
+    ),
+    ShownColumn("status", _status, ("terminal", *PAPER)),
+    ShownColumn(
+        "fits as well",
+        lambda source, row: source.measured(row).others,
+        ("terminal",),
+        when=lambda source: bool(source.result.measurements.is_ambiguous.any()),
+    ),
+    ShownColumn("kind", _kind, ("recording",)),
+    ShownColumn(
+        "sampled sigma",
+        _sampled_sigma,
+        ("annex",),
+        is_number=True,
+        when=lambda source: source.result.monte_carlo is not None,
+    ),
+    ShownColumn(
+        "sampled 95 % interval",
+        _sampled_interval,
+        ("annex",),
+        is_number=True,
+        when=lambda source: source.result.monte_carlo is not None,
+    ),
+    ShownColumn("[relief] of relief", _relief, ("annex",), is_number=True),
+    ShownColumn("1 % of tape", _tape, ("annex",), is_number=True),
+)
+"""Measurements."""
+
+
+def _ends(source: Source, row: int) -> str:
+    lines = source.result.lines
+    return f"{lines.start[row]} – {lines.end[row]}"
+
+
+def _taped(source: Source, row: int) -> str:
+    lines = source.result.lines
+    return source.length_with_sigma(lines.length_m[row], lines.sigma_m[row])
+
+
+def _found(source: Source, row: int) -> str:
+    lines = source.result.lines
+    if not np.isfinite(lines.adjusted_m[row]):
+        return "–"
+    return source.length_with_sigma(lines.adjusted_m[row], lines.adjusted_sigma_m[row])
+
+
+def _w(source: Source, row: int) -> Cell:
+    w = float(source.result.lines.w[row])
+    return Cell(number(w, 1, signed=True), gauge=(w, float(source.limits[row])))
+
+
+def _line_effect(source: Source, row: int) -> str:
+    evidence = source.result.evidence
+    return "–" if evidence is None else effect_words(source.result, evidence.lines, row)
+
+
+def _line_status(source: Source, row: int) -> Cell:
+    status = source.result.lines.status[row]
+    return Cell(LINE_STATUS_WORDS[status], look="bad" if status in BAD_LINES else "")
+
+
+_LENGTH_PLACES: tuple[Place, ...] = ("report", *FULL)
+LENGTHS = (
+    ShownColumn(
+        "name and ends",
+        lambda source, row: Cell(source.result.lines.name[row], below=_ends(source, row)),
+        ("annex",),
+    ),
+    ShownColumn(
+        "between",
+        lambda source, row: f"{source.result.lines.name[row]}: {_ends(source, row)}",
+        ("report",),
+    ),
+    ShownColumn("length", lambda source, row: source.result.lines.name[row], ("recording",)),
+    ShownColumn("ends", _ends, ("recording",)),
+    ShownColumn("taped [m]", _taped, _LENGTH_PLACES, is_number=True),
+    ShownColumn("found [m]", _found, _LENGTH_PLACES, is_number=True),
+    ShownColumn(
+        "difference [m]",
+        lambda source, row: source.length(source.result.lines.residual_m[row], signed=True),
+        _LENGTH_PLACES,
+        is_number=True,
+    ),
+    ShownColumn("w", _w, FULL, is_number=True),
+    ShownColumn("status", _line_status, ("recording",)),
+    ShownColumn(
+        "redun\u00addancy",
+        lambda source, row: number(float(source.result.lines.redundancy[row]), 2),
+        FULL,
+        is_number=True,
+    ),
+    ShownColumn(
+        "smallest error that shows [m]",
+        lambda source, row: source.length(source.result.lines.mdb_m[row]),
+        FULL,
+        is_number=True,
+    ),
+    ShownColumn("which, unseen, would move", _line_effect, FULL),
+    ShownColumn("status", _line_status, PAPER),
+)
+"""Known lengths."""
+
+
+def _place(source: Source, row: int) -> Cell:
+    place = (source.length(x) for x in source.result.points.position_world_m[row])
+    return Cell(", ".join(place))
+
+
+def _place_with_sigmas(source: Source, row: int) -> Cell:
+    sigmas = ", ".join(source.length(x) for x in source.sigma_m[row])
+    return _place(source, row)._replace(below=f"± {sigmas}")
+
+
+def _height(source: Source, row: int) -> Cell:
+    points = source.result.points
+    text, _, who = height_text(
+        float(points.height_above_ground_m[row]),
+        float(points.height_sigma_m[row]),
+        points.height_source[row],
+    ).partition(", ")
+    return Cell(text, below=who)
+
+
+def _off_plane(source: Source, row: int) -> str:
+    points = source.result.points
+    if not points.departs[row]:
+        return "–"
+    return source.length_with_sigma(
+        points.departure_m[row], points.departure_sigma_m[row], signed=True
+    )
+
+
+def _latitude_longitude(source: Source, row: int) -> Cell:
+    points = source.result.points
+    latitude, longitude = float(points.latitude_deg[row]), float(points.longitude_deg[row])
+    if not np.isfinite(latitude):
+        return Cell("–")
+    return Cell(f"{number(latitude, 8)},", number(longitude, 8))
+
+
+def _to_neighbours(source: Source, row: int) -> Cell:
+    points = source.result.points
+    if not points.neighbours[row]:
+        return Cell("–")
+    return Cell(
+        size_text(float(points.neighbour_sigma_m[row])),
+        look="value",
+        hint=", ".join(points.neighbours[row]),
+    )
+
+
+def _photos(source: Source, row: int) -> Cell:
+    made = source.made[row] if source.made else ""
+    return Cell(str(len(source.result.points.frames[row])), below=made)
+
+
+POINTS = (
+    ShownColumn("label", lambda source, row: source.result.points.label[row], FULL),
+    ShownColumn(
+        "east, north, up [m]",
+        _place,
+        FULL,
+        is_number=True,
+        when=lambda source: not source.has_three_sigmas,
+    ),
+    ShownColumn(
+        "east, north, up, and their sigmas on the earth [m]",
+        _place_with_sigmas,
+        FULL,
+        is_number=True,
+        when=lambda source: source.has_three_sigmas and source.is_on_earth,
+    ),
+    ShownColumn(
+        "east, north, up, and their sigmas against photo 1 [m]",
+        _place_with_sigmas,
+        FULL,
+        is_number=True,
+        when=lambda source: source.has_three_sigmas and not source.is_on_earth,
+    ),
+    ShownColumn(
+        "height over the ground",
+        _height,
+        ("annex",),
+        is_number=True,
+        when=lambda source: source.has_heights,
+    ),
+    ShownColumn(
+        "above the ground",
+        lambda source, row: (
+            height_of(source.result.points, row) if source.result.points.is_off_ground[row] else "–"
+        ),
+        ("recording",),
+        is_number=True,
+        when=lambda source: source.has_heights,
+    ),
+    ShownColumn(
+        "ground off its plane [m]",
+        _off_plane,
+        FULL,
+        is_number=True,
+        when=lambda source: source.is_uneven,
+    ),
+    ShownColumn(
+        "latitude, longitude [°]",
+        _latitude_longitude,
+        ("annex",),
+        is_number=True,
+        when=lambda source: source.is_on_earth,
+    ),
+    ShownColumn("± to its neighbours", _to_neighbours, FULL, is_number=True),
+    ShownColumn(
+        "95 % half axes within the survey",
+        lambda source, row: axes_text(source.result.points.relative.ellipse_95_m[row]),
+        FULL,
+        is_number=True,
+    ),
+    ShownColumn(
+        "azimuth",
+        lambda source, row: (
+            f"{np.degrees(source.result.points.relative.ellipse_azimuth_rad[row]):.0f}°"
+        ),
+        FULL,
+        is_number=True,
+    ),
+    ShownColumn(
+        "95 % half axes on the earth",
+        lambda source, row: axes_text(source.result.points.ellipse_95_m[row]),
+        FULL,
+        is_number=True,
+        when=lambda source: source.is_on_earth,
+    ),
+    ShownColumn(
+        "95 % half axes against photo 1",
+        lambda source, row: axes_text(source.result.points.ellipse_95_m[row]),
+        FULL,
+        is_number=True,
+        when=lambda source: not source.is_on_earth,
+    ),
+    ShownColumn("photos", _photos, FULL, is_number=True),
+)
+"""Ground points."""
+
+
+TABLES: dict[TableName, tuple[ShownColumn, ...]] = {
+    "measured": MEASURED,
+    "lengths": LENGTHS,
+    "points": POINTS,
+}
+
+
+def result_table(name: TableName, result: Result, rows: Sequence[int], where: Place) -> ShownTable:
+    """Put together a table.
+
+    Parameters
+    ----------
+    name
+        Which one.
+    result
+        Of a run.
+    rows
+        That are shown, in their order.
+    where
+        The place.
+    """
+    source = Source(result)
+    own = [one for one in TABLES[name] if where in one.places and one.when(source)]
+    unit, relief = f"[{column(source.units).symbol}]", relief_text(source.units)
+    cells = [[one.cell(source, int(row)) for one in own] for row in rows]
+    return ShownTable(
+        titles=tuple(
+            one.titles.get(where, one.title).replace("[m]", unit).replace("[relief]", relief)
+            for one in own
+        ),
+        numbers=tuple(one.is_number for one in own),
+        rows=tuple(
+            tuple(Cell(one) if isinstance(one, str) else one for one in row) for row in cells
+        ),
+        bad=tuple(_is_bad(name, result, int(row)) for row in rows),
+    )
+
+
+def _is_bad(name: TableName, result: Result, row: int) -> bool:
+    if name == "lengths":
+        return result.lines.status[row] in BAD_LINES
+    return name == "measured" and not np.isfinite(result.measurements.value[row])
