@@ -96,7 +96,7 @@ def _serve(project: Path, port: int, *, browser: bool) -> None:
     import webbrowser
 
     from uavgram.picking.web.redirect import RedirectFile
-    from uavgram.picking.web.server import serve
+    from uavgram.picking.web.serving import serve
 
     ways: list[RedirectFile] = []
 
@@ -114,7 +114,7 @@ def _serve(project: Path, port: int, *, browser: bool) -> None:
         for way in ways:
             way.remove()
 
-    def run() -> None:
+    def run(project: Path) -> None:
         from uavgram.pipeline.measure.run import run as run_project
 
         run_project(project)
