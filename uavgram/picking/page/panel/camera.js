@@ -2,10 +2,9 @@
 
 import { keyed } from "../connection/key.js";
 import { adjusted, store } from "../connection/store.js";
-import { as, node } from "../elements/dom.js";
+import { as, node, textIn } from "../elements/dom.js";
 import { meaning, SIGMA } from "../elements/numbers.js";
 import { about, fill, keep, list, table, titled } from "../elements/table.js";
-import { textIn } from "./entry.js";
 
 /** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Calibration, Camera, Folder } from "../connection/protocol.js" */
