@@ -14,8 +14,9 @@ from uavgram.errors import InputError
 from uavgram.io.photos.files import PHOTO_SUFFIXES
 
 MOST_FOLDERS = 500
-"""Folders of one folder that are listed; of each, so many entries are looked at."""
+"""Folders of one folder that are listed; of each, so many entries and inner folders are counted."""
 MOST_ENTRIES = 5000
+MOST_INNER = 20
 
 PROJECT = "project.yaml"
 _MOUNTS = {"linux": ("/media/{user}", "/run/media/{user}", "/mnt"), "darwin": ("/Volumes",)}
@@ -31,7 +32,7 @@ class Listed:
     path
         Without links.
     photos
-        Number of photos in it, not counting folders in it.
+        Number of photos in it; where there are none, of those in its folders.
     has_project
         Whether a project file is there.
     """
@@ -97,16 +98,28 @@ class Browsable:
 
 
 def look_into(folder: Path) -> Listed:
-    """Count the photos of a folder; what cannot be read holds none."""
+    """Count the photos of a folder, or of those in it; what cannot be read holds none."""
+    names = _names(folder)
+    photos = _photos(names)
+    if not photos:
+        try:
+            inner = _folders(folder)[:MOST_INNER]
+        except OSError:
+            inner = []
+        photos = sum(_photos(_names(one)) for one in inner)
+    return Listed(path=folder, photos=photos, has_project=PROJECT in names)
+
+
+def _names(folder: Path) -> list[str]:
     try:
         with os.scandir(folder) as entries:
-            names = [entry.name for entry in islice(entries, MOST_ENTRIES)]
+            return [entry.name for entry in islice(entries, MOST_ENTRIES)]
     except OSError:
-        names = []
-    photos = sum(
-        not name.startswith(".") and name.lower().endswith(PHOTO_SUFFIXES) for name in names
-    )
-    return Listed(path=folder, photos=photos, has_project=PROJECT in names)
+        return []
+
+
+def _photos(names: list[str]) -> int:
+    return sum(not name.startswith(".") and name.lower().endswith(PHOTO_SUFFIXES) for name in names)
 
 
 def _folders(folder: Path) -> list[Path]:

@@ -181,6 +181,7 @@ class OpenProject:
             "folder": str(self.outputs.folder),
             "files": self.outputs.listed(),
             "recording": self.outputs.has_recording,
+            "stamp": self.outputs.stamp,
             "version": self.picking.version if is_current else None,
         }
 

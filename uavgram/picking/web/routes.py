@@ -83,6 +83,8 @@ def file_routes(project: OpenProject) -> list[Route]:
         Route("/photo/{photo:int}/thumbnail.jpg", files.thumbnail),
         Route("/photo/{photo:int}/tones.json", files.tones),
         Route("/output/{name}", files.output),
+        Route("/results.json", files.results),
+        Route("/plan.svg", files.plan),
         Route("/recording", files.recording),
         Route("/calibration", files.calibration),
     ]
@@ -153,6 +155,21 @@ class Files:
             return Response(content, media_type=_TYPES[".html"], headers=DOCUMENT_HEADERS)
         headers = {"content-disposition": f'attachment; filename="{name}"'}
         return Response(content, media_type="application/octet-stream", headers=headers)
+
+    async def results(self, _: Request) -> Response:
+        """What the last run found, in words."""
+        shown = await to_thread.run_sync(self._project.outputs.shown)
+        if shown is None:
+            return JSONResponse({"why": "There are no results yet: write them on the page."}, 404)
+        return JSONResponse(shown, headers={"cache-control": "no-store"})
+
+    async def plan(self, _: Request) -> Response:
+        """The plan that the last run drew."""
+        drawing = await to_thread.run_sync(self._project.outputs.plan)
+        if drawing is None:
+            return PlainTextResponse("There is no plan.", 404)
+        headers = {**DOCUMENT_HEADERS, "cache-control": "no-store"}
+        return Response(drawing, media_type=_TYPES[".svg"], headers=headers)
 
     async def recording(self, _: Request) -> Response:
         """The way to the Rerun viewer, which is started where it does not run yet."""

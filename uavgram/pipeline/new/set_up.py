@@ -5,6 +5,7 @@ What is set is written into project.yaml, in the places where a person would wri
 
 from __future__ import annotations
 
+import glob
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -23,7 +24,7 @@ from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.poses.read import FROM_PHOTOS, read_photo_poses
 from uavgram.model.case import Case
 from uavgram.model.flight.frames import Photos
-from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto, Project, TimeOptions
+from uavgram.model.options import Auto, Project, TimeOptions
 from uavgram.model.units import METRIC, SHORT_FORMS, Units
 from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
 from uavgram.pipeline.import_picks import ControlFiles, import_picks
@@ -211,8 +212,6 @@ def _photos(folder: Path, group: PhotoGroup, holdings: Holdings) -> FoundPhotos:
 
 
 def _pattern_of_one(folder: Path, file: Path) -> str:
-    import glob  # noqa: PLC0415
-
     return glob.escape(file.relative_to(folder).as_posix())
 
 
@@ -322,7 +321,9 @@ CASE: tuple[Literal["number", "title", "place", "date", "agency"], ...] = (
 
 
 def _change_camera(folder: Path, path: Path, camera: Path | None) -> None:
-    if camera is not None and str(camera) != _camera_of(folder, load_project(path, unfinished=True)):
+    if camera is not None and str(camera) != _camera_of(
+        folder, load_project(path, unfinished=True)
+    ):
         _write(path, {"camera": camera.as_posix()})
 
 

@@ -23,8 +23,8 @@ export function showFolders(section, shown, recent, act) {
     node("nav", { class: "crumbs", "aria-label": "Where you are" }, crumb("This computer", number === null, () => act.list(null)),
       ...way.map((one, k) => crumb(one.name, k === way.length - 1, () => act.list(one.number)))),
     number === null ? "" : node("div", { class: "here" },
-      node("span", {}, photos ? `${photosText(photos)} in this folder` : "No photos in this folder itself"),
-      node("button", { name: "use", class: photos || shown.has_project ? "main" : "", onclick: () => act.use(number) }, photos || shown.has_project ? "Use this folder" : "Look through it and its folders")),
+      node("span", {}, photos ? `${photosText(photos)} here` : "No photos seen here"),
+      node("button", { name: "use", class: photos || shown.has_project ? "main" : "", onclick: () => act.use(number) }, photos || shown.has_project ? "Use this folder" : "Look through all its folders")),
     folders.length ? node("ul", { class: "folders", "aria-label": "Folders" }, ...folders.map((one) => row(one, act))) : node("p", { class: "dim" }, "No folders in it."));
 }
 
