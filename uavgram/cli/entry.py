@@ -25,6 +25,7 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
     plan,
     rectify,
     run,
+    shortcut,
     simulate,
     study,
     targets,
