@@ -247,7 +247,7 @@ def _set_section(lines: list[str], key: str, values: Mapping[str, Scalar]) -> No
         return
     lines[at] = f"{key}:{head['end']}"
     end = next((k for k in range(at + 1, len(lines)) if not _is_inside(lines[k])), len(lines))
-    for name, value in reversed(values.items()):
+    for name, value in reversed(list(values.items())):
         below, found = _find(lines[at + 1 : end], _INNER, name)
         if found is None:
             lines.insert(at + 1, f"  {name}: {_yaml(value)}")

@@ -18,7 +18,7 @@ MOST_FOLDERS = 500
 MOST_ENTRIES = 5000
 MOST_INNER = 20
 
-PROJECT = "project.yaml"
+PROJECT, RESULTS = "project.yaml", "results.json"
 _MOUNTS = {"linux": ("/media/{user}", "/run/media/{user}", "/mnt"), "darwin": ("/Volumes",)}
 """Folders in which a system mounts drives."""
 
@@ -103,10 +103,10 @@ def look_into(folder: Path) -> Listed:
     photos = _photos(names)
     if not photos:
         try:
-            inner = _folders(folder)[:MOST_INNER]
+            inner = [_names(one) for one in _folders(folder)[:MOST_INNER]]
         except OSError:
             inner = []
-        photos = sum(_photos(_names(one)) for one in inner)
+        photos = sum(_photos(one) for one in inner if RESULTS not in one)
     return Listed(path=folder, photos=photos, has_project=PROJECT in names)
 
 

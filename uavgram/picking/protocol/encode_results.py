@@ -5,7 +5,12 @@ from __future__ import annotations
 from uavgram.model.case import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.picking.protocol.encode_survey import Json
-from uavgram.views.survey.verdict import status_text, verdict_words
+from uavgram.views.survey.verdict import (
+    headline,
+    reason_sentence,
+    status_text,
+    verdict_words,
+)
 from uavgram.views.unit_words import exact_lengths, in_units, names_like_lengths
 from uavgram.views.units import units_of
 from uavgram.views.wording import measurement_text, shapes_first
@@ -22,8 +27,9 @@ def results_json(result: Result) -> Json:
     rows = result.measurements
     return {
         "level": words.level,
-        "sentence": told(words.sentence),
-        "reasons": [told(reason.text) for reason in words.reasons],
+        "headline": told(headline(result)),
+        "first": told(reason_sentence(words.reasons[0])) if words.reasons else "",
+        "others": [told(reason.text) for reason in words.reasons[1:]],
         "scale": told(words.scale),
         "counts": words.counts,
         "case": [list(pair) for pair in case_from_options(result.provenance.options)],

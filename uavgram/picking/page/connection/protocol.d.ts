@@ -46,7 +46,7 @@ export interface Proposals { labels: string[]; found: Proposal[]; asked: Asked[]
 export interface Outputs { folder: string; files: { name: string; words: string }[]; recording: boolean; version: number | null; stamp: string }
 // What a run wrote, in the words of its report.
 export interface Results {
-  level: "green" | "amber" | "red" | null; sentence: string; reasons: string[]; scale: string; counts: string; case: [string, string][]; made: string;
+  level: "green" | "amber" | "red" | null; headline: string; first: string; others: string[]; scale: string; counts: string; case: [string, string][]; made: string;
   measurements: { name: string; kind: string; points: string[]; value: string; others: string; interval: string; status: Trust["status"]; words: string }[];
 }
 export interface Folder { id: number; name: string; photos: number; width_px: number; height_px: number }

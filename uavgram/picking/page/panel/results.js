@@ -52,9 +52,10 @@ async function bring(stamp, again) {
 }
 
 /** @param {Results} results */
-const headline = ({ level, sentence, counts, case: about, made }) => node("div", { class: "headline", "data-level": level ?? "none" },
-  node("p", { class: "sentence" }, node("span", { class: "sign", "aria-hidden": "true" }, SIGNS[level ?? "none"]), sentence),
-  node("p", { class: "dim" }, [...about.map(([word, text]) => `${word}: ${text}`), counts, `Written ${made} (UTC).`].join(" \u00b7 ")));
+const headline = ({ level, headline: words, first, counts, case: about, made }) => node("div", { class: "headline", "data-level": level ?? "none" },
+  node("p", { class: "sentence" }, node("span", { class: "sign", "aria-hidden": "true" }, SIGNS[level ?? "none"]), words),
+  first ? node("p", { class: "first" }, first) : null,
+  node("p", { class: "dim" }, [...about.map(([word, text]) => `${word}: ${text}`), counts, `Written ${made.slice(0, 16).replace("T", " ")} UTC`].join(" \u00b7 ")));
 
 /** @param {Results} results */
 function measurements({ measurements: rows }) {
@@ -84,5 +85,5 @@ function files({ files: all, recording, folder }) {
 }
 
 /** @param {Results} results */
-const more = ({ reasons, scale }) => node("div", { class: "why-so" }, scale ? node("p", {}, scale) : null,
-  reasons.length ? node("details", { open: reasons.length < 4 }, node("summary", {}, `Why (${reasons.length})`), list(reasons.map((text) => ({ level: /** @type {const} */ ("warning"), text })))) : null);
+const more = ({ others, scale }) => node("div", { class: "why-so" }, scale ? node("p", {}, scale) : null,
+  others.length ? node("details", { open: others.length < 4 }, node("summary", {}, `What else is to be known (${others.length})`), list(others.map((text) => ({ level: /** @type {const} */ ("warning"), text })))) : null);
