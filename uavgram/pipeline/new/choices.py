@@ -122,7 +122,17 @@ def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
 
 
 def own_pattern(folder: Path, group: PhotoGroup, groups: Sequence[PhotoGroup]) -> str:
-    """A group's pattern; with how its names begin, where that alone tells it from others."""
+    """A group's pattern; with how its names begin, where that alone tells it from others.
+
+    Parameters
+    ----------
+    folder
+        The project folder.
+    group
+        The group.
+    groups
+        All groups of the folder.
+    """
     beside = [
         other
         for other in groups
