@@ -247,13 +247,15 @@ def _set_section(lines: list[str], key: str, values: Mapping[str, Scalar]) -> No
         return
     lines[at] = f"{key}:{head['end']}"
     end = next((k for k in range(at + 1, len(lines)) if not _is_inside(lines[k])), len(lines))
+    indents = (re.match(r" +(?=\S)", line) for line in lines[at + 1 : end])
+    usual = next((one[0] for one in indents if one), "  ")
     for name, value in reversed(list(values.items())):
         below, found = _find(lines[at + 1 : end], _INNER, name)
         if found is None:
-            lines.insert(at + 1, f"  {name}: {_yaml(value)}")
+            lines.insert(at + 1, f"{usual}{name}: {_yaml(value)}")
             end += 1
         else:
-            indent = "  " if found["indent"].startswith("#") else found["indent"]
+            indent = usual if found["indent"].startswith("#") else found["indent"]
             lines[at + 1 + below] = f"{indent}{name}: {_yaml(value)}{found['end']}"
 
 

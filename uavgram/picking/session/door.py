@@ -17,7 +17,6 @@ from uavgram.errors import InputError
 from uavgram.imaging.photos.preview import read_preview
 from uavgram.io.discovery.browse import Browsable, Listed, home_and_drives, look_into
 from uavgram.io.own_files import check_inside
-from uavgram.model.case import Case
 from uavgram.model.limits import LONGEST_NAME, sigma_fault, unshowable
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
 from uavgram.model.units import SHORT_FORMS
@@ -243,12 +242,12 @@ def _setup(said: object, before: Setup) -> Setup:
         raise RefusedError("the case is not an object")
     if units and units not in SHORT_FORMS:
         raise RefusedError("units are metric or imperial")
-    texts = {key: _text(case.get(key, ""), key) for key in CASE}
+    texts: dict[str, Any] = {key: _text(case.get(key, ""), key) for key in CASE}
     return Setup(
         pitch_deg=_pitch(said.get("pitch_deg", "auto")),
         reading_sigma_m=_sigma(said.get("reading_sigma_m", 0.01), "how well the tape is read"),
         units=SHORT_FORMS[units] if units else before.units,
-        case=replace(before.case, **texts) if texts else Case(),
+        case=replace(before.case, **texts),
     )
 
 

@@ -245,7 +245,7 @@ def _camera_of(folder: Path, project: Project) -> str:
 def setup_of(project: Project) -> Setup:
     """What a project says already."""
     mount = project.mount
-    fixed = mount.pitch_deg if mount.pitch_deg != "auto" else "auto"
+    fixed: float | Auto = mount.pitch_deg
     if mount.gimbal == "none" and fixed == "auto":
         fixed = -90.0
     return Setup(
@@ -310,8 +310,10 @@ def _changes(before: Setup, after: Setup) -> Settings:
         words = {units: word for word, units in SHORT_FORMS.items()}
         changes["units"] = words.get(after.units) or {**asdict(after.units)}
     texts = {key: (getattr(before.case, key), getattr(after.case, key)) for key in CASE}
-    case = {key: now for key, (then, now) in texts.items() if then != now}
-    return changes | ({"case": case} if case else {})
+    case: dict[str, str | float] = {k: now for k, (then, now) in texts.items() if then != now}
+    if case:
+        changes["case"] = case
+    return changes
 
 
 CASE: tuple[Literal["number", "title", "place", "date", "agency"], ...] = (
