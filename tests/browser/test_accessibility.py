@@ -8,15 +8,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from axe_checks import AXE, keeps_out, with_axe
 from opened_pages import PageOpener
 from picking_pages import measured, wait_until_adjusted
 from picking_server import Served, served
 from playwright.sync_api import Page, expect
-
-AXE = Path(__file__).parents[2] / ".ci" / "page" / "node_modules" / "axe-core" / "axe.min.js"
-FOUND = """async () => (await axe.run(document, { resultTypes: ["violations"] })).violations
-    .filter(({ impact }) => ["serious", "critical"].includes(impact))
-    .map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html.slice(0, 120)).join(" ")}`)"""
 
 
 @pytest.fixture
@@ -32,18 +28,9 @@ def server(data_dir: Path, tmp_path: Path) -> Iterator[Served]:
 @pytest.fixture
 def page(server: Served, open_page: PageOpener) -> Iterator[Page]:
     page = open_page(server)
-    if AXE.is_file():  # it is fetched with the other checks of the page, by .ci/page/check
-        page.evaluate(AXE.read_text(encoding="utf-8"))
+    with_axe(page)
     yield page
     assert not open_page.errors
-
-
-def keeps_out(page: Page) -> list[str]:
-    """What axe finds that keeps people out who see little, or use no mouse."""
-    if not AXE.is_file():
-        return []
-    found: list[str] = page.evaluate(FOUND)
-    return found
 
 
 def press(page: Page, *keys: str) -> None:

@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 import pytest
 from opened_pages import PageOpener
-from picking_pages import eventually, measured, to_page, wait_until_adjusted
+from picking_pages import Counted, eventually, measured, to_page, wait_until_adjusted
 from picking_server import Served, served
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 
 from uavgram.model.arrays import Floats
 from uavgram.synthetic.files import write_demo
@@ -27,24 +27,6 @@ FIRST, SECOND = 4, 5
 
 TAPED = (("R3", "R7"), ("P5", "P13"), ("P11", "P12"), ("P9", "P14"))
 WANTED = (("R3", "P14"), ("P5", "P11"), ("P12", "P13"))
-
-
-class Counted:
-    """A person's hands on a page: counts clicks and keys, a key that is held as well."""
-
-    def __init__(self, page: Page) -> None:
-        self.count, self._page = 0, page
-
-    def click(self, x: float, y: float) -> None:
-        self._page.mouse.click(x, y)
-        self.count += 1
-
-    def key(self, name: str) -> None:
-        self._page.keyboard.press(name)
-        self.count += len(name.split("+"))
-
-    def digits(self, text: str) -> None:
-        self._page.keyboard.type(text)
 
 
 @pytest.fixture(scope="module")

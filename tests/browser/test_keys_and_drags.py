@@ -173,7 +173,7 @@ def test_everything_has_a_name_for_a_screen_reader_and_focus_is_seen(
     with served(copied_survey) as server:
         page = open_page(server)
         wait_until_adjusted(page)
-        for tab in ("Measure", "Frames", "Camera"):
+        for tab in ("Measure", "Frames", "Camera", "Results"):
             expect(page.get_by_role("tabpanel", name=tab)).to_be_visible()
             assert nameless(page) == []
             page.keyboard.press("x")

@@ -129,26 +129,27 @@ def test_outputs_are_one_click_away_and_say_when_they_are_old(
 ) -> None:
     out = project.parent / "out"
 
-    def run() -> None:
+    def run(_: Path) -> None:
         (out / "report.html").write_text("<h1>What was measured</h1>", encoding="utf-8")
         (out / "measurements.csv").write_text("name,value\n", encoding="utf-8")
         (out / "recording.rrd").write_bytes(b"RRF2")
 
-    with served(project) as server:
-        server.pick.project._run = run
+    with served(project, run=run) as server:
         page = open_page(server)
         foot = page.locator("#outputs")
         expect(foot).to_contain_text("none yet")
         page.keyboard.press("w")
         expect(foot).to_contain_text("up to date")
+        results = page.get_by_role("tabpanel", name="Results")
         with page.context.expect_page() as opened:
-            foot.get_by_role("link", name="Report").click()
+            results.get_by_role("link", name="Report").first.click()
         expect(opened.value.get_by_role("heading")).to_have_text("What was measured")
         with page.expect_download() as saved:
-            foot.get_by_role("link", name="Measurements").click()
+            results.get_by_role("link", name="Measurements (CSV)").click()
         assert saved.value.suggested_filename == "measurements.csv"
-        recording = foot.get_by_role("link", name="Recording in the Rerun viewer")
+        recording = results.get_by_role("link", name="Recording in the Rerun viewer")
         assert (recording.get_attribute("href") or "").partition("?")[0] == "/recording"
+        page.get_by_role("tab", name="Measure").click()
         place(page, "A", 100, 100)
         expect(foot).to_contain_text("older than what you see")
         assert not open_page.strangers

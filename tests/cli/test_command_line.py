@@ -265,3 +265,41 @@ def test_a_scenario_that_is_none_is_told_by_file_and_line(
     assert status == 1
     assert "scene.yaml:2: sede" in capsys.readouterr().err
     assert not (tmp_path / "demo").exists()
+
+
+@pytest.mark.parametrize(
+    ("typed", "opened"),
+    [
+        ([], None),
+        (["case"], "case"),
+        (["./run", "--no-browser"], "run"),
+        (["case/project.yaml"], "case/project.yaml"),
+        (["pick", "case"], "case"),
+    ],
+    ids=range(5),
+)
+def test_without_a_command_the_page_opens(
+    typed: list[str], opened: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from uavgram.cli import entry
+    from uavgram.cli.commands import pick
+
+    (tmp_path / "case").mkdir()
+    (tmp_path / "run").mkdir()
+    (tmp_path / "case" / "project.yaml").write_text("name: case\n")
+    monkeypatch.chdir(tmp_path)
+    served: list[Path | None] = []
+    monkeypatch.setattr(pick, "_serve", lambda wanted, *_, **__: served.append(wanted))
+    monkeypatch.setattr(pick, "_led_to_running", lambda *_, **__: False)
+    assert entry.called(typed) == 0
+    assert served == [None if opened is None else Path(opened)]
+
+
+def test_a_command_wins_over_a_folder_of_its_name(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "check").mkdir()
+    monkeypatch.chdir(tmp_path)
+    done = command("check")
+    assert done.status == 1
+    assert "project.yaml: there is no such file" in done.stderr

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import httpx
 import pytest
 from windows_desk import WindowsDesk
 
@@ -38,6 +39,7 @@ COMMANDS = [
     ("simulate", "Köln.yaml", "--repetitions", "2", "--output", "simuliert"),
     ("study", "view", "--repetitions", "20", "--workers", "1", "--output", "Studie"),
     ("batch", SURVEY, "--workers", "2", "--output", "alle"),
+    ("shortcut", "--folder", "."),
 ]
 
 
@@ -101,6 +103,17 @@ def test_what_excel_has_open_is_written_beside_it_and_no_run_is_lost(desk: Windo
 
 
 @pytest.fixture
+def photos(desk: WindowsDesk) -> Path:
+    """Photos and a camera file in a folder without a project."""
+    folder = desk.folder / "Neue Fotos"
+    folder.mkdir()
+    for photo in (desk.folder / SURVEY / "photos").glob("*.jpg"):
+        (folder / photo.name).write_bytes(photo.read_bytes())
+    (folder / "camera.yaml").write_bytes((desk.folder / SURVEY / "camera.yaml").read_bytes())
+    return folder
+
+
+@pytest.fixture
 def served(desk: WindowsDesk, request: pytest.FixtureRequest) -> Iterator[str]:
     """The address that a command serves, until Ctrl+C."""
     with desk.start(request.param) as process:
@@ -120,9 +133,10 @@ def served(desk: WindowsDesk, request: pytest.FixtureRequest) -> Iterator[str]:
     [
         ("view", f"{SURVEY}/out/recording.rrd", "--web"),
         ("pick", SURVEY, "--no-browser"),
+        ("pick", "--no-browser"),
     ],
     indirect=True,
-    ids=["view", "pick"],
+    ids=["view", "pick", "door"],
 )
 def test_pages_are_served(served: str) -> None:
     parts = urlsplit(served)
@@ -133,6 +147,32 @@ def test_pages_are_served(served: str) -> None:
     line.close()
 
     assert (answer.status == 303 and not content) or b"<html" in content  # a page's own address
+
+
+@pytest.mark.parametrize("served", [("Neue Fotos", "--no-browser")], indirect=True)
+def test_a_folder_becomes_a_project_on_the_page(photos: Path, served: str) -> None:
+    parts = urlsplit(served)
+    came = httpx.get(served, follow_redirects=False, timeout=60)
+    key = came.headers["location"].partition("#")[2]
+    cookie = came.headers["set-cookie"].split(";")[0]
+    with httpx.Client(
+        base_url=f"http://{parts.netloc}",
+        headers={"Cookie": cookie},
+        params={"tab": key},
+        timeout=60,
+    ) as browser:
+        begun = browser.get("/door/beginning").json()
+        assert begun["is_chosen"]
+        found = browser.get("/door/look", params={"folder": begun["folder"]}).json()
+        assert found["photos"][0]["count"] == len(list(photos.glob("*.jpg")))
+        setup = {"pitch_deg": -45, "case": {"agency": "Polizei Köln"}}
+        wanted = {"folder": begun["folder"], "camera": "camera.yaml", "setup": setup}
+        answer = browser.post("/door/begin", json=wanted)
+        assert (answer.status_code, answer.json()) == (200, {})
+        assert browser.post("/door/close").status_code == 200
+    text = (photos / "project.yaml").read_text(encoding="utf-8")
+    assert "\n  agency: Polizei Köln\n" in text
+    assert not left_over(photos)
 
 
 def test_plates_are_looked_for(desk: WindowsDesk) -> None:

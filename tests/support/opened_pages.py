@@ -48,7 +48,7 @@ class PageOpener:
         page.on("console", said)
         page.on("request", asked)
         page.goto(server.guard.address())
-        page.wait_for_selector('.pane[data-sharp="true"]')
+        page.wait_for_selector('.pane[data-sharp="true"], body.door[aria-busy="false"]')
         return page
 
     def close(self) -> None:

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 from uavgram.errors import UavgramError
-from uavgram.picking.web import server
+from uavgram.picking.web import server, serving
 
 
 def report(**facts: object) -> None:
@@ -26,10 +26,10 @@ def child(project: str, log_file: str, save_after_s: float) -> None:
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     logging.basicConfig(filename=log_file, level=logging.INFO, force=True)
     try:
-        server.serve(
+        serving.serve(
             Path(project),
             lambda address: report(pid=os.getpid(), address=address),
-            lambda: None,
+            lambda _: None,
         )
     except UavgramError as why:
         report(pid=os.getpid(), refused=str(why))

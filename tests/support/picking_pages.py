@@ -6,9 +6,32 @@ import re
 import time
 from collections.abc import Callable
 
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Locator, Page, expect
 
 LONGEST_WAIT_S = 60.0
+
+
+class Counted:
+    """A person's hands on a page: counts clicks and keys, a key that is held as well."""
+
+    def __init__(self, page: Page) -> None:
+        self.count, self._page = 0, page
+
+    def click(self, x: float, y: float) -> None:
+        self._page.mouse.click(x, y)
+        self.count += 1
+
+    def press(self, button: Locator) -> None:
+        """Click what has a name."""
+        button.click()
+        self.count += 1
+
+    def key(self, name: str) -> None:
+        self._page.keyboard.press(name)
+        self.count += len(name.split("+"))
+
+    def digits(self, text: str) -> None:
+        self._page.keyboard.type(text)
 
 
 def drawn(page: Page) -> None:

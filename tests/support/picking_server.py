@@ -11,25 +11,32 @@ from pathlib import Path
 
 import uvicorn
 
+from uavgram.picking.session.door import Door
 from uavgram.picking.session.session import PickSession
-from uavgram.picking.storage.tables import Tables
+from uavgram.picking.web.desk import Desk, RunProject
 from uavgram.picking.web.guard import Guard
 from uavgram.picking.web.patience import PatientProtocol
-from uavgram.picking.web.server import PickServer, open_door
+from uavgram.picking.web.server import PickServer
+from uavgram.picking.web.serving import open_door
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.pick.live import LiveSurvey
+
+
+def compute_project(project: Path) -> object:
+    """Run a project, and write nothing."""
+    return compute(read_inputs(project))
 
 
 class Served:
     """A picking page's server in a thread, and its session."""
 
-    def __init__(self, project: Path) -> None:
-        survey = LiveSurvey.open(project)
+    def __init__(
+        self, project: Path | None, door: Door | None = None, run: RunProject = compute_project
+    ) -> None:
+        self.desk = Desk(run, Door(roots=()) if door is None else door, project)
         self._door = open_door(0)
         self.port = self._door.getsockname()[1]
-        self.pick = PickServer(survey, Tables(survey.inputs), lambda: compute(read_inputs(project)))
-        self.guard = Guard(self.pick.application(), self.port)
+        self.guard = Guard(self.desk.application(), self.port)
         config = uvicorn.Config(
             self.guard,
             log_config=None,
@@ -47,6 +54,12 @@ class Served:
     @property
     def address(self) -> str:
         return self.guard.address()
+
+    @property
+    def pick(self) -> PickServer:
+        """The server of the project that is open."""
+        assert self.desk.pick is not None
+        return self.desk.pick
 
     @property
     def picking(self) -> PickSession:
@@ -76,9 +89,11 @@ class Served:
 
 
 @contextlib.contextmanager
-def served(project: Path) -> Iterator[Served]:
-    """Serve the picking page of a project."""
-    server = Served(project)
+def served(
+    project: Path | None, door: Door | None = None, run: RunProject = compute_project
+) -> Iterator[Served]:
+    """Serve the picking page of a project, or the door to all of them."""
+    server = Served(project, door, run)
     server.start()
     try:
         yield server

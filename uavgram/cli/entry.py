@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 
 import cyclopts
 
@@ -24,6 +25,7 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
     plan,
     rectify,
     run,
+    shortcut,
     simulate,
     study,
     targets,
@@ -46,7 +48,7 @@ def called(arguments: Sequence[str] | None) -> int:
     rest = [one for one in options if one != QUIET] + typed[len(options) :]
     try:
         try:
-            status = app(rest)
+            status = app(_with_command(rest))
         except Exception as fault:
             if has_come():  # what the fault says is of a library that Ctrl+C broke off
                 raise KeyboardInterrupt from fault
@@ -61,6 +63,17 @@ def called(arguments: Sequence[str] | None) -> int:
         drop_output()
         return DONE
     return status if isinstance(status, int) else DONE
+
+
+def _with_command(typed: list[str]) -> list[str]:
+    """Open the page where no command is named: `uavgram`, or `uavgram FOLDER`.
+
+    A command wins over a folder of its name.
+    """
+    if not typed:
+        return ["pick"]
+    is_page = typed[0] not in app and not typed[0].startswith("-") and Path(typed[0]).exists()
+    return ["pick", *typed] if is_page else typed
 
 
 def _wrong_use(error: cyclopts.CycloptsError) -> str:

@@ -7,12 +7,22 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import yaml
+
 _PLAIN = re.compile(r"[A-Za-z][\w./-]*(?: [\w./-]+)*")
-_CAMERA = re.compile(
-    r"""^camera:[ \t]+(?:"[^"\n]*"|'[^'\n]*'|[^\s#"'|>&*!\[{][^#\n]*?)([ \t]*(?:[ \t]\#.*)?\r?)$""",
-    re.MULTILINE,
-)
 _OTHER_MEANINGS = {"yes", "no", "on", "off", "true", "false", "null", "none", "y", "n"}
+
+Scalar = str | float
+Settings = Mapping[str, "Scalar | Mapping[str, Scalar]"]
+"""New values by key; of a section, by the keys in it."""
+
+_VALUE = r"""(?:"[^"\n]*"|'[^'\n]*'|\{[^{}\n]*\}|[^\s#"'|>&*!\[{][^#\n]*?)"""
+_END = r"(?P<end>[ \t]*(?:[ \t]\#.*)?\r?)$"
+_HEAD = rf"(?:\#[ ]?)?KEY:(?:[ \t]+(?P<value>{_VALUE}))?{_END}"
+"""A key of the file, or the template's comment for it."""
+
+_INNER = rf"(?P<indent>\#[ ]+|[ ]+)KEY:(?:[ \t]+(?P<value>{_VALUE}))?{_END}"
+"""A key of a section, or the template's comment for it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +110,8 @@ _OPTIONS = {
 #   number: ""
 #   title: ""
 #   place: ""
+#   date: ""
+#   agency: ""
 """,
     "world": """\
 # world:
@@ -116,6 +128,11 @@ _OPTIONS = {
 #   gimbal: auto                   # auto: the log's gimbal angles where it has some; none: fixed
 #   pitch_deg: auto                # -90 looks straight down, 0 forward, whatever tags or log say;
 #                                  # auto: as they say, and -90 where they say nothing
+""",
+    "tape": """\
+# tape:
+#   reading_sigma_m: 0.01          # of a length, where nothing else is said: the page proposes it
+#   scale_sigma: 0.001             # what all lengths of one tape have in common, as a share
 """,
     "time": """\
 # time:
@@ -180,10 +197,108 @@ def _time_lines(project: ProjectText) -> list[str]:
     return lines
 
 
-def with_camera(text: str, camera: str) -> str | None:
-    """A project file's text with another camera; None where no line of it names the camera."""
-    changed, count = _CAMERA.subn(lambda line: f"camera: {_scalar(camera)}{line[1]}", text)
-    return changed if count == 1 else None
+def with_settings(text: str, settings: Settings) -> str | None:
+    """Set values in a project file; comments and everything else stay as they are.
+
+    Where the file has a key, or the template's comment for it, its line is changed in place. A key
+    that is not there is added below the head of its section, and a section at the end.
+
+    Parameters
+    ----------
+    text
+        The project file.
+    settings
+        What is to be set.
+
+    Returns
+    -------
+    The new text; None where the file is written in a way in which no line can be changed alone.
+    """
+    is_windows = text.count("\r\n") == text.count("\n") > 0
+    lines = (text.replace("\r\n", "\n") if is_windows else text).split("\n")
+    for key, value in settings.items():
+        if isinstance(value, Mapping):
+            _set_section(lines, key, value)
+        else:
+            _set_scalar(lines, key, value)
+    changed = "\n".join(lines)
+    changed = changed.replace("\n", "\r\n") if is_windows else changed
+    return changed if _says(changed) == _merged(_says(text), settings) else None
+
+
+def _set_scalar(lines: list[str], key: str, value: Scalar) -> None:
+    at, head = _find(lines, _HEAD, key)
+    if head is None:
+        _append(lines, f"{key}: {_yaml(value)}")
+    elif head["value"] or lines[at].startswith("#"):
+        lines[at] = f"{key}: {_yaml(value)}{head['end']}"
+
+
+def _set_section(lines: list[str], key: str, values: Mapping[str, Scalar]) -> None:
+    at, head = _find(lines, _HEAD, key)
+    if head is None:
+        _append(lines, f"{key}:", *(f"  {name}: {_yaml(value)}" for name, value in values.items()))
+        return
+    if head["value"]:  # {a: 1, b: 2} on one line
+        inside = yaml.safe_load(head["value"])
+        flow = {**(inside if isinstance(inside, dict) else {}), **values}
+        text = ", ".join(f"{name}: {_yaml(value)}" for name, value in flow.items())
+        lines[at] = f"{key}: {{{text}}}{head['end']}"
+        return
+    lines[at] = f"{key}:{head['end']}"
+    end = next((k for k in range(at + 1, len(lines)) if not _is_inside(lines[k])), len(lines))
+    indents = (re.match(r" +(?=\S)", line) for line in lines[at + 1 : end])
+    usual = next((one[0] for one in indents if one), "  ")
+    for name, value in reversed(list(values.items())):
+        below, found = _find(lines[at + 1 : end], _INNER, name)
+        if found is None:
+            lines.insert(at + 1, f"{usual}{name}: {_yaml(value)}")
+            end += 1
+        else:
+            indent = usual if found["indent"].startswith("#") else found["indent"]
+            lines[at + 1 + below] = f"{indent}{name}: {_yaml(value)}{found['end']}"
+
+
+def _append(lines: list[str], *added: str) -> None:
+    """Add a key at the end of a file, unless it is there in a form that no line can replace."""
+    if not any(line.startswith(added[0].partition(":")[0] + ":") for line in lines):
+        at = len(lines) - (lines[-1] == "")
+        lines[at:at] = added
+
+
+def _find(lines: Sequence[str], pattern: str, key: str) -> tuple[int, re.Match[str] | None]:
+    """Find the line of a key; a comment for it only where there is no other line."""
+    form = re.compile(pattern.replace("KEY", re.escape(key)))
+    found = [(k, match) for k, line in enumerate(lines) if (match := form.match(line))]
+    found.sort(key=lambda one: lines[one[0]].startswith("#"))
+    return found[0] if found else (0, None)
+
+
+def _is_inside(line: str) -> bool:
+    """Whether a line is of the section above it: indented, or a comment of the template."""
+    return line.startswith((" ", "#  "))
+
+
+def _yaml(value: object) -> str:
+    return _scalar(value) if isinstance(value, str) else json.dumps(value)
+
+
+def _says(text: str) -> dict[str, object]:
+    try:
+        said = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError, RecursionError):
+        return {}
+    return said if isinstance(said, dict) else {}
+
+
+def _merged(said: dict[str, object], settings: Settings) -> dict[str, object]:
+    """What a file should say with the settings in it."""
+    merged = dict(said)
+    for key, value in settings.items():
+        before = merged.get(key)
+        inside = before if isinstance(before, dict) else {}
+        merged[key] = {**inside, **value} if isinstance(value, Mapping) else value
+    return merged
 
 
 def _scalar(text: str) -> str:

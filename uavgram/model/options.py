@@ -238,9 +238,14 @@ class TelemetryOptions(_Options):
 
 @dataclass(frozen=True, kw_only=True)
 class TapeOptions(_Options):
-    """How good the tapes are: what all lengths of one tape have in common, as a share of them."""
+    """How good the tapes are.
+
+    `scale_sigma` is what all lengths of one tape have in common, as a share of them;
+    `reading_sigma_m` is what the picking page proposes for a length that is entered there.
+    """
 
     scale_sigma: float = 0.001
+    reading_sigma_m: float = 0.01
 
     def _rules(self) -> dict[str, tuple[bool, str]]:
         fault = (

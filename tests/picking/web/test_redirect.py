@@ -13,7 +13,7 @@ from pick_pages import small_project
 from starlette.types import Receive, Scope, Send
 
 from uavgram.cli.commands.pick import pick
-from uavgram.picking.web import server
+from uavgram.picking.web import serving
 from uavgram.picking.web.guard import Guard
 
 
@@ -42,7 +42,7 @@ def test_the_browser_is_given_a_file_and_not_the_key(
         entered()
         still_there.append(path.parent.exists())
 
-    monkeypatch.setattr(server, "serve", serve)
+    monkeypatch.setattr(serving, "serve", serve)
     assert pick(small_project(tmp_path)) == 0
     said = re.search(r"token=([-\w]+)", capsys.readouterr().out)
     assert said is not None

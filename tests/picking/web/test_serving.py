@@ -13,7 +13,7 @@ import pytest
 from own_loop import run_alone
 
 from uavgram.errors import UavgramError
-from uavgram.picking.web.server import open_door
+from uavgram.picking.web.serving import open_door
 
 
 def test_who_comes_before_the_server_is_up_waits_at_the_door() -> None:

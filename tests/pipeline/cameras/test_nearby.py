@@ -8,7 +8,7 @@ import pytest
 from pick_pages import small_project
 
 from uavgram.config.project import load_project
-from uavgram.config.project_text import with_camera
+from uavgram.config.project_text import with_settings
 from uavgram.errors import InputError
 from uavgram.io.discovery.photo_folders import PhotoFolder
 from uavgram.model.camera.board import CalibrationOptions
@@ -29,18 +29,18 @@ def project(tmp_path: Path) -> Path:
         ("camera: auto   # assumed\n", "camera: new/c.yaml   # assumed\n"),
         ("camera: 'my # cam.yaml'\r\nx: 1\r\n", "camera: new/c.yaml\r\nx: 1\r\n"),
         ('camera: "a b.yaml"', "camera: new/c.yaml"),
-        ("a:\n  camera: x\n", None),
+        ("a:\n  camera: x\n", "a:\n  camera: x\ncamera: new/c.yaml\n"),
         ("camera:\n  camera.yaml\n", None),
         ("camera: >\n  x\n", None),
-        ("name: a\n", None),
+        ("name: a\n", "name: a\ncamera: new/c.yaml\n"),
     ],
 )
 def test_one_line_names_the_camera_and_nothing_else_changes(before: str, after: str | None) -> None:
-    assert with_camera(before, "new/c.yaml") == after
+    assert with_settings(before, {"camera": "new/c.yaml"}) == after
 
 
 def test_a_name_that_yaml_would_misread_is_quoted() -> None:
-    assert with_camera("camera: a\n", "- #1.yaml") == 'camera: "- #1.yaml"\n'
+    assert with_settings("camera: a\n", {"camera": "- #1.yaml"}) == 'camera: "- #1.yaml"\n'
 
 
 def test_a_calibrated_camera_takes_the_place_of_one_that_nobody_knows(

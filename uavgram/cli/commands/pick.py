@@ -25,14 +25,17 @@ def pick(
 ) -> int:
     """Pick points and lengths in the photos on a local page, and see the measurements.
 
-    The project may lack picks, lengths and measurements: they are made here. Ctrl+C ends it.
+    The project may lack picks, lengths and measurements: they are made here. A folder without a
+    project is set up on the page, and without a folder one is chosen there: `uavgram FOLDER` and
+    `uavgram` alone do the same. Ctrl+C ends it.
 
     While it runs, the same command again gives a fresh address, for another browser or a lost tab.
 
     Parameters
     ----------
     project
-        The project file, or the folder of a project.yaml; by default the present folder.
+        The project file, or a folder with or without a project; by default the present folder,
+        where it holds a project or photos.
     sample
         Make a small survey to play with (photos, flight log and camera, nothing picked) in the
         folder that is named, by default uavgram-sample, and open it; once made, go on with it.
@@ -50,11 +53,29 @@ def pick(
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
     log_to_stderr(verbose=verbose)
-    wanted = _sample(project) if sample else project or Path()
+    wanted = _sample(project) if sample else project or _present()
+    if wanted is None or _has_none(wanted):
+        _serve(wanted, port, browser=browser)
+        return DONE
     tell_as(wanted)
     if not _led_to_running(wanted, browser=browser):
         _serve(wanted, port, browser=browser)
     return DONE
+
+
+def _has_none(folder: Path) -> bool:
+    """Whether it is a folder without a project, to be set up on the page."""
+    from uavgram.config.project import PROJECT_FILE
+
+    return folder.is_dir() and not (folder / PROJECT_FILE).exists()
+
+
+def _present() -> Path | None:
+    """The present folder, where it holds a project or photos."""
+    from uavgram.io.discovery.browse import look_into
+
+    own = look_into(Path.cwd())
+    return Path() if own.has_project or own.photos else None
 
 
 def _sample(folder: Path | None) -> Path:
@@ -91,12 +112,12 @@ def _led_to_running(project: Path, *, browser: bool) -> bool:
     return True
 
 
-def _serve(project: Path, port: int, *, browser: bool) -> None:
+def _serve(wanted: Path | None, port: int, *, browser: bool) -> None:
     """Serve the page until Ctrl+C."""
     import webbrowser
 
     from uavgram.picking.web.redirect import RedirectFile
-    from uavgram.picking.web.server import serve
+    from uavgram.picking.web.serving import serve
 
     ways: list[RedirectFile] = []
 
@@ -114,13 +135,13 @@ def _serve(project: Path, port: int, *, browser: bool) -> None:
         for way in ways:
             way.remove()
 
-    def run() -> None:
+    def run(project: Path) -> None:
         from uavgram.pipeline.measure.run import run as run_project
 
         run_project(project)
 
     try:
-        serve(project, announce, run, port, entered)
+        serve(wanted, announce, run, port, entered)
     finally:
         entered()
     say("Saved.")

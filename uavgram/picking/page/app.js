@@ -13,6 +13,7 @@ import { as, byId, choose, node } from "./elements/dom.js";
 import { icon } from "./elements/icons.js";
 import { Notice } from "./elements/notice.js";
 import { drop } from "./elements/table.js";
+import { goOn } from "./door/server.js";
 import { unfold } from "./panel/first_steps.js";
 import { Header } from "./panel/header.js";
 import { Panel, TABS } from "./panel/panel.js";
@@ -56,7 +57,7 @@ class App {
     this.filmstrip = new Filmstrip(panes);
     this.tools = new Tools({ state, link, notice, panes, rebuild: () => this.rebuild(), moved: () => this.refreshSoon(MARKS), showForms: () => this.panel.setTab("measure") });
     this.navigation = new Navigation({ state, notice, panes, tools: this.tools, newStep: () => link.newStep() });
-    this.project = new ProjectActions({ state, link, notice, showPanel: () => this.panel.show() });
+    this.project = new ProjectActions({ state, link, notice, showPanel: () => this.panel.show(), written: () => this.panel.setTab("results") });
     const side = new SideView({ state, link, notice, show: () => this.panel.show() });
     this.panel = new Panel({ state, panes, side, tools: this.tools, project: this.project });
     onTile((image) => { for (const pane of panes.all) if (pane.image === image) pane.redraw(); });
@@ -79,6 +80,8 @@ class App {
       byId(t).append(icon(t));
       byId(t).onclick = () => tools.send({ t });
     }
+    byId("door").append(icon("folder"));
+    byId("door").onclick = () => void project.leave("");
     byId("linked").onclick = () => panes.toggleLink();
     byId("help-button").onclick = () => navigation.help();
     for (const group of ["pane-counts", "tabs", "strip"]) roving(byId(group));
@@ -91,6 +94,7 @@ class App {
 
   /** @param {ServerMessage} message @param {Change | null} answered the change that it answers */
   received(message, answered) {
+    if (message.t === "closed") goOn();
     if (message.t === "refused") {
       this.notice.show(message.why);
       this.refused(answered);

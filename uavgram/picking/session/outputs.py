@@ -8,8 +8,10 @@ import threading
 from contextlib import suppress
 from pathlib import Path
 
-from uavgram.errors import InputError, OutputError
+from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.io.own_files import check_own, read_own
+from uavgram.io.results.results_json import load_results
+from uavgram.picking.protocol.encode_results import plan_in, results_json
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.storage.outside import Stamp, stamp_of
 from uavgram.views.viewer.server import RecordingServer
@@ -28,6 +30,7 @@ FILES = {
     "survey.gpkg": "Layers for GIS (GeoPackage)",
     "points.geojson": "Points (GeoJSON)",
     "survey.kml": "For Google Earth (KML)",
+    "ground.tif": "Picture of the ground, to scale (GeoTIFF)",
     RESULTS: "All results (JSON)",
 }
 """Files that the page hands out, and what they are; nothing else is."""
@@ -65,6 +68,24 @@ class Outputs:
         with suppress(ValueError, KeyError, TypeError, AttributeError, RecursionError):
             inputs = json.loads(self.read(RESULTS) or b"")["provenance"]["inputs"]
             self.made_of = frozenset(str(one["sha256"]) for one in inputs.values())
+
+    def shown(self) -> Json | None:
+        """What the results say, in words; None where there are none that can be read."""
+        if not self._has(RESULTS):
+            return None
+        with suppress(UavgramError):
+            return results_json(load_results(self.folder / RESULTS))
+        return None
+
+    def plan(self) -> bytes | None:
+        """The plan of the report, as SVG; None where there is none."""
+        report = self.read(REPORT)
+        return None if report is None else plan_in(report)
+
+    @property
+    def stamp(self) -> str:
+        """Another one for each results.json, as `look` last found it; empty where there is none."""
+        return "" if self._stamp is None else "-".join(map(str, self._stamp))
 
     def listed(self) -> list[Json]:
         """Files that are there, and what they are."""

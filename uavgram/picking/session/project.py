@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import time
 from collections.abc import Callable
@@ -68,15 +69,25 @@ class OpenProject:
         """Begin."""
         self.picking.open()
 
-    def stop(self) -> None:
-        """End what runs in threads and processes of its own; waits for it."""
+    async def close(self, *, waits: bool) -> None:
+        """End what runs, save everything, let go of the project.
+
+        Parameters
+        ----------
+        waits
+            Whether a run that is under way comes to its end first.
+        """
+        self.calibration.stop()
+        async with self._busy if waits else contextlib.nullcontext():
+            self.refuses = self.refuses or "the project is being closed"
+            await to_thread.run_sync(self._stop)
+            self.picking.close()
+
+    def _stop(self) -> None:
+        """End threads and processes of its own; wait for an adjustment under way."""
         self.calibration.close()
         self.outputs.close()
-        self.picking.stop()  # it waits for an adjustment under way
-
-    def close(self) -> None:
-        """Save everything, let go of the project."""
-        self.picking.close()
+        self.picking.stop()
 
     def initial_state(self) -> Json:
         """Everything a page needs to begin."""
@@ -170,6 +181,7 @@ class OpenProject:
             "folder": str(self.outputs.folder),
             "files": self.outputs.listed(),
             "recording": self.outputs.has_recording,
+            "stamp": self.outputs.stamp,
             "version": self.picking.version if is_current else None,
         }
 

@@ -158,6 +158,7 @@ class PickSession:
             "project": inputs.project.name,
             "tile_px": TILE_PX,
             "pick_sigma_px": inputs.project.picks_sigma_px,
+            "reading_sigma_m": inputs.project.tape.reading_sigma_m,
             "photos": photos_json(self.survey, self.photos),
             "camera": camera_json(self.survey),
             "clock": clock_json(self.survey),

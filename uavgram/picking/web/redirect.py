@@ -58,5 +58,7 @@ def no_entry(why: str) -> str:
         f"<h1>This page needs a fresh address</h1><p>{html.escape(why)} Nothing is lost.</p>"
         "<p>In a terminal, run <code>uavgram pick</code> once more for the same project, with the "
         "same words as the first time. While the first one runs, the second opens the page anew, "
-        "prints an address that lets one browser in, and ends.</p></html>\n"
+        "prints an address that lets one browser in, and ends. Where no project was open, end the "
+        "first one (Ctrl+C, or close its window), and start <code>uavgram</code> again.</p></html>"
+        "\n"
     )

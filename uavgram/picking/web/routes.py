@@ -1,4 +1,4 @@
-"""What the page fetches: its own files, photos by number, outputs by name; all only to read."""
+"""What pages fetch: their own files, photos by number, outputs by name; all only to read."""
 
 from __future__ import annotations
 
@@ -50,16 +50,41 @@ _TILE = ("photo", "level", "column", "row")
 _SHOWN = re.compile(r"([0-9a-z]{1,16}) ([0-9]{1,6}(?:,[0-9]{1,6}){0,3})")
 
 
+def page_routes(first: Callable[[], str]) -> list[Route]:
+    """Routes to the files that pages consist of.
+
+    Parameters
+    ----------
+    first
+        Names the page that is shown now.
+    """
+    files = dict(_page_files(resources.files("uavgram.picking") / "page"))
+
+    async def index(_: Request) -> Response:
+        return Response(
+            files[first()], media_type=_TYPES[".html"], headers={"cache-control": "no-store"}
+        )
+
+    async def page(request: Request) -> Response:
+        name = request.path_params["name"]
+        if name not in files:
+            return Response(status_code=404)
+        kind = _TYPES[Path(name).suffix]
+        return Response(files[name], media_type=kind, headers={"cache-control": "no-cache"})
+
+    return [Route("/", index), Route("/page/{name:path}", page)]
+
+
 def file_routes(project: OpenProject) -> list[Route]:
     """Routes to all that is fetched."""
     files = Files(project)
     return [
-        Route("/", files.index),
-        Route("/page/{name:path}", files.page),
         Route("/photo/{photo:int}/{level:int}/{column:int}/{row:int}.jpg", files.tile),
         Route("/photo/{photo:int}/thumbnail.jpg", files.thumbnail),
         Route("/photo/{photo:int}/tones.json", files.tones),
         Route("/output/{name}", files.output),
+        Route("/results.json", files.results),
+        Route("/plan.svg", files.plan),
         Route("/recording", files.recording),
         Route("/calibration", files.calibration),
     ]
@@ -76,19 +101,6 @@ class Files:
 
     def __init__(self, project: OpenProject) -> None:
         self._project = project
-        self._page = dict(_page_files(resources.files("uavgram.picking") / "page"))
-
-    async def index(self, _: Request) -> Response:
-        """The page itself."""
-        return Response(self._page["index.html"], media_type=_TYPES[".html"])
-
-    async def page(self, request: Request) -> Response:
-        """A file of the page."""
-        name = request.path_params["name"]
-        if name not in self._page:
-            return Response(status_code=404)
-        kind = _TYPES[Path(name).suffix]
-        return Response(self._page[name], media_type=kind, headers={"cache-control": "no-cache"})
 
     async def tile(self, request: Request) -> Response:
         """A tile of a photo, as bright as the page says."""
@@ -143,6 +155,21 @@ class Files:
             return Response(content, media_type=_TYPES[".html"], headers=DOCUMENT_HEADERS)
         headers = {"content-disposition": f'attachment; filename="{name}"'}
         return Response(content, media_type="application/octet-stream", headers=headers)
+
+    async def results(self, _: Request) -> Response:
+        """What the last run found, in words."""
+        shown = await to_thread.run_sync(self._project.outputs.shown)
+        if shown is None:
+            return JSONResponse({"why": "There are no results yet: write them on the page."}, 404)
+        return JSONResponse(shown, headers={"cache-control": "no-store"})
+
+    async def plan(self, _: Request) -> Response:
+        """The plan that the last run drew."""
+        drawing = await to_thread.run_sync(self._project.outputs.plan)
+        if drawing is None:
+            return PlainTextResponse("There is no plan.", 404)
+        headers = {**DOCUMENT_HEADERS, "cache-control": "no-store"}
+        return Response(drawing, media_type=_TYPES[".svg"], headers=headers)
 
     async def recording(self, _: Request) -> Response:
         """The way to the Rerun viewer, which is started where it does not run yet."""

@@ -1,19 +1,14 @@
-"""The page's server: a few routes, one socket for each open page, on this machine only."""
+"""The server of an open project: a few routes, and one socket for each open page."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import logging
-import socket
-from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 
-import uvicorn
 from anyio import to_thread
-from starlette.applications import Starlette
-from starlette.routing import WebSocketRoute
-from starlette.types import ASGIApp
+from starlette.routing import BaseRoute, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from uavgram.errors import UavgramError
@@ -21,18 +16,13 @@ from uavgram.picking.document import commands as c
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.protocol.encode_units import in_project_units, lengths_of, names_to_keep
-from uavgram.picking.protocol.parse import LONGEST_MESSAGE, parse_message
+from uavgram.picking.protocol.parse import parse_message
 from uavgram.picking.session.project import Keep, OpenProject, Run
 from uavgram.picking.session.session import PickSession
 from uavgram.picking.storage.tables import Tables
-from uavgram.picking.web.ending import ended_in_order
-from uavgram.picking.web.guard import Guard, Pace
-from uavgram.picking.web.malloc import give_back_large_blocks
-from uavgram.picking.web.patience import PatientProtocol
+from uavgram.picking.web.guard import Pace
 from uavgram.picking.web.routes import file_routes
-from uavgram.picking.web.running import Door, left_in
 from uavgram.pipeline.pick.live import LiveSurvey
-from uavgram.pipeline.threads import with_one_blas_thread
 
 log = logging.getLogger(__name__)
 
@@ -65,30 +55,41 @@ class PickServer:
         self._pages: set[asyncio.Queue[Json]] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._saving: asyncio.TimerHandle | None = None
+        self._watching: asyncio.Task[None] | None = None
 
     @property
     def picking(self) -> PickSession:
         """The picking session; another one after the project was read again."""
         return self.project.picking
 
-    def application(self, announce: Callable[[], None] = lambda: None) -> Starlette:
-        """The application; `announce` is called when it is ready."""
+    @property
+    def path(self) -> Path:
+        """The project file."""
+        return Path(self.picking.survey.inputs.project_path).resolve()
 
-        @contextlib.asynccontextmanager
-        async def life(_: Starlette) -> AsyncIterator[None]:
-            self._loop = asyncio.get_running_loop()
-            self.project.open()
-            watch = asyncio.create_task(self._watch())
-            announce()
-            yield
-            watch.cancel()
-            await to_thread.run_sync(self.project.stop)
-            self.project.close()
+    def routes(self) -> list[BaseRoute]:
+        """All that pages of the project ask for."""
+        return [*file_routes(self.project), WebSocketRoute("/socket", self._socket)]
 
-        return Starlette(
-            routes=[*file_routes(self.project), WebSocketRoute("/socket", self._socket)],
-            lifespan=life,
-        )
+    def begin(self) -> None:
+        """Begin to work, in the loop that serves."""
+        self._loop = asyncio.get_running_loop()
+        self.project.open()
+        self._watching = asyncio.create_task(self._watch())
+
+    def unsaved(self) -> str:
+        """Save; say why it cannot be done, or nothing."""
+        self._save()
+        return self.picking.fault
+
+    async def end(self, *, waits: bool) -> None:
+        """Save, let go of the project, and tell its pages; see `OpenProject.close`."""
+        if self._watching is not None:
+            self._watching.cancel()
+        if self._saving is not None:
+            self._saving.cancel()
+        await self.project.close(waits=waits)
+        self._broadcast({"t": "closed"})
 
     async def _watch(self) -> None:
         """Look again and again for what other programs change."""
@@ -140,6 +141,8 @@ class PickServer:
                 state, units = self.picking.state, self.picking.survey.inputs.project.units
                 keep, exact = names_to_keep(state), lengths_of(message, state)
                 await page.send_json(in_project_units(message, units, keep, exact))
+                if message["t"] == "closed":
+                    break
             await page.close(TRY_AGAIN_LATER)  # it missed something: it is to begin anew
 
     async def _answered(self, text: str, own: asyncio.Queue[Json]) -> Json:
@@ -187,92 +190,3 @@ class PickServer:
             except asyncio.QueueFull:
                 log.warning("a page that reads no more is let go")
                 self._pages.discard(waiting)
-
-
-def open_door(port: int) -> socket.socket:
-    """A socket that listens on this machine only.
-
-    Connections made before the server runs wait, and are answered once it does.
-
-    Parameters
-    ----------
-    port
-        0: any free one.
-
-    Raises
-    ------
-    UavgramError
-        The port cannot be used.
-    """
-    # asyncio turns Nagle's algorithm off only where the socket names its protocol. With it, the
-    # second of two small messages waits until the page has acknowledged the first: up to 40 ms.
-    door = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
-    try:
-        door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        door.bind(("127.0.0.1", port))
-        door.listen()
-    except OSError as fault:
-        door.close()
-        raise UavgramError(
-            f"port {port} cannot be used: {fault.strerror}; choose another with --port"
-        ) from fault
-    return door
-
-
-@with_one_blas_thread
-def serve(
-    project: Path,
-    announce: Callable[[str], None],
-    run: Run,
-    port: int = 0,
-    entered: Callable[[], None] = lambda: None,
-) -> None:
-    """Serve the picking page of a project until Ctrl+C; everything is saved then.
-
-    Parameters
-    ----------
-    project
-        The project file; its picks, lengths and measurements need not be there yet.
-    announce
-        Called with the address to open, once it can be opened.
-    run
-        Runs the project from its files and writes its outputs, where the page asks for them.
-    port
-        0: any free one.
-    entered
-        Called when a browser has used the address.
-
-    Raises
-    ------
-    UavgramError
-        The project cannot be read, or is open in another page.
-    """
-    give_back_large_blocks()
-    survey = LiveSurvey.open(project)
-    saver = Tables(survey.inputs)
-    try:
-        opened = open_door(port)
-    except UavgramError:
-        saver.close()
-        raise
-    with contextlib.closing(opened) as door:
-        pick = PickServer(survey, saver, run)
-        bound = int(door.getsockname()[1])
-        guard: list[Guard] = []
-        app: ASGIApp = pick.application(lambda: announce(guard[0].address()))
-        guard.append(Guard(app, bound, entered))
-        config = uvicorn.Config(
-            guard[0],
-            log_config=None,
-            access_log=False,
-            http=PatientProtocol,
-            ws="websockets-sansio",
-            ws_max_size=LONGEST_MESSAGE,
-            ws_max_queue=64,
-            ws_per_message_deflate=False,  # it never leaves the machine
-            timeout_graceful_shutdown=2,
-            server_header=False,
-        )
-        told = left_in(Path(survey.inputs.project.output), Door(bound, guard[0].secret))
-        with ended_in_order(), told, contextlib.suppress(KeyboardInterrupt):  # the way to end it
-            uvicorn.Server(config).run(sockets=[door])

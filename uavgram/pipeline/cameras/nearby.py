@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 
 from uavgram.config.project import load_project
-from uavgram.config.project_text import with_camera
+from uavgram.config.project_text import with_settings
 from uavgram.errors import InputError, UavgramError
 from uavgram.io.discovery.photo_folders import PhotoFolder, folders_with_photos
 from uavgram.io.outputs import replace_text
@@ -66,7 +66,7 @@ def use_camera(project: Path, camera: Path) -> None:
         raise InputError(project, f"cannot be read: {fault.strerror}") from fault
     beside = project.absolute().parent
     name = camera.relative_to(beside).as_posix() if camera.is_relative_to(beside) else str(camera)
-    after = with_camera(before, name)
+    after = with_settings(before, {"camera": name})
     if after is None:
         raise InputError(project, f"does not name its camera in one line: write `camera: {name}`")
     replace_text(project, after)

@@ -36,7 +36,10 @@ _TABLES: tuple[TableRole, ...] = (
 
 @dataclass(frozen=True, kw_only=True)
 class Choices:
-    """What a person chose where a folder holds several; paths are relative to the folder."""
+    """What a person chose where a folder holds several; paths are relative to the folder.
+
+    A camera is a file, ``auto`` or ``unknown``, as in a project.
+    """
 
     images: tuple[str, ...] = ()
     log: Path | None = None
@@ -102,7 +105,7 @@ def passed_over(holdings: Holdings) -> str:
 
 def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
     """The kinds of photos that there are, and how to choose one."""
-    patterns = [_own_pattern(folder, group, groups) for group in groups]
+    patterns = [own_pattern(folder, group, groups) for group in groups]
     rows = "\n".join(
         f"  {pattern}: {len(group.files)} of {group.size_px[0]} x {group.size_px[1]} px, such as "
         f"{group.files[0].name}"
@@ -118,8 +121,18 @@ def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
     )
 
 
-def _own_pattern(folder: Path, group: PhotoGroup, groups: Sequence[PhotoGroup]) -> str:
-    """A group's pattern; with how its names begin, where that alone tells it from others."""
+def own_pattern(folder: Path, group: PhotoGroup, groups: Sequence[PhotoGroup]) -> str:
+    """A group's pattern; with how its names begin, where that alone tells it from others.
+
+    Parameters
+    ----------
+    folder
+        The project folder.
+    group
+        The group.
+    groups
+        All groups of the folder.
+    """
     beside = [
         other
         for other in groups
@@ -205,6 +218,9 @@ def choose_camera(
         What there is to say; the choice is added.
     """
     size = round(float(photos.width_px[0])), round(float(photos.height_px[0]))
+    if chosen is not None and str(chosen) == CAMERA_UNKNOWN:
+        return _unknown_camera(photos, notes)
+    of_photos = chosen is not None and str(chosen) == CAMERA_OF_PHOTOS
     fitting: list[Path] = []
     for path in candidates if chosen is None else ():
         candidate = _relative(folder, path)
@@ -223,13 +239,15 @@ def choose_camera(
             f"{size[0]} x {size[1]}."
         )
         notes.warn("camera-passed-over", text, candidate)
-    name = only_one(folder, "camera", "camera", fitting, chosen)
+    name = None if of_photos else only_one(folder, "camera", "camera", fitting, chosen)
     if name is not None:
         notes.found.append(f"camera: {name}")
         return name
     try:
         camera_of_photos(photos)
     except InputError:
+        if of_photos:
+            raise
         return _unknown_camera(photos, notes)
     notes.found.append("camera: auto, as the photos say which it was (with wide errors)")
     return CAMERA_OF_PHOTOS

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -146,10 +147,10 @@ def _make_files(folder: Path, text: ProjectText) -> list[Path]:
         for path in made:
             with suppress(OSError):
                 path.unlink()
-        raise OutputError(
-            f"{folder}: cannot be written to ({fault.strerror}); copy the photos to a folder of "
-            "your own, or ask for the right to write"
-        ) from fault
+        way = "copy the photos to a folder of your own, or ask for the right to write"
+        if fault.errno == errno.ENOSPC:
+            way = "free some space, and try again"
+        raise OutputError(f"{folder}: cannot be written to ({fault.strerror}); {way}") from fault
     return made
 
 

@@ -6,7 +6,7 @@
 
 /** @typedef {"ellipses" | "residuals" | "predicted" | "labels" | "lines" | "ties"} ShownKind */
 /** @typedef {Record<ShownKind, boolean>} Shown */
-/** @typedef {"measure" | "frames" | "camera"} Tab */
+/** @typedef {"measure" | "results" | "frames" | "camera"} Tab */
 
 /**
  * A length or measurement whose form is open; `was`: its name, where it is there already.
@@ -39,7 +39,8 @@ export class PageState {
     /** @type {AskedPlace | null} */
     this.asked = null;
     this.edits = false; // whether merging, swapping and splitting is unfolded
-    this.lastSigmaM = 0.01; // of a taped length
+    /** @type {number | null} */
+    this.lastSigmaM = null; // of a taped length, where one was entered since the page was opened
     /** @type {Tab} */
     this.tab = "measure";
     /** @type {string | null} */

@@ -1,5 +1,6 @@
 // About the project as a whole: exports, calibration, reading it again.
 
+import { goOn, send } from "../door/server.js";
 import { boardText } from "../panel/camera.js";
 
 /** @import { Answers, Question } from "../connection/protocol.js" */
@@ -8,12 +9,13 @@ import { boardText } from "../panel/camera.js";
 /** @import { PageState } from "./page_state.js" */
 
 export class ProjectActions {
-  /** @param {{ state: PageState, link: Link, notice: Notice, showPanel: () => void }} needs */
-  constructor({ state, link, notice, showPanel }) {
+  /** @param {{ state: PageState, link: Link, notice: Notice, showPanel: () => void, written: () => void }} needs */
+  constructor({ state, link, notice, showPanel, written }) {
     this.state = state;
     this.link = link;
     this.notice = notice;
     this.showPanel = showPanel;
+    this.written = written;
   }
 
   // The answer; none where it is refused, or cannot be had, which is shown.
@@ -33,9 +35,21 @@ export class ProjectActions {
     if (this.state.exporting) return;
     this.state.exporting = true;
     this.showPanel();
-    await this.ask({ t: "export" });
+    const answer = await this.ask({ t: "export" });
     this.state.exporting = false;
-    this.showPanel();
+    if (answer?.outputs) this.written();
+    else this.showPanel();
+  }
+
+  // Save and close the project: the door opens, where folders are chosen or this one is set up.
+  /** @param {"" | "setup"} to */
+  async leave(to) {
+    try {
+      await send(`/door/close?to=${to}`, {});
+      goOn();
+    } catch (fault) {
+      this.notice.fault(fault);
+    }
   }
 
   async listFolders() {

@@ -192,7 +192,7 @@ export class Tools {
   /** @param {string} start @param {string} end */
   askLength(start, end) {
     const name = freeName("L", new Set(this.namesOf("line")));
-    this.ask({ t: "line", start, end, name, sigma_m: this.state.lastSigmaM });
+    this.ask({ t: "line", start, end, name, sigma_m: this.state.lastSigmaM ?? store.readingSigmaM });
   }
 
   /** @param {Entry} entry */

@@ -43,7 +43,12 @@ export interface Predicted { image: number; label: string; pixel_px: [number, nu
 export interface Proposal { image: number; label: string; u_px: number; v_px: number; sigma_px: number; score: number; source: Source; from_image: Maybe; is_sure: boolean } // is_sure: nobody need look at it
 export interface Asked { image: number; label: string; why: string }
 export interface Proposals { labels: string[]; found: Proposal[]; asked: Asked[]; left: number } // all of these labels; left: places to look at
-export interface Outputs { folder: string; files: { name: string; words: string }[]; recording: boolean; version: number | null }
+export interface Outputs { folder: string; files: { name: string; words: string }[]; recording: boolean; version: number | null; stamp: string }
+// What a run wrote, in the words of its report.
+export interface Results {
+  level: "green" | "amber" | "red" | null; headline: string; first: string; others: string[]; scale: string; counts: string; case: [string, string][]; made: string;
+  measurements: { name: string; kind: string; points: string[]; value: string; others: string; interval: string; status: Trust["status"]; words: string }[];
+}
 export interface Folder { id: number; name: string; photos: number; width_px: number; height_px: number }
 export type Calibration = { t: "calibration" } & (
   | { state: "running"; what: string; done: number; total: number }
@@ -103,7 +108,7 @@ export interface ControlLine { name: string; points: string[] } // of known posi
 // Of the survey to play with: the file of what was taped on its scene, and what that says.
 export interface Sample { file: string; text: string }
 export interface InitialState extends Standing {
-  t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null;
+  t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; reading_sigma_m: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null;
   control: string[]; check: string[]; named: string[]; sample: Sample | null; control_lines: ControlLine[]; planned: Planned; expected: Predicted[]; recovered: boolean; messages: Note[];
   state: { picks: Pick[]; repeated: Pair[]; lines: Line[]; measurements: Measurement[] };
   live: FullLive | null; proposals: Proposals; outputs: Outputs; outside: string[]; aside: number | null; calibration: Calibration | null;
@@ -114,7 +119,7 @@ export interface Changed extends Standing {
 export interface Refused { t: "refused"; why: string }
 export type ServerMessage = { seq?: number | null } & (
   | InitialState | Changed | Live | Calibration | Refused | Answers[keyof Answers]
-  | { t: "saved"; version: number; fault: string } | { t: "outside"; files: string[] } | { t: "outputs"; outputs: Outputs } | { t: "proposals" } & Proposals);
+  | { t: "closed" } | { t: "saved"; version: number; fault: string } | { t: "outside"; files: string[] } | { t: "outputs"; outputs: Outputs } | { t: "proposals" } & Proposals);
 
 // From the page: changes of what is picked, and questions.
 

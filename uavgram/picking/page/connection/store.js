@@ -11,6 +11,7 @@ import { useUnits } from "../elements/units.js";
  * @property {Photo[]} photos
  * @property {number} tilePx
  * @property {number} pickSigmaPx
+ * @property {number} readingSigmaM of a taped length, as the project says
  * @property {Camera | null} camera
  * @property {string[]} control
  * @property {string[]} check
@@ -54,6 +55,7 @@ export const store = {
   photos: [],
   tilePx: 0,
   pickSigmaPx: 1,
+  readingSigmaM: 0.01,
   camera: null,
   control: [],
   check: [],
@@ -119,6 +121,7 @@ function begin({ project, units, photos, camera, control, check, named, sample, 
     begun: true, project, photos, camera, control, check, named, sample, recovered, clock, flight, expected, planned, outputs, outside, aside, calibration, lines, measurements,
     tilePx: message.tile_px,
     pickSigmaPx: message.pick_sigma_px,
+    readingSigmaM: message.reading_sigma_m,
     controlLines: message.control_lines,
     opening: message.messages,
     picks: byKey(picks),

@@ -67,3 +67,9 @@ export function choose(group, isChosen, attribute) {
     button.tabIndex = isChosen(button) ? 0 : -1;
   }
 }
+
+/** What a field of a form holds. @param {FormData} form @param {string} name */
+export function textIn(form, name) {
+  const value = form.get(name);
+  return typeof value === "string" ? value.trim() : "";
+}

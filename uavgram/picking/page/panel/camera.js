@@ -2,10 +2,9 @@
 
 import { keyed } from "../connection/key.js";
 import { adjusted, store } from "../connection/store.js";
-import { as, node } from "../elements/dom.js";
+import { as, node, textIn } from "../elements/dom.js";
 import { meaning, SIGMA } from "../elements/numbers.js";
 import { about, fill, keep, list, table, titled } from "../elements/table.js";
-import { textIn } from "./entry.js";
 
 /** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Calibration, Camera, Folder } from "../connection/protocol.js" */
@@ -15,11 +14,11 @@ const DICTIONARIES = [4, 5, 6, 7].flatMap((bits) => [50, 100, 250, 1000].map((si
 /** @param {Element} section @param {Folder[]} folders @param {ProjectActions} project */
 export function showCamera(section, folders, project) {
   const { camera, calibration } = store;
-  if (camera) fill(section, [knownPart(camera), formPart(folders, project), calibration ? keep("calibration", calibration, () => runShown(calibration, project)) : null]);
+  if (camera) fill(section, [knownPart(camera, project), formPart(folders, project), calibration ? keep("calibration", calibration, () => runShown(calibration, project)) : null]);
 }
 
-/** @param {Camera} camera */
-function knownPart(camera) {
+/** @param {Camera} camera @param {ProjectActions} project */
+function knownPart(camera, project) {
   const learnt = (adjusted()?.messages ?? []).filter(({ code }) => code.startsWith("camera-") || code.startsWith("lens-"));
   const all = [...new Map([...camera.messages, ...learnt].map((message) => [message.text, message])).values()];
   return keep("camera", [camera, all], () => {
@@ -28,6 +27,7 @@ function knownPart(camera) {
     return node("div", {}, warnings.length ? titled(`Warnings (${warnings.length})`, list(warnings)) : null,
       titled("Camera", node("p", {}, `${camera.name}: ${camera.width_px} \u00d7 ${camera.height_px} px, `, about(`${camera.model} lens`, meaning(camera.model) ?? ""), camera.file && ` (${camera.file})`),
         ...camera.source.map((line) => node("p", { class: "dim" }, line)),
+        node("p", {}, node("button", { name: "setup", onclick: () => void project.leave("setup") }, "Change camera, mount, tape or case")),
         table("What the lens does", ["parameter", "value", about("\u03c3", SIGMA), about("\u03c3/value", "\u03c3 as a share of the value")], rows)),
       titled("What that means", node("dl", { class: "facts" }, ...camera.facts.flatMap((line) => {
         const [, name, words] = /^(.*?) {2,}(.*)$/.exec(line) ?? ["", "", line];

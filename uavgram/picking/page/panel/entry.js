@@ -1,6 +1,6 @@
 // Forms that ask for what clicks cannot say: a length's reading, a skid's friction, a name.
 
-import { as, fillIfNew, node } from "../elements/dom.js";
+import { as, fillIfNew, node, textIn } from "../elements/dom.js";
 import { meaning } from "../elements/numbers.js";
 import { drop, keep } from "../elements/table.js";
 import { fieldText, fieldUnit, parseLength, understood } from "../elements/units.js";
@@ -108,12 +108,6 @@ export function typedForm() {
   if (!(form instanceof HTMLFormElement)) return null;
   const isTyped = [...form.elements].some((one) => one instanceof HTMLInputElement && one.value !== one.defaultValue);
   return isTyped ? form : null;
-}
-
-/** What a field of a form holds. @param {FormData} form @param {string} name */
-export function textIn(form, name) {
-  const value = form.get(name);
-  return typeof value === "string" ? value.trim() : "";
 }
 
 const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;

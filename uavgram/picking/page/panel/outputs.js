@@ -1,6 +1,5 @@
 // What stands at the foot of the measurements: one click runs the project and writes everything.
 
-import { keyed } from "../connection/key.js";
 import { adjusted, store } from "../connection/store.js";
 import { ageOfNumbers, light } from "../connection/trust.js";
 import { fillIfNew, node } from "../elements/dom.js";
@@ -8,11 +7,6 @@ import { keep } from "../elements/table.js";
 
 /** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Outputs } from "../connection/protocol.js" */
-/** @import { Attribute } from "../elements/dom.js" */
-
-/** @param {string} href @param {string} words @param {Record<string, Attribute>} more */
-const link = (href, words, more = {}) => node("a", { href: keyed(href), ...more }, words);
-const inNewTab = { target: "_blank", rel: "noopener" };
 
 /** @param {Element} foot @param {boolean} exporting @param {() => void} exportAll */
 export function showOutputs(foot, exporting, exportAll) {
@@ -26,8 +20,7 @@ export function showOutputs(foot, exporting, exportAll) {
     node("div", { class: "row" },
       node("button", { name: "export", class: level === "red" ? "unfit" : "main", "data-level": level, disabled: exporting || lost, title: "Save, run the project, write report, tables, drawings and recording (W)", onclick: exportAll },
         exporting ? "Writing\u2026" : words),
-      node("span", { class: "dim", role: "status" }, exporting || lost ? "" : age(outputs, old))),
-    !lost && (outputs.files.length || outputs.recording) ? node("nav", { "aria-label": "Outputs" }, ...links(outputs)) : null));
+      node("span", { class: "dim", role: "status" }, exporting || lost ? "" : age(outputs, old)))));
   if (foot.firstChild !== made) foot.replaceChildren(made);
 }
 
@@ -45,18 +38,6 @@ function writeWords(level) {
 function age(outputs, old) {
   if (!outputs.files.length) return "none yet";
   return old ? "older than what you see" : "up to date";
-}
-
-/** @param {Outputs} outputs */
-function links({ files, recording, folder }) {
-  const [shown, saved] = [files.filter(({ name }) => name.endsWith(".html")), files.filter(({ name }) => !name.endsWith(".html"))];
-  return [
-    ...shown.map(({ name, words }) => link(`/output/${name}`, words, inNewTab)),
-    recording ? link("/recording", "Recording in the Rerun viewer", inNewTab) : null,
-    ...saved.filter(({ name }) => name.endsWith(".csv")).map(({ name, words }) => link(`/output/${name}`, words, { download: name })),
-    files.length ? node("details", {}, node("summary", {}, "More"), node("ul", {}, ...saved.filter(({ name }) => !name.endsWith(".csv")).map(({ name, words }) => node("li", {}, link(`/output/${name}`, words, { download: name })))),
-      node("p", { class: "dim" }, "All in ", node("code", {}, folder))) : null,
-  ];
 }
 
 // What an earlier session could not save, as another program had changed the tables.

@@ -5,6 +5,7 @@ import { showCamera } from "./camera.js";
 import { showFrames } from "./frames.js";
 import { showMeasure } from "./measure.js";
 import { showOutputs, showOutside } from "./outputs.js";
+import { showResults } from "./results.js";
 import { showVerdict } from "./verdict.js";
 
 /** @import { PageState, Tab } from "../actions/page_state.js" */
@@ -14,7 +15,7 @@ import { showVerdict } from "./verdict.js";
 /** @import { SideView } from "./side_view.js" */
 
 /** @type {[Tab, string][]} */
-export const TABS = [["measure", "Measure"], ["frames", "Frames"], ["camera", "Camera"]];
+export const TABS = [["measure", "Measure"], ["frames", "Frames"], ["camera", "Camera"], ["results", "Results"]];
 
 export class Panel {
   /** @param {{ state: PageState, panes: Panes, side: SideView, tools: Tools, project: ProjectActions }} needs */
@@ -31,6 +32,7 @@ export class Panel {
     const section = byId(`tab-${tab}`);
     for (const [name] of TABS) byId(`tab-${name}`).hidden = name !== tab;
     if (tab === "measure") showMeasure(section, this.state, this.panes.active?.image, this.tools, this.side);
+    else if (tab === "results") showResults(section, () => this.show());
     else if (tab === "frames") showFrames(section, (image) => this.panes.active?.show(image), this.panes.active?.image);
     else showCamera(section, this.state.folders ?? [], this.project);
     this.showTrust();
@@ -44,7 +46,7 @@ export class Panel {
 
   showFoot() {
     const { tab, exporting } = this.state;
-    byId("outputs").hidden = tab !== "measure";
+    byId("outputs").hidden = tab !== "measure" && tab !== "results";
     showOutputs(byId("outputs"), exporting, () => void this.project.exportAll());
     showOutside(byId("outside"), this.project);
   }
@@ -52,6 +54,8 @@ export class Panel {
   /** @param {Tab} name */
   setTab(name) {
     this.state.tab = name;
+    document.body.dataset.tab = name;
+    for (const covered of ["panes", "strip"]) byId(covered).inert = name === "results"; // the results lie over them
     choose(byId("tabs"), (button) => button.id === `tab-button-${name}`, "aria-selected");
     if (name === "camera" && !this.state.folders) void this.project.listFolders();
     this.show();

@@ -78,7 +78,7 @@ const markButton = (label, tools) => node("button", {
 /** @param {PlannedLine} line @param {Tools} tools */
 function enter({ name, start, end }, tools) {
   const free = tools.namesOf("line").includes(name) ? "" : name;
-  tools.ask({ t: "line", start, end, name: free, sigma_m: tools.state.lastSigmaM });
+  tools.ask({ t: "line", start, end, name: free, sigma_m: tools.state.lastSigmaM ?? store.readingSigmaM });
 }
 
 /** @param {PlannedLine} line */

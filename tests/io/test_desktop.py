@@ -1,0 +1,94 @@
+"""An icon on the desktop, as each system takes it; the two that are not here by their rules."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from uavgram.errors import UavgramError
+from uavgram.io.desktop import Computer, desktop_folder, write_shortcut
+
+ODD = "/opt/Meine Programme/50% $HOME/bin/python"
+
+
+def computer(home: Path, platform: str, python: str = sys.executable, **environ: str) -> Computer:
+    icon = Path("/icons/icon.svg")
+    return Computer(platform=platform, python=python, icon=icon, home=home, environ=environ)
+
+
+def test_windows_gets_a_batch_file_that_takes_a_dropped_folder(tmp_path: Path) -> None:
+    (path,) = write_shortcut(computer(tmp_path, "win32", r"C:\Prö 100%\python.exe"), tmp_path)
+    assert path.name == "uavgram.cmd"
+    lines = path.read_bytes().decode().split("\r\n")
+    assert lines[1] == "chcp 65001 >nul"  # what follows is UTF-8
+    assert '"C:\\Prö 100%%\\python.exe" -m uavgram %*' in lines
+    assert "\n" not in path.read_bytes().decode().replace("\r\n", "")
+
+
+def test_macos_gets_a_command_that_runs(tmp_path: Path) -> None:
+    (path,) = write_shortcut(computer(tmp_path, "darwin", ODD), tmp_path)
+    assert path.name == "uavgram.command"
+    assert os.access(path, os.X_OK)
+    assert shlex.split(path.read_text().splitlines()[-1]) == ["exec", ODD, "-m", "uavgram"]
+    subprocess.run(["sh", "-n", path], check=True)
+
+
+def exec_of(entry: str) -> str:
+    """The program of an Exec line, unquoted as the desktop entry specification says."""
+    line = next(one for one in entry.splitlines() if one.startswith("Exec="))
+    value = line.removeprefix("Exec=").replace("\\\\", "\\")  # the rule for strings comes first
+    assert value.endswith('" -m uavgram %f')
+    inner = value.removesuffix('" -m uavgram %f').removeprefix('"')
+    for letter in "$`\\":
+        inner = inner.replace(f"\\{letter}", letter)
+    return inner.replace("%%", "%")
+
+
+def test_linux_gets_an_entry_on_the_desktop_and_in_the_menu(tmp_path: Path) -> None:
+    desk = tmp_path / "Schreibtisch"
+    desk.mkdir()
+    on_desk, in_menu = write_shortcut(computer(tmp_path, "linux", ODD), desk)
+    assert on_desk == desk / "uavgram.desktop"
+    assert in_menu == tmp_path / ".local/share/applications/uavgram.desktop"
+    text = on_desk.read_text()
+    assert text == in_menu.read_text()
+    assert text.startswith("[Desktop Entry]\nType=Application\n")
+    assert "Icon=/icons/icon.svg\nTerminal=true\n" in text
+    assert os.access(on_desk, os.X_OK)
+    assert exec_of(text) == ODD
+
+
+def test_the_desktop_is_found_by_its_name_in_the_users_language(tmp_path: Path) -> None:
+    desk = tmp_path / "Schreibtisch"
+    desk.mkdir()
+    (tmp_path / "Desktop").mkdir()
+    (tmp_path / ".config").mkdir()
+    file = tmp_path / ".config" / "user-dirs.dirs"
+    file.write_text('XDG_DESKTOP_DIR="$HOME/Schreibtisch"\n')
+    assert desktop_folder(computer(tmp_path, "linux")) == desk
+    assert desktop_folder(computer(tmp_path, "darwin")) == tmp_path / "Desktop"
+    cloud = tmp_path / "OneDrive"
+    (cloud / "Desktop").mkdir(parents=True)
+    assert desktop_folder(computer(tmp_path, "win32", OneDrive=str(cloud))) == cloud / "Desktop"
+    (tmp_path / "Desktop").rmdir()
+    with pytest.raises(UavgramError, match="name one with --folder"):
+        desktop_folder(computer(tmp_path, "darwin"))
+
+
+def test_what_is_there_already_is_replaced_only_where_it_is_ours(tmp_path: Path) -> None:
+    mac = computer(tmp_path, "darwin")
+    write_shortcut(mac, tmp_path)
+    (path,) = write_shortcut(mac, tmp_path)
+    path.write_text("something else")
+    with pytest.raises(UavgramError, match="no shortcut"):
+        write_shortcut(mac, tmp_path)
+    path.unlink()
+    path.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(UavgramError, match="no shortcut"):
+        write_shortcut(mac, tmp_path)
+    assert not (tmp_path / "elsewhere").exists()

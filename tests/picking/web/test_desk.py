@@ -1,0 +1,195 @@
+"""The door over its protocol: what it lists, what it refuses, and one project after another."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from pick_pages import Entry, Page, browser_of, entry_of, small_project
+from picking_server import Served, served
+
+from uavgram.errors import OutputError
+from uavgram.picking.session.door import LONGEST_REQUEST, Door
+from uavgram.pipeline.new import set_up
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    """Two folders of photos without a project, and one outside."""
+    for name in ("home/first", "home/second", "outside"):
+        small_project(tmp_path / name)
+        (tmp_path / name / "project.yaml").unlink()
+    return tmp_path / "home"
+
+
+@pytest.fixture
+def server(home: Path) -> Iterator[Served]:
+    with served(None, Door(roots=(home,))) as server:
+        yield server
+
+
+@pytest.fixture
+def entry(server: Served) -> Entry:
+    return entry_of(server)
+
+
+@pytest.fixture
+def browser(server: Served, entry: Entry) -> Iterator[httpx.Client]:
+    with browser_of(server, entry) as client:
+        yield client
+
+
+def numbers(browser: httpx.Client) -> dict[str, int]:
+    """Folders of the home by their names."""
+    top = browser.get("/door/folders", params={"folder": ""}).json()
+    inner = browser.get("/door/folders", params={"folder": top["folders"][0]["number"]}).json()
+    return {one["name"]: one["number"] for one in inner["folders"]}
+
+
+def wanted(number: int, **more: object) -> dict[str, object]:
+    return {"folder": number, "setup": {}, **more}
+
+
+ADDRESSES = [
+    "/door/beginning",
+    "/door/folders?folder=",
+    "/door/look?folder=0",
+    "/photo/0/0/0/0.jpg",
+]
+
+
+@pytest.mark.parametrize("address", ADDRESSES)
+def test_the_key_of_the_tab_and_the_cookie_are_both_asked_for(
+    server: Served, entry: Entry, address: str
+) -> None:
+    sign = "&" if "?" in address else "?"
+    with httpx.Client(base_url=server.origin) as other:
+        assert other.get(address).status_code == 403
+        assert other.get(f"{address}{sign}tab={entry.key}").status_code == 403
+        assert other.get(address, headers={"Cookie": entry.cookie}).status_code == 403
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": "http://evil.example"},
+        {"Origin": "null"},
+        {"Sec-Fetch-Site": "same-site", "Sec-Fetch-Mode": "cors"},
+        {"Host": "evil.example"},
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("address", ["/door/begin", "/door/close"])
+def test_another_page_begins_nothing(
+    browser: httpx.Client, home: Path, address: str, headers: dict[str, str]
+) -> None:
+    number = numbers(browser)["first"]
+    browser.get("/door/look", params={"folder": number})
+    assert browser.post(address, json=wanted(number), headers=headers).status_code == 403
+    assert not (home / "first" / "project.yaml").exists()
+
+
+def test_only_what_was_listed_is_looked_into(browser: httpx.Client, home: Path) -> None:
+    known = numbers(browser)
+    for asked in ("", "-1", "99", "../outside", str(home.parent / "outside"), "1e0", "\u00b2"):
+        answer = browser.get("/door/look", params={"folder": asked})
+        assert answer.status_code == 409, asked
+        assert str(home.parent / "outside") not in answer.text
+    found = browser.get("/door/look", params={"folder": known["first"]}).json()
+    assert found["photos"][0]["count"] == 2
+    assert found["cameras"] == [{"name": "camera.yaml", "width_px": 640, "height_px": 480}]
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"camera": "../outside/camera.yaml"},
+        {"camera": "/etc/passwd"},
+        {"log": "../outside/flight.BIN"},
+        {"images": ["../outside/photos/*.jpg"]},
+        {"images": "photos/*.jpg"},
+        {"gcp_list": "/etc/passwd"},
+        {"setup": {"pitch_deg": 1e999}},
+        {"setup": {"pitch_deg": 45}},
+        {"setup": {"pitch_deg": True}},
+        {"setup": {"reading_sigma_m": 0}},
+        {"setup": {"case": {"number": "x" * 1000}}},
+        {"setup": {"case": {"number": "a\nunits: imperial"}}},
+        {"setup": {"units": "furlongs"}},
+        {"setup": []},
+    ],
+    ids=str,
+)
+def test_what_was_not_found_or_cannot_be_is_refused(
+    browser: httpx.Client, home: Path, asked: dict[str, object]
+) -> None:
+    number = numbers(browser)["first"]
+    browser.get("/door/look", params={"folder": number})
+    body = json.dumps(wanted(number, **asked))
+    answer = browser.post("/door/begin", content=body)
+    assert answer.status_code == 409
+    assert answer.json()["why"]
+    assert not (home / "first" / "project.yaml").exists()
+    assert browser.post("/door/begin", content="{").status_code == 409
+    assert browser.post("/door/begin", content=b" " * (LONGEST_REQUEST + 1)).status_code == 413
+
+
+def test_one_project_after_another(
+    browser: httpx.Client, entry: Entry, home: Path, server: Served
+) -> None:
+    known = numbers(browser)
+    assert "door.js" in browser.get("/").text
+    browser.get("/door/look", params={"folder": known["first"]})
+    setup = {"pitch_deg": -45, "units": "imperial", "case": {"number": '7/26: "A"'}}
+    answer = browser.post("/door/begin", json=wanted(known["first"], setup=setup))
+    assert answer.json() == {}
+    text = (home / "first" / "project.yaml").read_text(encoding="utf-8")
+    assert "\n  pitch_deg: -45.0 " in text
+    assert "\nunits: imperial " in text
+    assert "app.js" in browser.get("/").text
+    with Page(server, entry) as page:
+        page.do("place", image=0, label="A", u_px=10, v_px=20)
+        assert browser.post("/door/close").json() == {}
+        page.until("closed")
+    assert "A" in (home / "first" / "picks.csv").read_text()
+    assert "door.js" in browser.get("/").text
+    assert browser.get("/photo/0/thumbnail.jpg").status_code == 404
+    assert not list((home / "first" / "out").glob("*.door"))
+
+    browser.get("/door/look", params={"folder": known["second"]})
+    assert browser.post("/door/begin", json=wanted(known["second"])).json() == {}
+    with Page(server, entry) as page:
+        assert page.initial_state["project"] == "second"
+    recent = browser.get("/door/beginning").json()["recent"]
+    assert [one["name"] for one in recent] == ["second", "first"]
+
+    # Set up anew: what is not asked for stays as it is, comments too.
+    browser.post("/door/close", params={"to": "setup"})
+    begun = browser.get("/door/beginning").json()
+    assert (begun["folder"], begun["is_chosen"]) == (known["second"], True)
+    found = browser.get("/door/look", params={"folder": known["first"]}).json()
+    assert found["has_project"]
+    assert found["setup"]["pitch_deg"] == -45.0
+    assert found["setup"]["case"]["number"] == '7/26: "A"'
+    again = {**found["setup"], "pitch_deg": "auto"}
+    browser.post("/door/begin", json=wanted(known["first"], setup=again))
+    changed = (home / "first" / "project.yaml").read_text(encoding="utf-8")
+    assert changed == text.replace('gimbal: "none"', "gimbal: auto").replace("-45.0", "auto")
+
+
+def test_a_full_disk_is_said_and_leaves_nothing(
+    browser: httpx.Client, home: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, _: str) -> None:
+        raise OutputError(f"{path}: the disk is full; free some space")
+
+    number = numbers(browser)["first"]
+    before = sorted((home / "first").rglob("*"))
+    browser.get("/door/look", params={"folder": number})
+    monkeypatch.setattr(set_up, "replace_text", full)
+    answer = browser.post("/door/begin", json=wanted(number, setup={"pitch_deg": -45}))
+    assert (answer.status_code, "the disk is full" in answer.json()["why"]) == (409, True)
+    assert sorted((home / "first").rglob("*")) == before

@@ -1,0 +1,39 @@
+"""`uavgram shortcut`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from uavgram.cli.application import DONE, app
+from uavgram.cli.terminal import say
+
+
+@app.command
+def shortcut(*, folder: Path | None = None) -> int:
+    """Put an icon on the desktop that opens the page, as `uavgram` alone does.
+
+    On Windows a folder that is dropped on the icon is opened too. On Linux it is put into the menu
+    of programs as well; GNOME shows that alone.
+
+    Parameters
+    ----------
+    folder
+        Where the icon is put, in place of the desktop.
+    """
+    import os
+    import sys
+    from importlib.resources import files
+
+    from uavgram.io.desktop import Computer, desktop_folder, write_shortcut
+
+    computer = Computer(
+        platform=sys.platform,
+        python=sys.executable,
+        icon=Path(str(files("uavgram.picking") / "page" / "icon.svg")),
+        home=Path.home(),
+        environ=os.environ,
+    )
+    written = write_shortcut(computer, desktop_folder(computer) if folder is None else folder)
+    say(f"Icon: {written[0]}", *(f"In the menu of programs: {path}" for path in written[1:]))
+    say("It opens the page; close its window to end the program.")
+    return DONE

@@ -1,0 +1,153 @@
+"""An icon on the desktop that starts the program: a file of the form that each system knows."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import stat
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from uavgram.errors import OutputError, UavgramError
+from uavgram.io.outputs import as_output_errors, replace_bytes
+
+NAME = "uavgram"
+_NO_PYTHON_LETTERS = set('"\r\n')
+
+
+@dataclass(frozen=True, kw_only=True)
+class Computer:
+    """A user's computer.
+
+    Attributes
+    ----------
+    platform
+        As of ``sys.platform``.
+    python
+        The interpreter in which the program is installed.
+    icon
+        A picture of the program.
+    home, environ
+        Of the user.
+    """
+
+    platform: str
+    python: str
+    icon: Path
+    home: Path
+    environ: Mapping[str, str]
+
+
+def desktop_folder(computer: Computer) -> Path:
+    """Find the user's desktop, by the name that the system gives it in its language.
+
+    Raises
+    ------
+    UavgramError
+        There is none.
+    """
+    home, environ = computer.home, computer.environ
+    candidates = [home / "Desktop"]
+    if computer.platform == "win32":
+        moved = environ.get("OneDrive")
+        candidates = [*_of_registry(), *([Path(moved) / "Desktop"] if moved else []), *candidates]
+    elif computer.platform != "darwin":
+        candidates = [*_of_user_dirs(home, environ), *candidates]
+    for folder in candidates:
+        if folder.is_dir() and folder != home:
+            return folder
+    raise UavgramError(
+        "this user has no desktop folder: name one with --folder, such as --folder ~/Desktop"
+    )
+
+
+def _of_registry() -> list[Path]:
+    """The desktop as Windows has it, also where it was moved."""
+    try:
+        import winreg  # noqa: PLC0415 - there on Windows alone
+    except ImportError:
+        return []
+    key = r"Software\Microsoft\Windows\CurrentVersion\Explorer\User Shell Folders"
+    try:
+        with winreg.OpenKey(winreg.HKEY_CURRENT_USER, key) as found:  # type: ignore[attr-defined]
+            value, _ = winreg.QueryValueEx(found, "Desktop")  # type: ignore[attr-defined]
+    except OSError:
+        return []
+    return [Path(os.path.expandvars(str(value)))]
+
+
+def _of_user_dirs(home: Path, environ: Mapping[str, str]) -> list[Path]:
+    """The desktop as freedesktop.org's user-dirs.dirs names it, such as ``$HOME/Schreibtisch``."""
+    file = Path(environ.get("XDG_CONFIG_HOME") or home / ".config") / "user-dirs.dirs"
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return []
+    for line in lines:
+        name, _, value = line.partition("=")
+        if name.strip() == "XDG_DESKTOP_DIR":
+            path = value.strip().strip('"').replace("$HOME", str(home))
+            return [Path(path)]
+    return []
+
+
+def write_shortcut(computer: Computer, folder: Path) -> tuple[Path, ...]:
+    """Write the icon into a folder; return the files, the one in that folder first.
+
+    Raises
+    ------
+    UavgramError
+        A file cannot be written, or the interpreter's path cannot be named in one.
+    """
+    python = computer.python
+    if _NO_PYTHON_LETTERS & set(python):
+        raise UavgramError(f"{python!r}: a path with quotes cannot be named in a shortcut")
+    if computer.platform == "win32":
+        return (_written(folder / f"{NAME}.cmd", _windows(python)),)
+    if computer.platform == "darwin":
+        return (_written(folder / f"{NAME}.command", _macos(python), runs=True),)
+    entry = _freedesktop(python, computer.icon)
+    share = Path(computer.environ.get("XDG_DATA_HOME") or computer.home / ".local" / "share")
+    menu = share / "applications"
+    with as_output_errors(menu):
+        menu.mkdir(parents=True, exist_ok=True)
+    return (
+        _written(folder / f"{NAME}.desktop", entry, runs=True),
+        _written(menu / f"{NAME}.desktop", entry),
+    )
+
+
+def _windows(python: str) -> str:
+    """A batch file; a folder that is dropped on its icon is opened."""
+    said = python.replace("%", "%%")
+    return (
+        "@echo off\r\nchcp 65001 >nul\r\ntitle uavgram - close this window to end it\r\n"
+        f'cd /d "%USERPROFILE%"\r\n"{said}" -m uavgram %*\r\nif errorlevel 1 pause\r\n'
+    )
+
+
+def _macos(python: str) -> str:
+    return f"#!/bin/sh\ncd ~ || exit\nexec {shlex.quote(python)} -m uavgram\n"
+
+
+def _freedesktop(python: str, icon: Path) -> str:
+    """A desktop entry, https://specifications.freedesktop.org/desktop-entry-spec/latest/."""
+    quoted = python.replace("\\", "\\\\\\\\").replace("`", "\\\\`").replace("$", "\\\\$")
+    quoted = quoted.replace("%", "%%")
+    return (
+        "[Desktop Entry]\nType=Application\nVersion=1.0\nName=uavgram\n"
+        "Comment=Ground measurements from a drone's photos\n"
+        f'Exec="{quoted}" -m uavgram %f\nIcon={icon}\nTerminal=true\nPath=\n'
+        "Categories=Graphics;Science;\n"
+    )
+
+
+def _written(path: Path, text: str, *, runs: bool = False) -> Path:
+    """Write a file; one that is a link, or somebody else's, is left alone."""
+    if path.is_symlink() or (path.exists() and b"uavgram" not in path.read_bytes()[:4000]):
+        raise OutputError(f"{path}: is there already, and no shortcut of uavgram: move it away")
+    replace_bytes(path, text.encode())
+    if runs:
+        path.chmod(path.stat().st_mode | stat.S_IXUSR)
+    return path

@@ -1,0 +1,163 @@
+"""Folders of this computer that a page may show: names below the user's home and mounted drives."""
+
+from __future__ import annotations
+
+import os
+import string
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+from uavgram.errors import InputError
+from uavgram.io.photos.files import PHOTO_SUFFIXES
+
+MOST_FOLDERS = 500
+"""Folders of one folder that are listed; of each, so many entries and inner folders are counted."""
+MOST_ENTRIES = 5000
+MOST_INNER = 20
+
+PROJECT, RESULTS = "project.yaml", "results.json"
+_MOUNTS = {"linux": ("/media/{user}", "/run/media/{user}", "/mnt"), "darwin": ("/Volumes",)}
+"""Folders in which a system mounts drives."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Listed:
+    """A folder: what it is called, and what is in it.
+
+    Attributes
+    ----------
+    path
+        Without links.
+    photos
+        Number of photos in it; where there are none, of those in its folders.
+    has_project
+        Whether a project file is there.
+    """
+
+    path: Path
+    photos: int
+    has_project: bool
+
+
+class Browsable:
+    """Folders below a few roots; nothing above them, nothing hidden, and nothing behind a link.
+
+    Parameters
+    ----------
+    roots
+        Such as `home_and_drives()`; those that are not there are left out.
+    """
+
+    def __init__(self, roots: Sequence[Path]) -> None:
+        found = (root.resolve() for root in roots if root.is_dir())
+        self.roots = tuple(dict.fromkeys(found))
+
+    def checked(self, folder: Path) -> Path:
+        """The folder itself, where it may be shown.
+
+        Raises
+        ------
+        InputError
+            It is outside of the roots, hidden, behind a link, gone, or no folder.
+        """
+        root = self.root_of(folder)
+        inside = () if root is None else folder.relative_to(root).parts
+        if root is None or any(part in {os.curdir, os.pardir} for part in folder.parts):
+            raise InputError(folder, "is not one of the folders that this page may show")
+        if any(part.startswith(".") for part in inside) or folder.resolve() != folder:
+            raise InputError(folder, "is hidden or a link: choose the folder that it leads to")
+        if not folder.is_dir():
+            raise InputError(folder, "is not there any more: choose another folder")
+        return folder
+
+    def root_of(self, folder: Path) -> Path | None:
+        """The innermost root that holds the folder; None where there is none."""
+        holding = [root for root in self.roots if folder.is_relative_to(root)]
+        return max(holding, key=lambda root: len(root.parts), default=None)
+
+    def folders_in(self, folder: Path) -> tuple[Listed, ...]:
+        """Folders in a folder by their names, without those that are hidden or links.
+
+        Raises
+        ------
+        InputError
+            It may not be shown, or cannot be read.
+        """
+        try:
+            inner = _folders(self.checked(folder))
+        except OSError as fault:
+            raise InputError(
+                folder,
+                f"cannot be read ({fault.strerror}): choose another folder, or ask who looks after "
+                "this computer for the right to read it",
+            ) from fault
+        return tuple(look_into(path) for path in inner)
+
+
+def look_into(folder: Path) -> Listed:
+    """Count the photos of a folder, or of those in it; what cannot be read holds none."""
+    names = _names(folder)
+    photos = _photos(names)
+    if not photos:
+        try:
+            inner = [_names(one) for one in _folders(folder)[:MOST_INNER]]
+        except OSError:
+            inner = []
+        photos = sum(_photos(one) for one in inner if RESULTS not in one)
+    return Listed(path=folder, photos=photos, has_project=PROJECT in names)
+
+
+def _names(folder: Path) -> list[str]:
+    try:
+        with os.scandir(folder) as entries:
+            return [entry.name for entry in islice(entries, MOST_ENTRIES)]
+    except OSError:
+        return []
+
+
+def _photos(names: list[str]) -> int:
+    return sum(not name.startswith(".") and name.lower().endswith(PHOTO_SUFFIXES) for name in names)
+
+
+def _folders(folder: Path) -> list[Path]:
+    with os.scandir(folder) as entries:
+        inner = (
+            Path(entry.path)
+            for entry in entries
+            if not entry.name.startswith((".", "$")) and entry.is_dir(follow_symlinks=False)
+        )
+        found = list(islice(inner, MOST_FOLDERS))
+    return sorted(found, key=lambda path: path.name.lower())
+
+
+def home_and_drives(
+    platform: str = sys.platform, environ: Mapping[str, str] = os.environ
+) -> tuple[Path, ...]:
+    """The user's home, and drives that are mounted: memory cards, disks, shares.
+
+    Parameters
+    ----------
+    platform, environ
+        Of the computer.
+    """
+    return Path.home(), *_drives(platform, environ)
+
+
+def _drives(platform: str, environ: Mapping[str, str]) -> Iterator[Path]:
+    if platform == "win32":
+        drives = (Path(f"{letter}:\\") for letter in string.ascii_uppercase)
+        yield from (drive for drive in drives if drive.exists())
+        return
+    user = environ.get("USER", "")
+    for pattern in _MOUNTS.get(platform, ()):
+        mounts = Path(pattern.format(user=user))
+        if "{user}" in pattern and not user:
+            continue
+        try:
+            inner = sorted(path for path in mounts.iterdir() if not path.is_symlink())
+        except OSError:
+            continue
+        yield from (path for path in inner if path.is_dir())

@@ -1,0 +1,89 @@
+// The door: a folder of this computer becomes a project, and its page opens.
+
+import { byId } from "../elements/dom.js";
+import { showFolders } from "./folders.js";
+import { find, goOn, send } from "./server.js";
+import { showSetup } from "./setup.js";
+
+/** @import { Beginning, Folders, Found, Listed, Wanted } from "./protocol.js" */
+
+const SECTIONS = /** @type {const} */ (["folders", "setup"]);
+
+class Door {
+  constructor() {
+    /** @type {Listed[]} */
+    this.recent = [];
+    /** @type {number | null} */
+    this.at = null; // the folder whose folders are listed
+    void this.begin();
+  }
+
+  async begin() {
+    await this.doing("Looking\u2026", async () => {
+      const { folder, is_chosen, recent } = /** @type {Beginning} */ (await find("/door/beginning"));
+      this.recent = recent;
+      this.at = folder;
+      if (is_chosen && folder !== null) await this.look(folder);
+      else await this.list(folder);
+    });
+  }
+
+  /** @param {number | null} number */
+  async list(number) {
+    const shown = /** @type {Folders} */ (await find(`/door/folders?folder=${number ?? ""}`));
+    this.at = number;
+    showFolders(byId("folders"), shown, this.recent, {
+      list: (inner) => void this.doing("Looking\u2026", () => this.list(inner)),
+      use: (inner) => void this.doing("Looking through the folder\u2026", () => this.look(inner)),
+      open: (inner) => void this.doing("Reading photos and log\u2026", async () => { await send("/door/begin", { folder: inner }); goOn(); }),
+    });
+    this.show("folders");
+  }
+
+  /** @param {number} number */
+  async look(number) {
+    const found = /** @type {Found} */ (await find(`/door/look?folder=${number}`));
+    showSetup(byId("setup"), found, {
+      begin: (/** @type {Wanted} */ wanted) => void this.doing("Reading photos and log\u2026", async () => { await send("/door/begin", wanted); goOn(); }),
+      back: () => void this.doing("Looking\u2026", () => this.list(this.at)),
+      wrong: (why) => this.trouble(why),
+    });
+    this.show("setup");
+    document.getElementById("setup-title")?.focus();
+  }
+
+  /** @param {typeof SECTIONS[number]} name */
+  show(name) {
+    for (const one of SECTIONS) byId(one).hidden = one !== name;
+    for (const one of SECTIONS) byId(`at-${one === "folders" ? "folder" : one}`).ariaCurrent = one === name ? "step" : "false";
+    window.scrollTo(0, 0);
+  }
+
+  // One thing at a time: what takes long is said, and what goes wrong.
+  /** @param {string} words @param {() => Promise<void>} act */
+  async doing(words, act) {
+    if (document.body.ariaBusy === "true") return;
+    document.body.ariaBusy = "true";
+    this.trouble("");
+    byId("busy").textContent = words;
+    byId("busy").hidden = false;
+    try {
+      await act();
+    } catch (fault) {
+      this.trouble(fault instanceof Error ? fault.message : "that failed");
+      if (SECTIONS.every((one) => byId(one).hidden)) await this.list(null).catch(() => null);
+    }
+    byId("busy").hidden = true;
+    document.body.ariaBusy = "false";
+  }
+
+  /** @param {string} why */
+  trouble(why) {
+    const box = byId("trouble");
+    box.textContent = why;
+    box.hidden = !why;
+    if (why) box.scrollIntoView({ block: "nearest" });
+  }
+}
+
+new Door();

@@ -1,0 +1,39 @@
+// Which folder holds the photos: names alone, below the home and the drives of this computer.
+
+import { shape, node } from "../elements/dom.js";
+
+/** @import { Folders, Listed } from "./protocol.js" */
+
+const FOLDER = "M1 3.5h5l1.5 2H15v8H1z";
+const folderIcon = () => shape("svg", { class: "folder", viewBox: "0 0 16 16", width: 18, height: 18, "aria-hidden": "true" }, shape("path", { d: FOLDER }));
+
+/** @param {number} count */
+const photosText = (count) => `${count} photo${count === 1 ? "" : "s"}`;
+
+/**
+ * @param {Element} section @param {Folders} shown @param {Listed[]} recent
+ * @param {{ list: (number: number | null) => void, use: (number: number) => void, open: (number: number) => void }} act
+ */
+export function showFolders(section, shown, recent, act) {
+  const { number, way, photos, folders } = shown;
+  section.replaceChildren(
+    node("h2", { id: "folders-title" }, "Which folder holds the photos?"),
+    node("p", { class: "dim" }, "Copy the photos from the drone's memory card to this computer first, with the flight log if there is one. Nothing here leaves the computer."),
+    recent.length ? node("div", { class: "recent" }, node("h3", {}, "Opened before"), node("ul", { class: "folders", "aria-label": "Opened before" }, ...recent.map((one) => row(one, act)))) : "",
+    node("nav", { class: "crumbs", "aria-label": "Where you are" }, crumb("This computer", number === null, () => act.list(null)),
+      ...way.map((one, k) => crumb(one.name, k === way.length - 1, () => act.list(one.number)))),
+    number === null ? "" : node("div", { class: "here" },
+      node("span", {}, photos ? `${photosText(photos)} here` : "No photos seen here"),
+      node("button", { name: "use", class: photos || shown.has_project ? "main" : "", onclick: () => act.use(number) }, photos || shown.has_project ? "Use this folder" : "Look through all its folders")),
+    folders.length ? node("ul", { class: "folders", "aria-label": "Folders" }, ...folders.map((one) => row(one, act))) : node("p", { class: "dim" }, "No folders in it."));
+}
+
+/** @param {string} words @param {boolean} isHere @param {() => void} go */
+const crumb = (words, isHere, go) => node("button", { class: "link", ...(isHere ? { "aria-current": "location" } : {}), onclick: go }, words);
+
+/** @param {Listed} one @param {{ list: (number: number | null) => void, use: (number: number) => void, open: (number: number) => void }} act */
+function row({ number, name, photos, has_project }, act) {
+  const holds = [photos ? photosText(photos) : "", has_project ? "project" : ""].filter(Boolean).join(", ");
+  return node("li", {}, node("button", { class: "into", name: "into", title: name, onclick: () => act.list(number) }, folderIcon(), node("span", {}, name), node("span", { class: "dim" }, holds)),
+    has_project ? node("button", { name: "open", "aria-label": `Open ${name}`, onclick: () => act.open(number) }, "Open") : photos ? node("button", { name: "use", "aria-label": `Use ${name}`, onclick: () => act.use(number) }, "Use") : null);
+}

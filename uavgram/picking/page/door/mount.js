@@ -1,0 +1,68 @@
+// How did the camera hang? Small drawings: a drone from its side, flying to the right, over the ground.
+
+import { node, shape, textIn } from "../elements/dom.js";
+
+/** @import { Found } from "./protocol.js" */
+
+const OTHER = "other";
+const AT = /** @type {const} */ ([44, 30]); // the camera
+const [REACH, HALF_VIEW_DEG] = [44, 22];
+
+/** @type {[string, string, string][]} value, words, what is meant */
+const WAYS = [
+  ["auto", "As recorded", ""],
+  ["-90", "Straight down", "fixed, looking at the ground below"],
+  ["-45", "45\u00b0 down", "fixed, looking forward and down"],
+  ["0", "Forward", "fixed, looking at the horizon"],
+  [OTHER, "Another angle", ""],
+];
+
+/** @param {number} deg below the horizon @param {number} reach */
+const ray = (deg, reach) => {
+  const turn = (deg * Math.PI) / 180;
+  return `${(AT[0] + reach * Math.cos(turn)).toFixed(1)} ${(AT[1] + reach * Math.sin(turn)).toFixed(1)}`;
+};
+
+/** @param {string} way */
+function drawing(way) {
+  const deg = way === "auto" ? null : way === OTHER ? 65 : -Number(way);
+  const drone = "M22 20h44M22 20v-6M66 20v-6M14 14h16M58 14h16M36 20l4 6h8l4-6";
+  /** @type {Node[]} */
+  const seen = deg === null
+    ? [90, 45, 5].map((one) => shape("path", { class: "ray", d: `M${AT.join(" ")}L${ray(one, REACH)}` }))
+    : [shape("path", { class: "view", d: `M${AT.join(" ")}L${ray(deg - HALF_VIEW_DEG, REACH)}L${ray(deg + HALF_VIEW_DEG, REACH)}z` }), shape("path", { class: "ray", d: `M${AT.join(" ")}L${ray(deg, REACH + 6)}` })];
+  return shape("svg", { class: "hang", viewBox: "0 0 112 84", "aria-hidden": "true" },
+    shape("path", { class: "ground", d: "M2 78h108M8 78l-4 5M28 78l-4 5M48 78l-4 5M68 78l-4 5M88 78l-4 5M108 78l-4 5" }), ...seen, shape("path", { class: "drone", d: drone }), shape("circle", { class: "lens", cx: AT[0], cy: AT[1], r: 4 }));
+}
+
+// What is recorded, as far as the files say before they are read.
+/** @param {Found} found @param {number | null} looks */
+function recorded({ logs }, looks) {
+  if (looks !== null) return `the photos say ${Math.round(looks)}\u00b0 below the horizon`;
+  return logs.length ? "by a gimbal, in the log; straight down where it says nothing" : "in log or photos: nothing is";
+}
+
+/** @param {Found} found @param {number | null} looks how far below the horizon, as the photos say */
+export function mountPart(found, looks) {
+  const set = `${found.setup.pitch_deg}`;
+  const chosen = WAYS.some(([value]) => value === set) ? set : OTHER;
+  const deg = node("input", { name: "pitch_below", inputmode: "decimal", autocomplete: "off", value: chosen === OTHER ? -Number(set) : "", "aria-label": "Degrees below the horizon", size: 4 });
+  const isPlaced = found.logs.length + found.poses.length > 0 || looks !== null || found.has_project;
+  const part = node("fieldset", { class: "mount" }, node("legend", {}, "How did the camera hang?"),
+    isPlaced ? null : node("p", { class: "dim" }, "There is no flight log, and the photos do not say how they were taken: the lengths on the ground place them, and this makes no difference."),
+    node("div", { class: "ways" }, ...WAYS.map(([value, words, meant]) => node("label", { class: "way-of" },
+      node("input", { type: "radio", name: "pitch", value, checked: value === chosen }), drawing(value), node("b", {}, words),
+      value === OTHER ? node("span", { class: "dim" }, deg, "\u00b0 below the horizon") : node("span", { class: "dim" }, value === "auto" ? recorded(found, looks) : meant)))));
+  deg.addEventListener("input", () => { for (const one of part.querySelectorAll("input")) if (one.value === OTHER) one.checked = true; });
+  return part;
+}
+
+/** The angle that a form holds: degrees above the horizon. @param {FormData} form @returns {number | "auto"} */
+export function pitchIn(form) {
+  const way = textIn(form, "pitch");
+  if (way !== OTHER) return way === "auto" ? "auto" : Number(way);
+  const written = textIn(form, "pitch_below");
+  const deg = Number(written.replace(",", "."));
+  if (!written || Number.isNaN(deg)) throw new Error("Another angle: say how many degrees below the horizon, such as 60.");
+  return -deg;
+}

@@ -1,0 +1,24 @@
+// Questions to the server, and what it refuses in words.
+
+import { keyed, leaveIfRefused } from "../connection/key.js";
+
+const GONE = "The program does not answer. Start uavgram again, and open the address that it prints.";
+
+/** Where no project is open this page is the door, else the project's: the server knows. */
+export const goOn = () => { location.replace("/"); };
+
+/** @template T @param {string} address @returns {Promise<T>} */
+export const find = (address) => answered(fetch(keyed(address)));
+
+/** @param {string} address @param {unknown} body */
+export const send = (address, body) => answered(fetch(keyed(address), { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) }));
+
+/** @template T @param {Promise<Response>} asked @returns {Promise<T>} */
+async function answered(asked) {
+  const answer = await asked.catch(() => { throw new Error(GONE); });
+  if (answer.status === 403) await leaveIfRefused();
+  /** @type {unknown} */
+  const said = await answer.json().catch(() => ({}));
+  if (!answer.ok) throw new Error(/** @type {{ why?: string }} */ (said).why ?? "The program failed; its window says where.");
+  return /** @type {T} */ (said);
+}

@@ -1,0 +1,61 @@
+"""What a run wrote, as the page's results show it: the words of the report's first page."""
+
+from __future__ import annotations
+
+from uavgram.model.case import case_from_options
+from uavgram.model.result.result import Result
+from uavgram.picking.protocol.encode_survey import Json
+from uavgram.views.survey.verdict import (
+    headline,
+    reason_sentence,
+    status_text,
+    verdict_words,
+)
+from uavgram.views.unit_words import exact_lengths, in_units, names_like_lengths
+from uavgram.views.units import units_of
+from uavgram.views.wording import measurement_text, shapes_first
+
+
+def results_json(result: Result) -> Json:
+    """Verdict, measurements and case of a result, in the units of its project."""
+    words, units = verdict_words(result), units_of(result)
+    keep, exact = names_like_lengths(result), exact_lengths(result)
+
+    def told(text: str) -> str:
+        return in_units(text, units, keep, exact)
+
+    rows = result.measurements
+    return {
+        "level": words.level,
+        "headline": told(headline(result)),
+        "first": told(reason_sentence(words.reasons[0])) if words.reasons else "",
+        "others": [told(reason.text) for reason in words.reasons[1:]],
+        "scale": told(words.scale),
+        "counts": words.counts,
+        "case": [list(pair) for pair in case_from_options(result.provenance.options)],
+        "made": result.provenance.created_utc,
+        "measurements": [
+            {
+                "name": text.name,
+                "kind": text.kind,
+                "points": list(text.points),
+                "value": text.value,
+                "others": text.others,
+                "interval": text.interval,
+                "status": rows.status[k],
+                "words": status_text(rows, k),
+            }
+            for k in map(int, shapes_first(rows))
+            for text in [measurement_text(rows, k, units)]
+        ],
+    }
+
+
+def plan_in(report: bytes) -> bytes | None:
+    """The plan on the first page of a report, as a drawing of its own; None where there is none."""
+    begin = report.find(b'<svg class="drawing"')
+    end = report.find(b"</svg>", begin)
+    if begin < 0 or end < 0:
+        return None
+    name = b'<svg xmlns="http://www.w3.org/2000/svg"'
+    return name + report[begin + len(b"<svg") : end] + b"</svg>"

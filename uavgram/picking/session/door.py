@@ -1,0 +1,284 @@
+"""Where a page begins: a folder of this computer is chosen, looked through, and set up.
+
+The page names a folder by the number under which it was listed, and files in it by the names that
+were found there: never by a path.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any, NoReturn
+
+from uavgram.errors import InputError
+from uavgram.imaging.photos.preview import read_preview
+from uavgram.io.discovery.browse import Browsable, Listed, home_and_drives, look_into
+from uavgram.io.own_files import check_inside
+from uavgram.model.limits import LONGEST_NAME, sigma_fault, unshowable
+from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
+from uavgram.model.units import SHORT_FORMS
+from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.protocol.encode_survey import Json
+from uavgram.pipeline.new.choices import PROJECT, Choices
+from uavgram.pipeline.new.set_up import CASE, FoundInFolder, Setup, Wanted, look_through, set_up
+
+LONGEST_REQUEST = 100_000
+MOST_RECENT = 8
+PREVIEW_PX = 512
+
+
+class Door:
+    """Folders that may be chosen, by their numbers, and what was found in them.
+
+    Parameters
+    ----------
+    named
+        A folder that the user named in the terminal; None: none.
+    roots
+        Whose folders may be listed.
+    """
+
+    def __init__(self, named: Path | None = None, roots: Sequence[Path] | None = None) -> None:
+        known = home_and_drives() if roots is None else roots
+        self._folders = Browsable(known if named is None else (*known, named))
+        self._named = None if named is None else named.resolve()
+        self._numbers: dict[Path, int] = {}
+        self._found: dict[Path, FoundInFolder] = {}
+        self._recent: list[Path] = []
+
+    def beginning(self) -> Json:
+        """Where a page begins: a folder that is set up at once, or where folders are chosen."""
+        chosen = self._named if self._named is not None else self._present()
+        return {
+            "folder": None if chosen is None else self._number(chosen),
+            "is_chosen": self._named is not None,
+            "recent": [self._listed(look_into(path)) for path in self._recent if path.is_dir()],
+        }
+
+    def _present(self) -> Path | None:
+        """The folder in which the program was started, or the home; None where it is neither."""
+        for path in (Path.cwd(), *self._folders.roots[:1]):
+            try:
+                return self._folders.checked(path.resolve())
+            except (InputError, OSError):
+                continue
+        return None
+
+    def remember(self, project: Path) -> None:
+        """List a project's folder among those that were opened; begin with no other one."""
+        self._named = None
+        folder = project.resolve().parent
+        self._recent = [folder, *(one for one in self._recent if one != folder)][:MOST_RECENT]
+        if self._folders.root_of(folder) is None:
+            self._folders = Browsable((*self._folders.roots, folder))
+
+    def choose(self, folder: Path) -> None:
+        """Begin with this folder."""
+        self._named = folder.resolve()
+
+    def listed(self, number: str) -> Json:
+        """Folders in a folder, and the way to it; empty: where folders begin.
+
+        Raises
+        ------
+        UavgramError
+            It may not be shown, or cannot be read.
+        """
+        if not number:
+            return {
+                "number": None,
+                "way": [],
+                "photos": 0,
+                "has_project": False,
+                "folders": [self._listed(look_into(root)) for root in self._folders.roots],
+            }
+        folder = self._folder(number)
+        root = self._folders.root_of(folder) or folder
+        way = [folder, *(one for one in folder.parents if one.is_relative_to(root))][::-1]
+        own = look_into(folder)
+        return {
+            "number": self._number(folder),
+            "way": [{"number": self._number(one), "name": self._name(one)} for one in way],
+            "photos": own.photos,
+            "has_project": own.has_project,
+            "folders": [self._listed(one) for one in self._folders.folders_in(folder)],
+        }
+
+    def looked(self, number: str) -> Json:
+        """What a folder holds for a project.
+
+        Raises
+        ------
+        UavgramError
+            It may not be shown, cannot be read, or holds too much.
+        """
+        folder = self._folder(number)
+        found = self._found[folder] = look_through(folder)
+        setup = asdict(found.setup)
+        units = {units: word for word, units in SHORT_FORMS.items()}.get(found.setup.units, "")
+        setup |= {"units": units, "case": {key: getattr(found.setup.case, key) for key in CASE}}
+        return {
+            "number": self._number(folder),
+            "name": self._name(folder),
+            "path": str(folder),
+            **asdict(found),
+            "setup": setup,
+        }
+
+    def picture(self, number: str, group: str) -> bytes:
+        """JPEG of the first photo of a kind that was found.
+
+        Raises
+        ------
+        UavgramError
+            There is none, or it cannot be read.
+        """
+        folder = self._folder(number)
+        found = self._found.get(folder)
+        if found is None or not group.isdecimal() or int(group) >= len(found.photos[:1000]):
+            raise RefusedError("there are no such photos")
+        chosen = found.photos[int(group)]
+        path = folder / Path(chosen.pattern).parent / chosen.example
+        check_inside(path, folder, str(path))
+        return read_preview(str(path), PREVIEW_PX)[0].jpeg
+
+    def begin(self, request: bytes) -> Path:
+        """Set up a project as a page asks for it; return its file.
+
+        Raises
+        ------
+        UavgramError
+            The request asks for what was not found, the photos cannot be used as they are, or
+            nothing can be written.
+        """
+        fields = _object(request)
+        folder = self._folder(str(fields.get("folder", "")))
+        found = self._found.get(folder)
+        if fields.get("setup") is None:  # as it is
+            if not (folder / PROJECT).is_file():
+                raise RefusedError("the folder has no project yet: look through it first")
+            return folder / PROJECT
+        if found is None:
+            raise RefusedError("the folder was not looked through: choose it again")
+        return set_up(folder, _wanted(fields, found))
+
+    def _folder(self, number: str) -> Path:
+        if number.isdecimal():
+            for folder, own in self._numbers.items():
+                if own == int(number[:12]):
+                    return self._folders.checked(folder)
+        raise RefusedError("there is no such folder")
+
+    def _number(self, folder: Path) -> int:
+        return self._numbers.setdefault(folder, len(self._numbers))
+
+    def _name(self, folder: Path) -> str:
+        if folder == Path.home().resolve():
+            return "Home"
+        return folder.name or str(folder)
+
+    def _listed(self, one: Listed) -> Json:
+        return {
+            "number": self._number(one.path),
+            "name": self._name(one.path),
+            "photos": one.photos,
+            "has_project": one.has_project,
+        }
+
+
+def _object(request: bytes) -> dict[str, Any]:
+    try:
+        fields = json.loads(request, parse_constant=_no_number)
+    except (ValueError, RecursionError):
+        raise RefusedError("the request is not JSON") from None
+    if not isinstance(fields, dict):
+        raise RefusedError("the request is not an object")
+    return fields
+
+
+def _no_number(text: str) -> NoReturn:
+    raise RefusedError(f"{text} is no number")
+
+
+def _wanted(fields: dict[str, Any], found: FoundInFolder) -> Wanted:
+    """What a page asks for, where all that it names was found."""
+    patterns = [photos.pattern for photos in found.photos]
+    images = fields.get("images", [])
+    if not isinstance(images, list) or not all(one in patterns for one in images):
+        raise RefusedError("these photos were not found: choose the folder again")
+    files = {
+        "log": found.logs,
+        "poses": found.poses,
+        "camera": (
+            *(camera.name for camera in found.cameras),
+            *(CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, found.camera or ""),
+        ),
+        "gcp_list": found.gcp_lists,
+    }
+    named: dict[str, str | None] = {}
+    for key, names in files.items():
+        named[key] = fields.get(key) or None
+        if named[key] is not None and named[key] not in names:
+            raise RefusedError(f"{key}: {str(named[key])[:80]!r} was not found in the folder")
+    paths = {key: None if (name := named[key]) is None else Path(name) for key in named}
+    return Wanted(
+        choices=Choices(
+            images=tuple(images), log=paths["log"], camera=paths["camera"], poses=paths["poses"]
+        ),
+        setup=_setup(fields["setup"], found.setup),
+        gcp_list=named["gcp_list"],
+        gcp_sigma_m=_sigma(fields.get("gcp_sigma_m", 0.02), "how well points are known"),
+    )
+
+
+def _setup(said: object, before: Setup) -> Setup:
+    if not isinstance(said, dict):
+        raise RefusedError("the set-up is not an object")
+    units, case = said.get("units"), said.get("case", {})
+    if not isinstance(case, dict):
+        raise RefusedError("the case is not an object")
+    if units and units not in SHORT_FORMS:
+        raise RefusedError("units are metric or imperial")
+    texts: dict[str, Any] = {key: _text(case.get(key, ""), key) for key in CASE}
+    return Setup(
+        pitch_deg=_pitch(said.get("pitch_deg", "auto")),
+        reading_sigma_m=_sigma(said.get("reading_sigma_m", 0.01), "how well the tape is read"),
+        units=SHORT_FORMS[units] if units else before.units,
+        case=replace(before.case, **texts),
+    )
+
+
+def _pitch(said: object) -> float | Auto:
+    if said == "auto":
+        return "auto"
+    value = _number(said, "the camera's angle")
+    if not -90.0 <= value <= 30.0:
+        raise RefusedError(
+            f"The camera's angle: {-value:g} degrees below the horizon is not possible. Straight "
+            "down is 90, forward is 0."
+        )
+    return value
+
+
+def _sigma(said: object, what: str) -> float:
+    value = _number(said, what)
+    if fault := sigma_fault(value):
+        raise RefusedError(f"{what} {fault}")
+    return value
+
+
+def _number(said: object, what: str) -> float:
+    if isinstance(said, bool) or not isinstance(said, int | float) or not math.isfinite(said):
+        raise RefusedError(f"{what} is no number")
+    return float(said)
+
+
+def _text(said: object, what: str) -> str:
+    if not isinstance(said, str) or len(said) > LONGEST_NAME:
+        raise RefusedError(f"{what}: at most {LONGEST_NAME} letters")
+    if fault := unshowable(said):
+        raise RefusedError(f"{what} holds {fault}")
+    return said.strip()

@@ -1,0 +1,187 @@
+"""What one server shows: the door at which a folder is chosen, or the project that is open."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import AsyncIterator, Callable
+from functools import partial
+from pathlib import Path
+
+from anyio import to_thread
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from uavgram.errors import UavgramError
+from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.protocol.encode_survey import Json
+from uavgram.picking.session.door import LONGEST_REQUEST, Door
+from uavgram.picking.storage.tables import Tables
+from uavgram.picking.web import running
+from uavgram.picking.web.routes import page_routes
+from uavgram.picking.web.server import PickServer
+from uavgram.pipeline.pick.live import LiveSurvey
+
+log = logging.getLogger(__name__)
+
+RunProject = Callable[[Path], object]
+
+TOO_LONG, CANNOT = 413, 409
+
+
+class Desk:
+    """Opens projects one after another, and shows the door where none is open.
+
+    Parameters
+    ----------
+    run
+        Runs a project from its files and writes its outputs.
+    door
+        Where folders are chosen.
+    project
+        The project that is open at first; None: none.
+
+    Attributes
+    ----------
+    pick
+        Of the open project; None: none is open.
+    at
+        Where this server listens, for other processes; left in the outputs of what is open.
+
+    Raises
+    ------
+    UavgramError
+        The project cannot be read, or is open elsewhere.
+    """
+
+    def __init__(self, run: RunProject, door: Door, project: Path | None = None) -> None:
+        self._run, self.door = run, door
+        self.at: running.Door | None = None
+        self.pick = None if project is None else self._read(project)
+        self._routes: ASGIApp | None = None
+        self._left = contextlib.ExitStack()
+        self._changing = asyncio.Lock()
+
+    def _read(self, project: Path) -> PickServer:
+        survey = LiveSurvey.open(project)
+        saver = Tables(survey.inputs)
+        return PickServer(survey, saver, partial(self._run, Path(survey.inputs.project_path)))
+
+    def application(self, announce: Callable[[], None] = lambda: None) -> Starlette:
+        """The application; `announce` is called when it is ready."""
+
+        @contextlib.asynccontextmanager
+        async def life(_: Starlette) -> AsyncIterator[None]:
+            if self.pick is not None:
+                self._show(self.pick)
+            announce()
+            yield
+            await self._close(waits=False)
+
+        shown = Starlette(
+            routes=[
+                *page_routes(lambda: "door.html" if self.pick is None else "index.html"),
+                Route("/door/beginning", self._beginning),
+                Route("/door/folders", self._folders),
+                Route("/door/look", self._look),
+                Route("/door/picture.jpg", self._picture),
+                Route("/door/begin", self._begin, methods=["POST"]),
+                Route("/door/close", self._leave, methods=["POST"]),
+            ],
+            lifespan=life,
+        )
+        shown.router.default = self._of_project
+        return shown
+
+    async def _of_project(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """What only an open project has."""
+        if self._routes is not None:
+            await self._routes(scope, receive, send)
+        elif scope["type"] == "websocket":
+            await send({"type": "websocket.close", "code": 1013, "reason": "no project is open"})
+        else:
+            await Response(status_code=404)(scope, receive, send)
+
+    def _show(self, pick: PickServer) -> None:
+        self.pick, self._routes = pick, Starlette(routes=pick.routes())
+        pick.begin()
+        self.door.remember(pick.path)
+        if self.at is not None:
+            self._left.enter_context(running.left_in(pick.project.outputs.folder, self.at))
+
+    async def _close(self, *, waits: bool = True) -> None:
+        pick, self.pick, self._routes = self.pick, None, None
+        if pick is not None:
+            try:
+                await pick.end(waits=waits)
+            finally:
+                self._left.close()
+
+    def let_go(self) -> None:
+        """Let go of a project that was never shown."""
+        if self.pick is not None:
+            self.pick.picking.let_go()
+
+    async def _beginning(self, _: Request) -> Response:
+        return await _answered(self.door.beginning)
+
+    async def _folders(self, request: Request) -> Response:
+        return await _answered(self.door.listed, request.query_params.get("folder", ""))
+
+    async def _look(self, request: Request) -> Response:
+        return await _answered(self.door.looked, request.query_params.get("folder", ""))
+
+    async def _picture(self, request: Request) -> Response:
+        folder, group = (request.query_params.get(key, "") for key in ("folder", "group"))
+        try:
+            jpeg = await to_thread.run_sync(self.door.picture, folder, group)
+        except UavgramError as why:
+            return JSONResponse({"why": str(why)}, 404)
+        return Response(jpeg, media_type="image/jpeg", headers={"cache-control": "no-store"})
+
+    async def _begin(self, request: Request) -> Response:
+        """Set a project up and open it; the one that is open is saved and closed before."""
+        body = b""
+        async for part in request.stream():
+            body += part
+            if len(body) > LONGEST_REQUEST:
+                return JSONResponse({"why": "the request is too long"}, TOO_LONG)
+        async with self._changing:
+            try:
+                project = await to_thread.run_sync(self.door.begin, body)
+                if self.pick is not None and self.pick.path == project.resolve():
+                    return JSONResponse({})
+                pick = await to_thread.run_sync(self._read, project)
+            except UavgramError as why:
+                return _refused(why)
+            await self._close()
+            self._show(pick)
+        return JSONResponse({})
+
+    async def _leave(self, request: Request) -> Response:
+        """Save and close the project that is open; the page goes to the door."""
+        async with self._changing:
+            if self.pick is not None:
+                if request.query_params.get("to") == "setup":
+                    self.door.choose(self.pick.path.parent)
+                fault = self.pick.unsaved()
+                if fault:
+                    return _refused(RefusedError(f"The project stays open: {fault}"))
+                await self._close()
+        return JSONResponse({})
+
+
+async def _answered(find: Callable[..., Json], *arguments: str) -> Response:
+    try:
+        return JSONResponse(await to_thread.run_sync(find, *arguments))
+    except UavgramError as why:
+        return _refused(why)
+
+
+def _refused(why: UavgramError) -> Response:
+    log.info("refused: %s", why)
+    return JSONResponse({"why": str(why)}, CANNOT)

@@ -1,0 +1,113 @@
+"""Serve the page on this machine until Ctrl+C: a project, or the door to all of them."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import uvicorn
+from starlette.types import ASGIApp
+
+from uavgram.errors import UavgramError
+from uavgram.io.discovery.browse import PROJECT
+from uavgram.picking.protocol.parse import LONGEST_MESSAGE
+from uavgram.picking.session.door import Door
+from uavgram.picking.web import running
+from uavgram.picking.web.desk import Desk, RunProject
+from uavgram.picking.web.ending import ended_in_order
+from uavgram.picking.web.guard import Guard
+from uavgram.picking.web.malloc import give_back_large_blocks
+from uavgram.picking.web.patience import PatientProtocol
+from uavgram.pipeline.threads import with_one_blas_thread
+
+
+def open_door(port: int) -> socket.socket:
+    """A socket that listens on this machine only.
+
+    Connections made before the server runs wait, and are answered once it does.
+
+    Parameters
+    ----------
+    port
+        0: any free one.
+
+    Raises
+    ------
+    UavgramError
+        The port cannot be used.
+    """
+    # asyncio turns Nagle's algorithm off only where the socket names its protocol. With it, the
+    # second of two small messages waits until the page has acknowledged the first: up to 40 ms.
+    door = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+    try:
+        door.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        door.bind(("127.0.0.1", port))
+        door.listen()
+    except OSError as fault:
+        door.close()
+        raise UavgramError(
+            f"port {port} cannot be used: {fault.strerror}; choose another with --port"
+        ) from fault
+    return door
+
+
+@with_one_blas_thread
+def serve(
+    wanted: Path | None,
+    announce: Callable[[str], None],
+    run: RunProject,
+    port: int = 0,
+    entered: Callable[[], None] = lambda: None,
+) -> None:
+    """Serve the page until Ctrl+C; everything is saved then.
+
+    Parameters
+    ----------
+    wanted
+        A project file, or a folder with a project.yaml: it is opened; its picks, lengths and
+        measurements need not be there yet. A folder without one is set up on the page; None: a
+        folder is chosen there.
+    announce
+        Called with the address to open, once it can be opened.
+    run
+        Runs a project from its files and writes its outputs, where the page asks for them.
+    port
+        0: any free one.
+    entered
+        Called when a browser has used the address.
+
+    Raises
+    ------
+    UavgramError
+        The project cannot be read, or is open in another page.
+    """
+    give_back_large_blocks()
+    is_bare = wanted is not None and wanted.is_dir() and not (wanted / PROJECT).exists()
+    desk = Desk(run, Door(wanted if is_bare else None), None if is_bare else wanted)
+    try:
+        opened = open_door(port)
+    except UavgramError:
+        desk.let_go()
+        raise
+    with contextlib.closing(opened) as door:
+        bound = int(door.getsockname()[1])
+        guard: list[Guard] = []
+        app: ASGIApp = desk.application(lambda: announce(guard[0].address()))
+        guard.append(Guard(app, bound, entered))
+        desk.at = running.Door(bound, guard[0].secret)
+        config = uvicorn.Config(
+            guard[0],
+            log_config=None,
+            access_log=False,
+            http=PatientProtocol,
+            ws="websockets-sansio",
+            ws_max_size=LONGEST_MESSAGE,
+            ws_max_queue=64,
+            ws_per_message_deflate=False,  # it never leaves the machine
+            timeout_graceful_shutdown=2,
+            server_header=False,
+        )
+        with ended_in_order(), contextlib.suppress(KeyboardInterrupt):  # the way to end it
+            uvicorn.Server(config).run(sockets=[door])
