@@ -54,4 +54,4 @@ def test_the_notebook_is_its_script_executed(
 
     assert [(one["cell_type"], "".join(one["source"])) for one in notebook["cells"]] == cells
     shown = [one["outputs"] for one in notebook["cells"] if one["cell_type"] == "code"]
-    assert "verdict: amber\n" in shown[2][0]["text"]
+    assert "verdict: amber\n" in shown[3][0]["text"]
