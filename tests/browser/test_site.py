@@ -1,0 +1,47 @@
+"""axe finds nothing on the pages of the manual, and the field card is two sheets of paper."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser
+
+ROOT = Path(__file__).parents[2]
+SITE = ROOT / "build" / "site"
+AXE = ROOT / ".ci" / "page" / "node_modules" / "axe-core" / "axe.min.js"
+FOUND = """async () => (await axe.run(document, { resultTypes: ["violations"] })).violations
+    .map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html.slice(0, 160)).join(" ")}`)"""
+PAGES = (
+    *("index", "start", "install", "glossary", "accuracy", "messages", "field-card", "search"),
+    *("howto/accident-scene", "howto/python", "background/conventions", "background/likelihood"),
+    *("reference/tables", "reference/made/project", "reference/made/commands"),
+    *("reference/made/python", "reference/made/results"),
+)
+
+
+@pytest.mark.skipif(not (SITE / "index.html").is_file(), reason="no site: .ci/site/build makes it")
+@pytest.mark.skipif(not AXE.is_file(), reason="no axe: .ci/page/check fetches it")
+def test_axe_finds_nothing_on_the_site(chromium: Browser) -> None:
+    page = chromium.new_page(viewport={"width": 1280, "height": 800})
+    script = AXE.read_text(encoding="utf-8")
+    found = {}
+    for name in PAGES:
+        page.goto((SITE / f"{name}.html").as_uri())
+        page.evaluate(script)
+        if violations := page.evaluate(FOUND):
+            found[name] = violations
+    page.close()
+
+    assert found == {}
+
+
+@pytest.mark.parametrize("paper", ["A4", "Letter"])
+def test_the_field_card_is_two_sheets(paper: str, chromium: Browser, tmp_path: Path) -> None:
+    page = chromium.new_page()
+    page.goto((ROOT / "docs" / "field-card.html").as_uri())
+    pdf = page.pdf(format=paper, prefer_css_page_size=False)
+    page.close()
+    (tmp_path / "card.pdf").write_bytes(pdf)
+
+    assert pdf.count(b"/Type /Page\n") == 2

@@ -1,0 +1,58 @@
+"""The pictures of README and manual are what the demo shows today."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flight_projects import Demo
+from manual_pages import manual_pages
+from PIL import Image
+
+from uavgram.model.arrays import Floats
+
+MOST_APART = 12.0
+"""Mean difference of grey values after reduction: fonts and dates differ between machines."""
+ROOT = Path(__file__).parents[2]
+FOLDER = ROOT / ".readme"
+DRAWINGS = {"image", "frames", "pitch", "slope", "likelihood"}
+
+
+def reduced(path: Path) -> Floats:
+    with Image.open(path) as picture:
+        grey = picture.convert("L").resize((48, 36), Image.Resampling.BOX)
+    return np.asarray(grey, dtype=np.float64)
+
+
+def test_every_picture_of_a_page_is_made() -> None:
+    named = {
+        Path(link)
+        for page in manual_pages()
+        for link in re.findall(r"!\[[^\]]*\]\(([^)]+)\)", page.text)
+    }
+
+    assert {path.stem for path in named if path.parent.name == "made"} == DRAWINGS
+    photos = {path.name for path in named if path.parent.name == ".readme"}
+    assert photos == {path.name for path in FOLDER.glob("*.jpg")}
+    assert len(photos) + len(DRAWINGS) == len({path.name for path in named})
+
+
+def test_the_pictures_are_of_the_program_as_it_is(demo: Demo, tmp_path: Path) -> None:
+    if not Path("/usr/bin/chromium").is_file():
+        pytest.skip("no browser at /usr/bin/chromium: apt install chromium")
+    spec = importlib.util.spec_from_file_location("pictures", FOLDER / "pictures.py")
+    assert spec is not None
+    assert spec.loader is not None
+    pictures = importlib.util.module_from_spec(spec)
+    sys.modules["pictures"] = pictures
+    spec.loader.exec_module(pictures)
+    pictures.make(demo.folder, tmp_path)
+
+    for name in pictures.NAMES:
+        new, kept = tmp_path / f"{name}.jpg", FOLDER / f"{name}.jpg"
+        apart = np.abs(reduced(new) - reduced(kept)).mean()
+        assert apart < MOST_APART, f"{name}: python .readme/pictures.py DEMO makes it anew"
