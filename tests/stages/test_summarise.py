@@ -136,7 +136,7 @@ def test_every_frame_has_a_state_and_a_reason(scene: Scene, refined: Refined) ->
         covariance=np.concatenate([seeds.covariance, np.tile(np.eye(6), (2, 1, 1))]),
     )
     picked = dict.fromkeys(survey.frame_id, "") | {"left out": "looks at the sky", "extra": ""}
-    table = summarise_frames(frames, tuple(f"/{n}" for n in names), more, refined, picked)
+    table = summarise_frames(frames, names, "/photos", more, refined, picked)
     assert table.status == ("unmatched", *["refined"] * 5, "seeded", "rejected")
     assert table.reason[0] == "outside the log"
     assert table.reason[-1] == "looks at the sky"

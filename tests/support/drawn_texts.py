@@ -96,13 +96,14 @@ def on_plan(result: Result) -> Drawn:
     for one in sheet.axes.texts:
         turn = float(one.get_rotation())
         one.set_rotation(0.0)
-        one.set_bbox(None)  # type: ignore[arg-type]
+        one.set_bbox(None)
         extent = one.get_window_extent(renderer)
         (x, y), half = one.get_position(), np.array([extent.width, extent.height]) / mm / 2
         boxes.append((x, y, *half, np.radians(turn)))
-    ends = [line.get_xydata()[-1] for line in sheet.axes.lines if line.get_linewidth() == LEADER_PT]
+    leaders = [line for line in sheet.axes.lines if line.get_linewidth() == LEADER_PT]
+    ends = [np.array(line.get_xydata(), np.float64)[-1] for line in leaders]
     words = [one.get_text() for one in sheet.axes.texts]
-    return Drawn(words, np.array(boxes), np.reshape(ends, (-1, 2)), 3.0)
+    return Drawn(words, np.array(boxes), np.array(ends, np.float64).reshape(-1, 2), 3.0)
 
 
 def in_space(texts: ViewTexts, eye: Eye) -> Drawn:

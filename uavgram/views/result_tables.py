@@ -137,7 +137,15 @@ class Source:
         return number(column(self.units).factor * float(value_m), signed=signed)
 
     def length_with_sigma(self, value_m: float, sigma_m: float, *, signed: bool = False) -> str:
-        """Return a length and its sigma in the unit of the titles."""
+        """Return a length and its sigma in the unit of the titles.
+
+        Parameters
+        ----------
+        value_m, sigma_m
+            Of the length.
+        signed
+            Whether it has a plus where it is positive.
+        """
         factor = column(self.units).factor
         return plus_minus(factor * float(value_m), factor * float(sigma_m), signed=signed)
 
@@ -332,10 +340,14 @@ def _line_status(source: Source, row: int) -> Cell:
 _LENGTH_PLACES: tuple[Place, ...] = ("report", *FULL)
 LENGTHS = (
     ShownColumn(
-        "length",
+        "name and ends",
         lambda source, row: Cell(source.result.lines.name[row], below=_ends(source, row)),
-        PAPER,
-        titles={"annex": "name and ends"},
+        ("annex",),
+    ),
+    ShownColumn(
+        "between",
+        lambda source, row: f"{source.result.lines.name[row]}: {_ends(source, row)}",
+        ("report",),
     ),
     ShownColumn("length", lambda source, row: source.result.lines.name[row], ("recording",)),
     ShownColumn("ends", _ends, ("recording",)),

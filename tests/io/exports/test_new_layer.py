@@ -6,9 +6,9 @@ import sqlite3
 from dataclasses import replace
 from pathlib import Path
 
-import ezdxf
 import numpy as np
 import synthetic_survey as survey
+from ezdxf.filemanagement import readfile
 
 from uavgram.io.exports.dxf import write_local_dxf
 from uavgram.io.exports.geopackage import write_geopackage
@@ -40,5 +40,5 @@ def test_every_file_has_a_new_layer(tmp_path: Path) -> None:
     file.close()
     assert "<name>Sight lines</name>" in (tmp_path / "a.kml").read_text(encoding="utf-8")
     assert "lines of sight" in (tmp_path / "a.qgs").read_text(encoding="utf-8")
-    drawn = ezdxf.readfile(tmp_path / "a.dxf").modelspace().query('*[layer=="SIGHT_LINES"]')
+    drawn = readfile(tmp_path / "a.dxf").modelspace().query('*[layer=="SIGHT_LINES"]')
     assert len(drawn) == 1

@@ -32,7 +32,7 @@ from uavgram.views.plan.pages import GroundPicture, PlanContent, PlanFiles, plan
 from uavgram.views.plan.sheet import INK as BLACK
 from uavgram.views.plan.sheet import MM_OF_POINT, Sheet
 from uavgram.views.plan.surveyed import clipped, draw_grid, draw_surveyed
-from uavgram.views.survey.top_view import INK
+from uavgram.views.survey.sheet import INK
 
 TINY_MM = 0.1
 

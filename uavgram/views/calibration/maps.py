@@ -28,6 +28,8 @@ EMPTY, DARK, LIGHT = "#f6d5d2", "#1b1f24", "#ffffff"
 COVERED = np.array([[226.0, 236, 247], [84, 141, 202]])
 FITS, MISFITS = "#2f6fb5", "#c92a2a"
 STAGGER = 26.0
+HEIGHT_M = 50.0
+"""Of the camera above the ground, for which lengths have their errors in millimetres."""
 DIAL = 260.0
 DIAL_RINGS_DEG = (15, 30, 45, 60)
 
@@ -68,6 +70,8 @@ class Drawing:
         Triples of path, colour and width.
     note
         What has to be known to read it.
+    picture
+        A photo under it, as a data URL; empty: none.
     """
 
     width: float
@@ -76,6 +80,7 @@ class Drawing:
     paths: tuple[tuple[str, str, float], ...] = ()
     marks: tuple[Mark, ...] = ()
     note: str = ""
+    picture: str = ""
 
 
 def coverage_map(result: CalibrationResult) -> Drawing:
@@ -135,8 +140,22 @@ def uncertainty_map(result: CalibrationResult) -> Drawing:
     return Drawing(width=WIDTH, height=_height(result), cells=_cells(result, fills, texts, None))
 
 
-def length_map(result: CalibrationResult, effect: LensEffect) -> Drawing | None:
-    """Level lengths on the ground with the share the lens costs them; None where none is seen."""
+def length_map(result: CalibrationResult, effect: LensEffect, picture: str = "") -> Drawing | None:
+    """Draw level lengths on the ground with what the calibration costs each of them.
+
+    Parameters
+    ----------
+    result
+        The camera.
+    effect
+        What its errors do to lengths on level ground.
+    picture
+        A photo of the camera to draw on, as a data URL.
+
+    Returns
+    -------
+    None where no ground is seen.
+    """
     lengths = effect.lengths
     if lengths is None:
         return None
@@ -146,6 +165,7 @@ def length_map(result: CalibrationResult, effect: LensEffect) -> Drawing | None:
     column = np.unique(np.round(ends[level, 0, 0]), return_inverse=True)[1]
     ends = ends[level] + np.array([0.0, STAGGER]) * (column % 2)[:, None, None]
     values = lengths.pose_fitted[level]
+    cost_mm = 1000.0 * values * lengths.length[level] * HEIGHT_M
     colours = hex_colours(1 - uncertainty_shares(values)[0])
     ticks = np.array([[0.0, -5.0], [0.0, 5.0]])
     paths = []
@@ -153,10 +173,22 @@ def length_map(result: CalibrationResult, effect: LensEffect) -> Drawing | None:
         bars = [_lines(end[None] + ticks[:1], end[None] + ticks[1:]) for end in pair]
         paths.append((_lines(pair[:1], pair[1:]) + "".join(bars), colour, 3.0))
     marks = [
-        Mark(x, y - 7, percent(value))
-        for (x, y), value in zip(ends.mean(axis=1).tolist(), values.tolist(), strict=True)
+        Mark(x, y - 7, f"{percent(value)}, {cost:.2g} mm")
+        for (x, y), value, cost in zip(
+            ends.mean(axis=1).tolist(), values.tolist(), cost_mm.tolist(), strict=True
+        )
     ]
-    return Drawing(width=WIDTH, height=_height(result), paths=tuple(paths), marks=tuple(marks))
+    worst = int(np.argmax(cost_mm))
+    return Drawing(
+        width=WIDTH,
+        height=_height(result),
+        paths=tuple(paths),
+        marks=tuple(marks),
+        note=f"Millimetres are those from {HEIGHT_M:g} m above the ground: a length of "
+        f"{HEIGHT_M * lengths.length[level][worst]:.1f} m is uncertain by up to "
+        f"{cost_mm[worst]:.2g} mm. From twice the height it is twice as long, and so is its error.",
+        picture=picture,
+    )
 
 
 def tilt_dial(result: CalibrationResult) -> Drawing:

@@ -57,6 +57,7 @@ def write_calibration_report(
 def render_calibration_report(account: CalibrationAccount, pictures: Mapping[str, bytes]) -> str:
     """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
     result = account.result
+    shown = _best_photo(result, pictures)
     return (
         page_environment()
         .get_template("calibration.html")
@@ -78,7 +79,7 @@ def render_calibration_report(account: CalibrationAccount, pictures: Mapping[str
             uncertainty=uncertainty_map(result),
             dial=tilt_dial(result),
             lengths=[
-                (effect, length_map(result, effect), _length_row(effect))
+                (effect, length_map(result, effect, shown), _length_row(effect))
                 for effect in account.effects
             ],
             photos=_photos(result, pictures),
@@ -181,6 +182,13 @@ def _photos(result: CalibrationResult, pictures: Mapping[str, bytes]) -> list[Ro
             )
         )
     return table
+
+
+def _best_photo(result: CalibrationResult, pictures: Mapping[str, bytes]) -> str:
+    """Choose the photo with most corners, to draw on."""
+    counts = {file: len(rows) for file, rows in rows_by_photo(result).items()}
+    known = [file for file in result.photos.file if file in pictures]
+    return _picture(pictures, max(known, key=lambda file: counts[file])) if known else ""
 
 
 def _picture(pictures: Mapping[str, bytes], file: str) -> str:

@@ -200,7 +200,8 @@ def _name_strip(
     if not parts:
         return
     start, end = max(parts, key=lambda part: float(np.linalg.norm(part[1] - part[0])))
-    spots = np.stack(sorted((start, end), key=tuple))
+    spots = np.stack([start, end])
+    spots = spots[np.lexsort(spots.T[::-1])]  # from left to right, as texts are read
     if np.linalg.norm(end - start) >= 2 * half_text(text, size_pt)[0]:
         sheet.name(text, INK[ink], size_pt, spots, "along", is_needed=is_needed)
     else:

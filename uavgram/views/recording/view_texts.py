@@ -15,7 +15,7 @@ from uavgram.stages.products.text_places import Label, Placed, place_labels
 from uavgram.views.recording.eye import Eye
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.world.marks import polylines, texts
-from uavgram.views.style import OBSERVED
+from uavgram.views.style import QUIET
 
 HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0056, 0.040
 """In space: half the width of a letter on a usual screen and the height of a line, as tangents of
@@ -148,8 +148,18 @@ def hanging(placed: Placed) -> Floats:
 
 
 def log_in_space(recorder: Recorder, path: str, placed: ViewTexts) -> None:
-    """Log texts and, below the same entity, the lines to what they name."""
+    """Log texts and, below the same entity, the lines to what they name.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    path
+        Of the entity.
+    placed
+        What has room.
+    """
     if placed.words:
         recorder.static(path, texts(placed.place_m, placed.words))
     if placed.leaders_m:
-        recorder.static(f"{path}/lines", polylines(placed.leaders_m, OBSERVED, 0.8))
+        recorder.static(f"{path}/lines", polylines(placed.leaders_m, QUIET, 1.2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from typing import Any
 
 import numpy as np
 from matplotlib import rc_context
@@ -15,10 +16,19 @@ from uavgram.model.study.study import SOURCES, MethodRow, Study
 from uavgram.views.study.words import AGREES, SOURCE_WORDS
 
 COLOURS = ("#2f6fb5", "#d9730d", "#2b8a3e", "#8e44ad", "#c92a2a")
-SOURCE_COLOURS = ("#c92a2a", "#2f6fb5", "#2b8a3e", "#d9730d", "#8e44ad", "#8a6d3b")
+SOURCE_COLOURS = ("#6b7280", "#e0b000", "#17a2a2", "#e377c2", "#8a6d3b", "#a8c686")
+"""Of curves, and of sources of errors: a colour has one meaning."""
 MARKERS = ("o", "s", "^", "D", "v")
 MOST_TICKS = 8
 GRID, GREY = "#e3e5e8", "#8a8f98"
+_BELOW: dict[str, Any] = {
+    "fontsize": 8.5,
+    "loc": "upper center",
+    "bbox_to_anchor": (0.5, -0.15),
+    "ncols": 2,
+    "frameon": False,
+}
+"""A legend below its own axes."""
 
 
 def figure_files(studies: tuple[Study, ...]) -> dict[str, bytes]:
@@ -52,8 +62,7 @@ def _cells(study: Study) -> Figure:
     _errors(axes[0], study)
     _ratios(axes[1], study)
     _sources(axes[2], study)
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower left", ncols=3, frameon=False)
+    axes[0].legend(**_BELOW)
     return figure
 
 
@@ -83,7 +92,7 @@ def _plain_ticks(axis: Axes) -> None:
 
 
 def _ratios(axis: Axes, study: Study) -> None:
-    axis.axhspan(*AGREES, color="#2b8a3e", alpha=0.13, linewidth=0)
+    axis.axhspan(*AGREES, color=GREY, alpha=0.2, linewidth=0)
     axis.axhline(1.0, color=GREY, linewidth=1.0)
     curves = study.curves
     for k, cells in enumerate(curves.values()):
@@ -102,7 +111,11 @@ def _ratios(axis: Axes, study: Study) -> None:
     else:
         low = min(0.9, *(cell.ratio_range[0] for cell in study.cells))
         axis.set_ylim(low - 0.02, max(1.1, *(c.ratio_range[1] for c in study.cells)) + 0.02)
-    _dress(axis, study, "Errors over what is predicted\nbars: 95 %, green: 0.95 to 1.05")
+    _dress(
+        axis,
+        study,
+        "Errors over what is predicted\ncolours as on the left; bars: 95 %; grey: 0.95 to 1.05",
+    )
 
 
 def _beside(at: float, shift: float, study: Study) -> float:
@@ -128,9 +141,7 @@ def _sources(axis: Axes, study: Study) -> None:
     axis.set_xticks(np.arange(len(cells)), [f"{cell.at:g}" for cell in cells], fontsize=8)
     axis.set_ylim(0, 100)
     axis.set_xlabel(study.axis)
-    axis.legend(
-        fontsize=8.5, loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2, frameon=False
-    )
+    axis.legend(**_BELOW)
     axis.set_title(
         f"Where the errors come from [% of the variance]\n{name}", fontsize=9.5, loc="left"
     )

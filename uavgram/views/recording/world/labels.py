@@ -91,7 +91,17 @@ def survey_labels(result: Result, scene: Scene) -> tuple[ViewTexts, frozenset[in
 
 
 def height_labels(result: Result, scene: Scene, eye: Eye) -> ViewTexts:
-    """Place heights of points off the ground as far as they fit into the view from the side."""
+    """Place heights of points off the ground as far as they fit into the view from the side.
+
+    Parameters
+    ----------
+    result
+        Of the run.
+    scene
+        What stands off the ground.
+    eye
+        Of the view.
+    """
     return _placed(_heights(result, scene), eye, result, MOST_HEIGHTS)
 
 

@@ -163,8 +163,8 @@ def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
             show_labels=True,
         ),
     )
-    worst = result.points.position_world_m[[scene.worst_point]]
-    recorder.static(f"{CLOSE_UP}/name", texts(worst, (result.points.label[scene.worst_point],)))
+    spot = result.points.position_world_m[[scene.worst_point]]
+    recorder.static(f"{CLOSE_UP}/name", texts(spot, (result.points.label[scene.worst_point],)))
     if result.points.is_off_ground[scene.worst_point]:
         colours = scale_colours(sigma_shares(result)[0])
         worst = np.array([scene.worst_point])
