@@ -14,7 +14,8 @@ import numpy as np
 from scipy.special import chdtrc, fdtrc
 
 from uavgram.estimation.calibration.adjustment import Fit
-from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
+from uavgram.estimation.reliability.redundancy import reliability
+from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import CornerSigma
 
@@ -69,24 +70,15 @@ def reduced_border(fit: Fit) -> Floats:
 
 def corner_tests(fit: Fit, sigma: CornerSigma) -> CornerTests:
     """Test every corner against all the others."""
-    photos, n = fit.corners.weight.shape
     there = fit.corners.weight > 0
-    reduced = reduced_border(fit).reshape(photos, n, 2, -1)
-    pose = fit.linear.pose.reshape(photos, n, 2, -1)
-    leverage = reduced @ fit.border_covariance @ np.swapaxes(reduced, 2, 3)
-    leverage += pose @ fit.normals.pose_inverse[:, None] @ np.swapaxes(pose, 2, 3)
-    cofactor = np.eye(2) - leverage
-    determinant = np.linalg.det(cofactor)
-    checked = there & (determinant > NO_REDUNDANCY)
-    cofactor[~checked] = np.eye(2)
-    v = fit.linear.residual.reshape(photos, n, 2)
-    squared = np.einsum("mni,mnij,mnj->mn", v, np.linalg.inv(cofactor), v)
-    squared = np.where(checked, squared, 0.0)
+    block = fit.corner_block
+    squared = np.where(there, falls_without(block, fit.covariance).reshape(there.shape), 0.0)
+    redundancy = reliability(block, fit.covariance).redundancy.mean(axis=1).reshape(there.shape)
     scale, probability = _judge(squared, np.full(squared.shape, 2.0), fit, sigma)
     return CornerTests(
         np.sqrt(squared / scale),
-        np.where(checked, probability, 1.0),
-        np.where(there, 1 - np.einsum("mnii->mn", leverage) / 2, 0.0),
+        np.where(squared > 0, probability, 1.0),
+        np.where(there, redundancy, 0.0),
     )
 
 

@@ -142,8 +142,15 @@ class NormalEquations:
             self.plan = Plan.of(columns, self._structure)
         return self.plan.assembly.normal(jacobians)
 
-    def factor(self, damping: float = 0.0) -> Factor:
+    def factor(self, damping: float = 0.0, slack: float = 0.0) -> Factor:
         """Factor J^T J + damping * diag(J^T J).
+
+        Parameters
+        ----------
+        damping
+            In shares of the diagonal.
+        slack
+            Added to the damping where the matrix is singular.
 
         Raises
         ------
@@ -155,7 +162,12 @@ class NormalEquations:
         if empty.size:
             raise SingularError(int(empty[0]))
         plan = self.plan if isinstance(self.plan, Plan) else None
-        return Factor(self.normal, plan, diagonal, damping)
+        try:
+            return Factor(self.normal, plan, diagonal, damping)
+        except SingularError:
+            if not slack:
+                raise
+            return Factor(self.normal, plan, diagonal, damping + slack)
 
 
 class Plan:

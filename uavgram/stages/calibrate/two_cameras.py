@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.adjustment import Fit, adjust
-from uavgram.estimation.calibration.normals import UndeterminedError
+from uavgram.estimation.calibration.adjustment import Fit, UndeterminedError, adjust
 from uavgram.estimation.calibration.problem import lens_of, pad
 from uavgram.estimation.calibration.systematics import rolling_shutter
 from uavgram.estimation.calibration.two_cameras import Split, best_split
