@@ -6,7 +6,7 @@ import pytest
 from small_projects import Project
 
 from uavgram.errors import InputError
-from uavgram.model.survey.world import Geodetic, World
+from uavgram.model.survey.survey import Geodetic, World
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import known_in_world
 

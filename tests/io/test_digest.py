@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.io.digest import digest_file, digest_inputs
+from uavgram.io.inputs import digest_file, digest_inputs
 
 
 def test_the_digest_is_that_of_fips_180(tmp_path: Path) -> None:

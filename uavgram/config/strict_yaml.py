@@ -16,8 +16,7 @@ from pathlib import Path
 import yaml
 
 from uavgram.errors import InputError, no_file
-from uavgram.model.limits import unshowable
-from uavgram.model.typed_numbers import with_point
+from uavgram.model.limits import unshowable, with_point
 
 KeyPath = tuple[str | int, ...]
 Plain = str | int | float | bool | None | list["Plain"] | dict[str, "Plain"]

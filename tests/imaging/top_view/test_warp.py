@@ -28,7 +28,7 @@ from uavgram.imaging.top_view.photo_cache import MARGIN_PX, PhotoCache, photo_ca
 from uavgram.imaging.top_view.warp import REACH, warp_window
 from uavgram.imaging.top_view.warp_maps import lay_lattice, look_from
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 from uavgram.stages.products.top_view import lay_raster
 
 

@@ -16,8 +16,8 @@ from ezdxf.layouts.blocklayout import BlockLayout
 
 from uavgram.io.exports.dxf_sheet import Words, as_text
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.profile_sheet import ProfileSheet
-from uavgram.stages.products.profile_sheets import TWO_SIDED_95
+from uavgram.model.maps import ProfileSheet
+from uavgram.stages.products.map_layers import TWO_SIDED_95
 
 # Name in the drawing, and colour of AutoCAD's index.
 _AXES, _TEXTS = ("PROFILE_AXES", 8), ("PROFILE_TEXTS", 7)

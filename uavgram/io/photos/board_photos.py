@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos.decode import decoded
-from uavgram.io.digest import digest_inputs
-from uavgram.io.inputs import read_bytes
+from uavgram.io.inputs import digest_inputs, read_bytes
 from uavgram.io.photos.camera_tags import read_all_camera_tags
 from uavgram.io.photos.files import matching_files
 from uavgram.model.camera.board import LensSetting

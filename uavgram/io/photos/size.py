@@ -10,9 +10,8 @@ import cv2
 import numpy as np
 
 from uavgram.errors import InputError, no_file
-from uavgram.io.photos.exif import read_exif_tags
-from uavgram.io.photos.jpeg_segments import START, read_segments
-from uavgram.io.unread_formats import refuse_unread
+from uavgram.io.inputs import refuse_unread
+from uavgram.io.photos.metadata import START, read_exif_tags, read_segments
 
 _TIFF = (b"II*\0", b"MM\0*")
 _PNG = b"\x89PNG\r\n\x1a\n"

@@ -9,7 +9,7 @@ import json
 import os
 from pathlib import Path
 
-from uavgram.io.digest import digest_file
+from uavgram.io.inputs import digest_file
 from uavgram.io.results.codec import encode, from_record
 from uavgram.model.batch import FileState, SurveyRecord
 from uavgram.model.provenance import InputDigest

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.adjustment import fit_poses, normals_of
-from uavgram.estimation.calibration.network import CELLS, tilts
+from uavgram.estimation.calibration.network import CELLS, residual_map, tilts
 from uavgram.estimation.calibration.outliers import BAD_PHOTO
 from uavgram.estimation.calibration.problem import (
     Corners,
@@ -19,7 +19,6 @@ from uavgram.estimation.calibration.problem import (
 )
 from uavgram.estimation.calibration.projection_uncertainty import projection_covariance, worst_sigma
 from uavgram.estimation.calibration.reliability import corner_tests
-from uavgram.estimation.calibration.systematics import residual_map
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.model.units import Units
+from uavgram.model.naming import Units
+from uavgram.model.planned import FlightPlanned
 from uavgram.stages.products.text_places import Label, place_labels
 from uavgram.views.field_sheet.paper import WIDTH, Paper
 from uavgram.views.planned.numbers import metres

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from uavgram.errors import InputError
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.io.photos.poses.tags import first_maker, read_photo_tags
-from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.flight.pose import PhotoPoses
 from uavgram.model.message import Message
 
 Poses = tuple[PhotoPoses, tuple[Message, ...]]
