@@ -25,7 +25,7 @@ import numpy as np
 if TYPE_CHECKING:
     from uavgram.estimation.solver.normal_equations import NormalEquations
     from uavgram.estimation.solver.sparse.block_matrix import BlockMatrix
-    from uavgram.estimation.solver.sparse.multifrontal import Multifrontal
+    from uavgram.estimation.solver.sparse.cholesky import Multifrontal
     from uavgram.estimation.survey.adjustment import Adjustment
     from uavgram.model.arrays import Floats
 
@@ -87,7 +87,7 @@ def parts(adjustment: Adjustment) -> None:
     from uavgram.estimation.reliability.redundancy import reliability
     from uavgram.estimation.solver.normal_equations import NormalEquations, Plan
     from uavgram.estimation.solver.sparse.block_matrix import BlockMatrix
-    from uavgram.estimation.solver.sparse.multifrontal import Multifrontal
+    from uavgram.estimation.solver.sparse.cholesky import Multifrontal
 
     problem, layout = adjustment.problem, adjustment.problem.layout
     evaluate, blocks = best(lambda: problem.evaluate(adjustment.state))

@@ -41,11 +41,11 @@ import numpy as np
 import rasterio
 from rasterio.warp import Resampling, reproject
 
-from uavgram.geometry.earth.map_projection import projected_from_enu
+from uavgram.geometry.earth.geodesy import projected_from_enu
 from uavgram.geometry.ground.top_view import View
 from uavgram.io.digest import photo_files
 from uavgram.io.exports.geotiff import write_colour_geotiff
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 from uavgram.pipeline.ground_picture import warped_windows
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs

@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from poselib_lines import p3ll_starts, pnpl_starts
 
 from uavgram.estimation.first_poses.known_lines import rivals
-from uavgram.model.study.study import MethodRow
+from uavgram.model.simulation import MethodRow
 from uavgram.synthetic.study.method_scenes import Setting, method_scenes
 from uavgram.synthetic.study.methods import (
     AMBIGUOUS,

@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 
 from mission_files import by_plan, by_pymavlink, stations
 
-from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.planned import FlightPlanned
 from uavgram.pipeline.parallel import in_processes
 from uavgram.stages.products.mission import flight_mission
 from uavgram.synthetic.inputs import ScenarioWorld

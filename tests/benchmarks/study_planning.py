@@ -33,7 +33,7 @@ from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats
 from uavgram.model.options import TapeOptions
-from uavgram.model.planned.request import FlightPattern
+from uavgram.model.planned import FlightPattern
 from uavgram.synthetic.plan.accuracy import ends_of
 from uavgram.synthetic.plan.layouts import best_layout, criterion_of
 from uavgram.synthetic.plan.possible import Possible, possible

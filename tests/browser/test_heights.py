@@ -14,8 +14,7 @@ from picking_pages import eventually, measured, show_photo, wait_until_adjusted
 from picking_server import Served, served
 from playwright.sync_api import Page, expect
 
-from uavgram.model.message import Message
-from uavgram.model.remedy import Correction, Remedy
+from uavgram.model.message import Correction, Message, Remedy
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.pipeline.pick.live import Adjusted, Observed
 

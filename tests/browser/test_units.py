@@ -13,7 +13,7 @@ from picking_pages import click_mark, measured, show_photo, wait_until_adjusted
 from picking_server import served
 from playwright.sync_api import Page, expect
 
-from uavgram.model.units import IMPERIAL
+from uavgram.model.naming import IMPERIAL
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.views.units import quantity

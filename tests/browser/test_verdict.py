@@ -14,8 +14,7 @@ from picking_server import served
 from playwright.sync_api import Locator, Page, expect
 from standings import with_status
 
-from uavgram.model.message import Message
-from uavgram.model.remedy import Correction, Remedy
+from uavgram.model.message import Correction, Message, Remedy
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.pipeline.pick.live import Adjusted, Observed

@@ -8,8 +8,8 @@ from pyproj import Transformer
 from small_projects import Project
 
 from uavgram.errors import InputError
-from uavgram.estimation.reliability.coordinate_faults import likely_fault
-from uavgram.model.survey.world import Geodetic, World
+from uavgram.estimation.reliability.stated_values import likely_fault
+from uavgram.model.survey.survey import Geodetic, World
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import known_in_world
 

@@ -7,8 +7,7 @@ import csv
 from small_projects import Project
 
 import uavgram
-from uavgram.io.tables.csv_tables import Columns, read_table
-from uavgram.io.tables.spreadsheet_cells import runs
+from uavgram.io.tables.csv_tables import Columns, read_table, runs
 
 COMMAND = "=cmd|' /C calc'!A0"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from uavgram.cli import main
-from uavgram.io.tables.known_points import read_known_points
+from uavgram.io.tables.known import read_known_points
 from uavgram.io.tables.picks import read_picks
 from uavgram.pipeline.measure.inputs import read_inputs
 

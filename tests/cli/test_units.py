@@ -14,7 +14,7 @@ from sample_results import sample_result
 from uavgram.cli import main, terminal
 from uavgram.cli.terminal import log_to_stderr, say, say_as_is, tell_as, tell_in, tell_of
 from uavgram.errors import InputError
-from uavgram.model.units import IMPERIAL, METRIC
+from uavgram.model.naming import IMPERIAL, METRIC
 
 
 @pytest.fixture(autouse=True)

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from uavgram.config.camera import load_camera
-from uavgram.config.camera_text import camera_text
+from uavgram.config.camera import camera_text, load_camera
 from uavgram.errors import InputError
-from uavgram.model.camera.provenance import CameraProvenance
-from uavgram.model.camera.readout import Readout, published_readout
+from uavgram.model.camera.calibration import CameraProvenance
+from uavgram.model.camera.tags import Readout, published_readout
 
 CAMERA = """\
 model: brown

@@ -8,13 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavgram.config.camera import load_camera, load_camera_file
-from uavgram.config.camera_text import camera_text
+from uavgram.config.camera import camera_text, load_camera, load_camera_file
 from uavgram.errors import InputError
-from uavgram.model.camera.calibration import Calibration, LensModel
-from uavgram.model.camera.provenance import CameraProvenance
+from uavgram.model.camera.calibration import Calibration, CameraProvenance, LensModel
+from uavgram.model.limits import number_text
 from uavgram.model.provenance import InputDigest
-from uavgram.model.typed_numbers import number_text
 
 
 class Reread(Protocol):

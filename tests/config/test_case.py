@@ -8,8 +8,8 @@ import pytest
 
 from uavgram.config.project import load_project
 from uavgram.errors import InputError
-from uavgram.model.case import Case, case_from_options
 from uavgram.model.options import option_pairs
+from uavgram.model.provenance import Case, case_from_options
 
 HEAD = "images: a.jpg\ncamera: unknown\npicks: picks.csv\n"
 

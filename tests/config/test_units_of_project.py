@@ -8,7 +8,7 @@ import pytest
 
 from uavgram.config.project import load_project
 from uavgram.errors import InputError
-from uavgram.model.units import IMPERIAL, METRIC, Units
+from uavgram.model.naming import IMPERIAL, METRIC, Units
 
 
 def project_with(folder: Path, line: str) -> Path:

@@ -16,12 +16,17 @@ from manual_pages import Block, ManualPage, manual_pages
 
 from uavgram.cli.entry import app
 from uavgram.config.project import load_project
-from uavgram.io.photos.poses import csv_table
-from uavgram.io.tables.control_lines import CONTROL_LINES_COLUMNS, read_control_lines
+from uavgram.io.photos.poses.pose_tables import read_pose_csv
 from uavgram.io.tables.csv_tables import Columns
-from uavgram.io.tables.known import KNOWN_COLUMNS, read_known
-from uavgram.io.tables.known_points import read_known_points
-from uavgram.io.tables.lines import LINES_COLUMNS, read_lines
+from uavgram.io.tables.known import (
+    CONTROL_LINES_COLUMNS,
+    KNOWN_COLUMNS,
+    LINES_COLUMNS,
+    read_control_lines,
+    read_known,
+    read_known_points,
+    read_lines,
+)
 from uavgram.io.tables.measure import MEASURE_COLUMNS, POINT_COUNTS, read_measure
 from uavgram.io.tables.picks import PICKS_COLUMNS, read_picks
 from uavgram.io.tables.ties import TIES_COLUMNS, read_ties
@@ -104,7 +109,7 @@ def test_every_table_is_read(block: Block, tmp_path: Path) -> None:
     header = block.text.splitlines()[0].split(",")
     first = ",".join(header[:2])
     if first == "image,latitude_deg":
-        csv_table.read_pose_csv(path, "msl", None)
+        read_pose_csv(path, "msl", None)
     elif first == "name,kind":
         (read_known if "sigma" in header else read_measure)(path)
     else:

@@ -20,7 +20,7 @@ from uavgram.estimation.survey.adjustment import Removal
 from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.model.catalogue.catalogue import CATALOGUE, SUBJECTS
 from uavgram.model.catalogue.entry import Effect
-from uavgram.model.flight.second_opinions import FaultKind
+from uavgram.model.flight.log import FaultKind
 from uavgram.views.explanations import page
 
 KINDS_REMOVED = set(get_args(get_type_hints(Removal)["kind"])) - {"mend"}
@@ -31,7 +31,7 @@ MADE = {
         kind.misfit_code for kind in KINDS.values()
     },
     "stages/refine/remarks.py: f'{removal.kind}-removed'": {f"{k}-removed" for k in KINDS_REMOVED},
-    "stages/seed/fault_messages.py: f'log-{code}'": {f"log-{kind}" for kind in get_args(FaultKind)},
+    "stages/seed/fault_effects.py: f'log-{code}'": {f"log-{kind}" for kind in get_args(FaultKind)},
 }
 """Codes that no rule below finds: where, and all that it can be."""
 

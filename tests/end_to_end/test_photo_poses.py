@@ -32,7 +32,7 @@ from uavgram.cli import main
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.poses.read import read_photo_poses
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.photo_poses import PhotoExposures, PhotoPoses
+from uavgram.model.flight.pose import PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions, TimeOptions
 from uavgram.model.result.result import Result

@@ -16,7 +16,7 @@ from scipy.stats import norm
 
 import uavgram
 from uavgram.errors import InputError
-from uavgram.io.photos.jpeg_segments import APP1, build_jpeg, parse_jpeg
+from uavgram.io.photos.metadata import APP1, build_jpeg, parse_jpeg
 from uavgram.io.results.results_json import write_results
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result

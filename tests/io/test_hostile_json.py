@@ -8,7 +8,7 @@ import pytest
 
 from uavgram.errors import UavgramError
 from uavgram.io.cameras.odm import read_odm_camera
-from uavgram.io.imports.labelme import read_labelme
+from uavgram.io.imports import read_labelme
 from uavgram.io.json_text import parse_json
 from uavgram.io.results.results_json import load_results
 from uavgram.picking.storage.journal import Left, left_in

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from uavgram.model.typed_numbers import comma_question, has_decimal_comma, with_point
+from uavgram.model.limits import comma_question, has_decimal_comma, with_point
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from scenes import Scene, make_scene
 
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.control_heights import with_own_heights
+from uavgram.stages.assemble import with_own_heights
 from uavgram.stages.refine import refine
 
 OFF_M = {0: 0.9, 1: 0.1, 2: 1.4, 3: 0.6, 4: -0.4, 5: 0.3}

@@ -7,8 +7,7 @@ from dataclasses import replace
 import pytest
 
 from uavgram.model.catalogue.catalogue import CATALOGUE
-from uavgram.model.message import Message, Several
-from uavgram.model.remedy import Correction, Remedy
+from uavgram.model.message import Correction, Message, Remedy, Several
 from uavgram.model.survey.mend import Cause
 from uavgram.stages.messages import MOST_LISTED, in_order, without_the_innocent
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.stages.other_solutions import with_alternatives
+from uavgram.stages.measure import with_alternatives
 
 
 def measured(values: list[float], sigmas: list[float]) -> MeasurementResults:

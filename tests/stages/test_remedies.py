@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scenes import make_scene
 
-from uavgram.model.message import Message
-from uavgram.model.remedy import Correction, Remedy, together, unpicked, without_lengths
+from uavgram.model.message import Correction, Message, Remedy, together, unpicked, without_lengths
 from uavgram.model.survey.mend import Ends, Mend
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.remedies import freed, remedy_of, with_remedies

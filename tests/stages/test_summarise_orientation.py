@@ -9,7 +9,7 @@ from scenes import Scene
 
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
-from uavgram.stages.summarise_orientation import DECIMALS, summarise_orientation
+from uavgram.stages.summarise import DECIMALS, summarise_orientation
 
 
 def test_they_are_those_of_the_dense_joint_covariance(scene_factory: Callable[..., Scene]) -> None:

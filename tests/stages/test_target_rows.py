@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.survey.observations import Picks
-from uavgram.model.survey.plates import LeftOut, SeenPlate
+from uavgram.model.survey.observations import LeftOut, Picks, SeenPlate
 from uavgram.stages.target_rows import with_targets
 
 NO_PICKS = Picks(

@@ -38,7 +38,7 @@ from uavgram.estimation.reliability.redundancy import (
 from uavgram.estimation.reliability.test_statistics import observed
 from uavgram.estimation.solver.normal_equations import Block, Covariance
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message

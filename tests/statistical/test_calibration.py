@@ -13,12 +13,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom, chi2
 
-from uavgram.estimation.calibration import normals
-from uavgram.estimation.calibration.adjustment import adjust
+from uavgram.estimation.calibration import adjustment
+from uavgram.estimation.calibration.adjustment import Normals, UndeterminedError, adjust
 from uavgram.estimation.calibration.difference import camera_difference
-from uavgram.estimation.calibration.normals import UndeterminedError
 from uavgram.estimation.calibration.outliers import snoop, without
-from uavgram.estimation.calibration.problem import lens_of, pad
+from uavgram.estimation.calibration.problem import Lens, Linear, lens_of, pad
 from uavgram.estimation.calibration.projection_uncertainty import projection_covariance
 from uavgram.estimation.calibration.reliability import photo_effect, photo_tests
 from uavgram.estimation.calibration.start import first_values
@@ -161,15 +160,14 @@ def test_planted_photos_counted_twice_show(trials: Trials) -> None:
 
 
 def test_planted_no_schur_complement_shows(monkeypatch: pytest.MonkeyPatch) -> None:
-    schur = normals.Products.normals
+    schur = adjustment.normals_of
 
-    def known_poses(self: normals.Products, damping: float = 0.0) -> normals.Normals:
-        good = schur(self, damping)
-        if damping:
-            return good
-        return good._replace(photo_border=self.photo, border=self.photo.sum(axis=0) + self.prior)
+    def known_poses(lens: Lens, linear: Linear) -> Normals:
+        photo = np.swapaxes(linear.border, 1, 2) @ linear.border
+        border = photo.sum(axis=0) + adjustment.prior_normal(lens)
+        return schur(lens, linear)._replace(photo_border=photo, border=border)
 
-    monkeypatch.setattr(normals.Products, "normals", known_poses)
+    monkeypatch.setattr(adjustment, "normals_of", known_poses)
     found, covariances = repeated(trials=60)
     assert not judged(*squared_misses(found, covariances, scenes.BROWN5))
 

@@ -47,9 +47,9 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
+from uavgram.stages.measure import BIAS_OFF, SIGMA_OFF
 from uavgram.stages.monte_carlo import sample
 from uavgram.stages.refine import refine
-from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
 
 Plant = Callable[[pytest.MonkeyPatch], None]
 

@@ -28,7 +28,7 @@ from uavgram.estimation.measuring.second_order import curvature
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.geometry.camera.lens import largest_radius
 from uavgram.geometry.ground import shapes
-from uavgram.io.cameras.drone_table import drone_cameras
+from uavgram.io.cameras.choice import drone_cameras
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.tags import CameraTags
@@ -36,9 +36,9 @@ from uavgram.model.flight.pose import Poses
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.camera.assume import assume_camera
+from uavgram.stages.camera import assume_camera
+from uavgram.stages.measure import BIAS_OFF, SIGMA_OFF
 from uavgram.stages.refine import refine
-from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
 
 pytestmark = pytest.mark.statistical
 

@@ -9,9 +9,8 @@ import numpy as np
 
 from uavgram.imaging.photos.preview import Preview, preview_of
 from uavgram.model.camera.board import BoardObservations, CalibrationOptions
-from uavgram.model.camera.calibration import LensModel
-from uavgram.model.camera.calibration_account import CalibrationAccount
-from uavgram.model.camera.provenance import CameraProvenance
+from uavgram.model.camera.calibration import CameraProvenance, LensModel
+from uavgram.model.camera.calibration_result import CalibrationAccount
 from uavgram.model.message import Message
 from uavgram.model.provenance import InputDigest
 from uavgram.stages.calibrate.account import lens_effects

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.geometry.ground.row_projection import row_poses
-from uavgram.model.result.noise import Noise, PickNoise
+from uavgram.model.result.reliability import Noise, PickNoise
 from uavgram.model.result.result import Result
-from uavgram.model.result.ties import TieCloud, TieSummary
+from uavgram.model.result.tables import TieCloud, TieSummary
 from uavgram.model.survey.observations import Source
 from uavgram.views.survey.drawing import in_photo, project_from
 

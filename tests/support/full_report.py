@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.model.result.error_budget import ErrorBudget
-from uavgram.model.result.reliability import ChecksOverall, SecondOrder
+from uavgram.model.result.reliability import ChecksOverall, ErrorBudget, SecondOrder
 from uavgram.model.result.result import Alternative, Result
 from uavgram.model.result.shared import AreaPlane, Estimate
 from uavgram.model.result.tables import MonteCarloResults

@@ -12,7 +12,7 @@ from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.io.exports.mission_qgc import qgc_plan_text
 from uavgram.io.exports.mission_waypoints import waypoints_text
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.mission import Mission
+from uavgram.model.maps import Mission
 from uavgram.synthetic.scenario import Site, Station
 
 MAV = mavutil.mavlink

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
+from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
 CAMERA = np.array([2250.0, 2252.0, 2003.0, 1497.0, -0.06, 0.02, 3e-4, -2e-4, 0.0])
 POSE_SIGMA = np.array([2.0, 2.0, 3.0, *np.deg2rad([2.0, 2.0, 4.0])])

@@ -18,8 +18,7 @@ from uavgram.estimation.survey.observed import Observations
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.photo_poses import PhotoPoses
-from uavgram.model.flight.telemetry import Telemetry
+from uavgram.model.flight.pose import PhotoPoses, Telemetry
 from uavgram.model.options import GroundOptions, MountOptions, TelemetryOptions
 from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.model.survey.survey import Survey

@@ -10,7 +10,7 @@ from uavgram.errors import GeometryError
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.options import GroundOptions
-from uavgram.model.planned.request import FlightPattern, PlanRequest
+from uavgram.model.planned import FlightPattern, PlanRequest
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.synthetic.plan.cameras import Cameras, seen
 from uavgram.synthetic.plan.flights import flight

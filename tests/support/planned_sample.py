@@ -11,19 +11,17 @@ from pyproj import Transformer
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message
-from uavgram.model.planned.parts import (
+from uavgram.model.planned import (
     AccuracyGrid,
+    Assumptions,
+    FlightFacts,
+    FlightPlanned,
+    Gain,
     PlannedFrames,
     PlannedLines,
     PlannedMeasurements,
     PlannedPlates,
     PlannedPoints,
-)
-from uavgram.model.planned.plan import (
-    Assumptions,
-    FlightFacts,
-    FlightPlanned,
-    Gain,
     PlannedSite,
 )
 

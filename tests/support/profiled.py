@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.model.result.profiles import ProfileResults
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import ProfileResults
 
 # Station, offset, height over the first point, height of the ground below over it.
 PLACE = np.array([

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.result.profiles import ProfileResults
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import HeightSource
+from uavgram.model.result.tables import HeightSource, ProfileResults
 
 RAISED: dict[str, tuple[float, float, HeightSource]] = {
     "P00": (1.402, 0.021, "free"),

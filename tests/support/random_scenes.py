@@ -19,8 +19,7 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.log import Track
-from uavgram.model.flight.photo_poses import PhotoExposures
-from uavgram.model.flight.pose import TelemetryPrior
+from uavgram.model.flight.pose import PhotoExposures, TelemetryPrior
 from uavgram.model.survey.survey import Ground, Survey
 
 LABELS = 9

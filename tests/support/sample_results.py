@@ -7,8 +7,7 @@ import numpy as np
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message
 from uavgram.model.provenance import InputDigest, Provenance
-from uavgram.model.result.error_budget import ErrorBudget
-from uavgram.model.result.noise import Noise, PickNoise
+from uavgram.model.result.reliability import ErrorBudget, Noise, PickNoise
 from uavgram.model.result.result import Alternative, GroupFactor, Result, SolutionSummary
 from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
 from uavgram.model.result.tables import (
@@ -21,10 +20,10 @@ from uavgram.model.result.tables import (
     PointChecks,
     PointResults,
     PoseTable,
+    TieSummary,
 )
-from uavgram.model.result.ties import TieSummary
 from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.model.survey.world import Geodetic, World
+from uavgram.model.survey.survey import Geodetic, World
 
 
 def _poses(rng: np.random.Generator, absent: list[int]) -> PoseTable:

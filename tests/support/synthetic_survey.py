@@ -38,7 +38,7 @@ from uavgram.model.result.tables import (
 )
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.model.survey.observations import MeasurementKind
-from uavgram.model.survey.world import Geodetic, World
+from uavgram.model.survey.survey import Geodetic, World
 
 WIDTH_PX, HEIGHT_PX = 1640, 1232
 LENS = np.array([1310.0, 1312.0, 818.0, 617.0, -0.11, 0.05, 4e-4, -3e-4, -0.01])

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uavgram.io.photos.jpeg_segments import (
+from uavgram.io.photos.metadata import (
     APP1,
     EXIF_HEAD,
     XMP_HEAD,

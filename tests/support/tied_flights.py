@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses, TiedRays
+from uavgram.estimation.first_poses.tied.bundle import TiedPoses, TiedRays
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Bools, Floats
 

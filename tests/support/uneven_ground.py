@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.model.result.noise import AreaNoise, Noise, PickNoise
+from uavgram.model.result.reliability import AreaNoise, Noise, PickNoise
 from uavgram.model.result.result import Result
 
 DEPARTURE_M = {"P03": 0.031, "P08": -0.012, "P12": 0.004, "P21": -0.2}

@@ -14,8 +14,7 @@ from uavgram.config.camera import load_camera
 from uavgram.config.project import load_project
 from uavgram.errors import OutputError
 from uavgram.io.photos.catalogue import read_photos
-from uavgram.io.tables.known_points import read_known_points
-from uavgram.io.tables.lines import read_lines
+from uavgram.io.tables.known import read_known_points, read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
 from uavgram.model.options import Project, TimeOptions

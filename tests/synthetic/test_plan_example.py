@@ -6,7 +6,7 @@ import re
 from dataclasses import fields, replace
 from pathlib import Path
 
-from uavgram.model.planned.request import PlanRequest
+from uavgram.model.planned import PlanRequest
 from uavgram.synthetic.scenario_file import load_scenario, scenario_text
 
 

@@ -13,7 +13,7 @@ import pytest
 from scipy.stats import chi2
 
 from uavgram.errors import InputError
-from uavgram.model.simulation.repetitions import Repetitions
+from uavgram.model.simulation import Repetitions
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.parallel import in_processes

@@ -17,8 +17,8 @@ from full_report import full
 from recording_contents import Contents
 
 from uavgram.io.results.results_json import load_results, write_results
+from uavgram.model.naming import IMPERIAL
 from uavgram.model.result.result import Result
-from uavgram.model.units import IMPERIAL
 from uavgram.pipeline.measure.exports import exports
 from uavgram.views.recording import write_recording
 from uavgram.views.report import render_annex, render_report

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.model.survey.observations import Picks
-from uavgram.stages.match.found import Record
-from uavgram.stages.match.outcome import Matches
+from uavgram.stages.match import Matches, Record
 from uavgram.views.matches import match_lines
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from planned_sample import bare_plan, sample_plan
 
-from uavgram.model.planned.plan import ChosenBy, Gain
+from uavgram.model.planned import ChosenBy, Gain
 from uavgram.views.planned_text import plan_lines
 
 PLAN = sample_plan()

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavgram.model.units import IMPERIAL, METRIC, Units, units_from_options
+from uavgram.model.naming import IMPERIAL, METRIC, Units, units_from_options
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import (
     feet_inches,

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter, Token, validators
 
-from uavgram.model.typed_numbers import comma_question, with_point
+from uavgram.model.limits import comma_question, with_point
 
 
 def decimal(_type: object, tokens: Sequence[Token]) -> float:

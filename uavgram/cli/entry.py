@@ -34,7 +34,7 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
 from uavgram.cli.interrupt import has_come
 from uavgram.cli.terminal import as_told, be_quiet, drop_output, tell_in
 from uavgram.errors import UavgramError
-from uavgram.model.units import METRIC
+from uavgram.model.naming import METRIC
 
 __all__ = ["app", "called"]
 

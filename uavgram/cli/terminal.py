@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from uavgram.errors import OutputError, UavgramError
-from uavgram.model.units import METRIC, Units
+from uavgram.model.naming import METRIC, Units
 
 if TYPE_CHECKING:
     from uavgram.model.result.result import Result

@@ -8,14 +8,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from uavgram.config.faults import Fault, show
 from uavgram.config.strict_yaml import Document, Plain, read_yaml
-from uavgram.config.validation import validate
+from uavgram.config.validation import Fault, show, validate
 from uavgram.errors import GeometryError, InputError, near_miss, no_file
-from uavgram.geometry.earth.map_projection import checked_crs
+from uavgram.geometry.earth.geodesy import checked_crs
+from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TIES_FOUND, Project
 from uavgram.model.target_families import BOARD_PLATE
-from uavgram.model.units import SHORT_FORMS
 
 _INPUT_FILES = (
     "log",

@@ -17,8 +17,7 @@ import yaml
 
 from uavgram.errors import InputError
 from uavgram.input_files import read_text
-from uavgram.model.limits import unshowable
-from uavgram.model.typed_numbers import with_point
+from uavgram.model.limits import unshowable, with_point
 
 KeyPath = tuple[str | int, ...]
 Plain = str | int | float | bool | None | list["Plain"] | dict[str, "Plain"]

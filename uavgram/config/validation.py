@@ -1,4 +1,4 @@
-"""Plain data from a file -> frozen dataclasses, with every mistake of the file in one error.
+"""Plain data from a file to frozen data classes, with every mistake of the file in one error.
 
 The dataclasses of the model are the schema: pydantic reads them, unknown keys are mistakes at every
 level, and nothing is converted silently (strict: text is no number, true is no number).
@@ -7,14 +7,235 @@ level, and nothing is converted silently (strict: text is no number, true is no 
 from __future__ import annotations
 
 import json
+import types
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import ErrorDetails
 
-from uavgram.config.faults import Fault, faults_of
 from uavgram.config.strict_yaml import Document, KeyPath, Plain, dotted
-from uavgram.errors import InputError
+from uavgram.errors import InputError, near_miss
+from uavgram.model.limits import number_hint
+from uavgram.model.options import OptionsError
+
+LONGEST_VALUE_SHOWN = 60
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One mistake: where it is, and what is wrong with what value."""
+
+    at: KeyPath
+    text: str
+
+
+@dataclass(frozen=True)
+class _Found:
+    """One of pydantic's errors, with its place in the data instead of in the schema."""
+
+    at: KeyPath
+    union_at: KeyPath | None  # where the types of a union part ways, if it comes from one of them
+    kind: str
+    details: ErrorDetails
+
+
+def faults_of(errors: Sequence[ErrorDetails], schema: type, data: Plain) -> list[Fault]:
+    """Translate pydantic's errors; one fault for each place.
+
+    Parameters
+    ----------
+    errors
+        What it found in ``{"root": data}``.
+    schema
+        The data class that `data` should fit.
+    data
+        The file's content.
+    """
+    found = [_locate(details, data) for details in errors]
+    faults: dict[KeyPath, Fault] = {}
+    for one in found:
+        rivals = [other for other in found if other.union_at == one.union_at]
+        if one.union_at is None:
+            new = _explain(one, schema, data)
+        elif any(_is_meant(other) for other in rivals):
+            new = _explain(one, schema, data) if _is_meant(one) else []
+        else:
+            new = [_no_type_fits(one.union_at, rivals, data)]
+        for fault in new:
+            faults.setdefault(fault.at, fault)
+    return list(faults.values())
+
+
+def _locate(details: ErrorDetails, data: Plain) -> _Found:
+    """Follow pydantic's location through the data; parts that lead nowhere name union types."""
+    at: KeyPath = ()
+    union_at: KeyPath | None = None
+    here = data
+    location = details["loc"][1:]
+    for i, part in enumerate(location):
+        is_absent = details["type"] == "missing" and i == len(location) - 1
+        if isinstance(here, dict) and part in here:
+            at, here = (*at, part), here[str(part)]
+        elif isinstance(here, list) and isinstance(part, int) and part < len(here):
+            at, here = (*at, part), here[part]
+        elif is_absent:
+            at = (*at, part)
+        else:
+            union_at = at
+    return _Found(at, union_at, details["type"], details)
+
+
+def _is_meant(found: _Found) -> bool:
+    """Whether the value is of this branch of a union, only with something wrong inside."""
+    return found.at != found.union_at or found.kind in {"value_error", "too_long"}
+
+
+def _no_type_fits(at: KeyPath, rivals: Iterable[_Found], data: Plain) -> Fault:
+    expected = " or ".join(dict.fromkeys(_expected(rival) for rival in rivals))
+    value = value_at(data, at)
+    return Fault(at, f"must be {expected} (got {show(value)}){_number_hint(value)}")
+
+
+def _expected(found: _Found) -> str:
+    if found.kind == "literal_error":
+        return str(found.details["ctx"]["expected"]).replace("'", "")
+    return _EXPECTED.get(found.kind, found.details["msg"])
+
+
+_EXPECTED = {
+    "string_type": "text",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "bool_type": "true or false",
+    "finite_number": "a finite number",
+    "tuple_type": "a list of numbers such as [1.0, 2.0]",
+    "dataclass_type": "a block of keys",
+    "dataclass_exact_type": "a block of keys",
+    "none_required": "empty",
+}
+
+
+def _explain(found: _Found, schema: type, data: Plain) -> list[Fault]:
+    """Say in the file's words what one error means."""
+    at, details = found.at, found.details
+    if found.kind == "value_error":
+        return _out_of_range(at, details["ctx"]["error"], data)
+    if found.kind in {"unexpected_keyword_argument", "extra_forbidden"}:
+        return [Fault(at, _unknown_key(at, schema))]
+    if found.kind in {"missing", "too_long"} and _is_tuple(type_at(schema, _list_of(found))):
+        return [_wrong_length(_list_of(found), schema, data)]
+    if found.kind == "missing":
+        return [Fault(at, f"is missing: add the line '{at[-1]}: ...'")]
+    value = value_at(data, at)
+    if value is None:
+        return [Fault(at, "is empty: give it a value, or remove the line to have the default")]
+    hint = ""
+    if found.kind == "literal_error":
+        known = str(details["ctx"]["expected"]).replace("'", "").replace(" or ", ", ").split(", ")
+        hint = f": {guess}" if (guess := near_miss(str(value), known)) else ""
+    elif found.kind == "string_type":
+        hint = ": put it in quotes" if isinstance(value, int | float) else ""
+    elif found.kind == "float_type":
+        hint = _number_hint(value)
+    return [Fault(at, f"must be {_expected(found)} (got {show(value)}){hint}")]
+
+
+def _out_of_range(at: KeyPath, error: ValueError, data: Plain) -> list[Fault]:
+    if not isinstance(error, OptionsError):
+        return [Fault(at, str(error))]
+    return [
+        Fault((*at, name), f"{text} (got {show(value_at(data, (*at, name)))})")
+        for name, text in error.faults
+    ]
+
+
+def _unknown_key(at: KeyPath, schema: type) -> str:
+    key = str(at[-1])
+    known = _keys(type_at(schema, at[:-1]))
+    text = f"unknown key {key!r}"
+    if guess := near_miss(key, known):
+        return f"{text}: {guess}"
+    for section, kind in get_type_hints(schema).items():
+        if key in _keys(kind):
+            return f"{text}: it belongs under '{section}:'"
+    if key in _keys(schema):
+        return f"{text} in here: it belongs at the left margin"
+    return f"{text}: known here are {', '.join(known)}"
+
+
+def _list_of(found: _Found) -> KeyPath:
+    return found.at[:-1] if found.kind == "missing" else found.at
+
+
+def _is_tuple(kind: Any) -> bool:  # noqa: ANN401
+    return any(get_origin(option) is tuple for option in _options(kind))
+
+
+def _wrong_length(at: KeyPath, schema: type, data: Plain) -> Fault:
+    kind = next(k for k in _options(type_at(schema, at)) if get_origin(k) is tuple)
+    value = value_at(data, at)
+    return Fault(at, f"must be a list of {len(get_args(kind))} numbers (got {show(value)})")
+
+
+def _number_hint(value: Plain) -> str:
+    return number_hint(value.strip(), "the key") if isinstance(value, str) else ""
+
+
+def value_at(data: Plain, at: KeyPath) -> Plain:
+    """Value at a path in plain data; None where there is none."""
+    for part in at:
+        if isinstance(data, dict):
+            data = data.get(str(part))
+        elif isinstance(data, list) and isinstance(part, int) and part < len(data):
+            data = data[part]
+        else:
+            return None
+    return data
+
+
+def show(value: Plain) -> str:
+    """Write an offending value, cut to a length that a message can hold."""
+    text = repr(value) if isinstance(value, str) else _as_yaml(value)
+    return text if len(text) <= LONGEST_VALUE_SHOWN else text[: LONGEST_VALUE_SHOWN - 3] + "..."
+
+
+def _as_yaml(value: Plain) -> str:
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_as_yaml(inner)}" for key, inner in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(_as_yaml(inner) for inner in value) + "]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "nothing" if value is None else str(value)
+
+
+def type_at(schema: Any, at: KeyPath) -> Any:  # noqa: ANN401
+    """Type annotation of a key of nested dataclasses; None where the schema has no such key.
+
+    A mapping has keys of any name, with values of one type.
+    """
+    for part in at:
+        owner = next((k for k in _options(schema) if is_dataclass(k)), None)
+        named = next((k for k in _options(schema) if get_origin(k) is Mapping), None)
+        if owner:
+            schema = get_type_hints(owner).get(str(part))
+        else:
+            schema = get_args(named)[1] if named else None
+    return schema
+
+
+def _options(kind: Any) -> tuple[Any, ...]:  # noqa: ANN401
+    return get_args(kind) if get_origin(kind) in {Union, types.UnionType} else (kind,)
+
+
+def _keys(kind: Any) -> tuple[str, ...]:  # noqa: ANN401
+    owner = next((k for k in _options(kind) if is_dataclass(k)), None)
+    return tuple(f.name for f in fields(owner)) if owner else ()
+
 
 Schema = TypeVar("Schema")
 

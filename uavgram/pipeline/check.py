@@ -12,7 +12,7 @@ from uavgram.estimation.survey.known_kinds.kinds import gives_scale
 from uavgram.model.message import Message, Several
 from uavgram.pipeline.measure.ground_below import has_place
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
-from uavgram.pipeline.measure.plates import with_sides
+from uavgram.pipeline.measure.observations import with_sides
 from uavgram.pipeline.measure.pose import Posed, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import in_order

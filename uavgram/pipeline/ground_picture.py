@@ -14,7 +14,7 @@ from uavgram.imaging.top_view.warp_maps import Window
 from uavgram.io.digest import photo_files
 from uavgram.io.exports.geotiff import WINDOW_PX
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 from uavgram.pipeline.parallel import prefetch
 from uavgram.stages.products.top_view import boxes, reductions
 

@@ -10,14 +10,12 @@ import numpy as np
 
 from uavgram.errors import InputError, near_miss
 from uavgram.input_files import refuse_unread
-from uavgram.io.imports.gcp_list import GcpSigmas, read_gcp_list
-from uavgram.io.imports.labelme import read_labelme
+from uavgram.io.imports import GcpSigmas, read_gcp_list, read_labelme
 from uavgram.io.outputs import replace_bytes
 from uavgram.io.tables.new_picks import new_control, new_picks
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
-from uavgram.model.survey.imported import ImportedPicks
-from uavgram.model.survey.observations import KnownPoints
+from uavgram.model.survey.observations import ImportedPicks, KnownPoints
 from uavgram.stages.messages import in_order
 
 

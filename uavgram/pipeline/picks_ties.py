@@ -13,8 +13,7 @@ from uavgram.io.tables.ties import EMPTY, count_made, ties_content
 from uavgram.model.message import Message
 from uavgram.model.options import TIES_FILE, Project
 from uavgram.model.survey.ties import NO_TIES, TiePicks
-from uavgram.pipeline.measure.in_photos import check_ties
-from uavgram.pipeline.measure.inputs import read_inputs, ties_path
+from uavgram.pipeline.measure.inputs import check_ties, read_inputs, ties_path
 from uavgram.pipeline.measure.tie_points import pose_before_ties, tied
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.saved_picks import sole_writer

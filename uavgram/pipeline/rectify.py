@@ -24,7 +24,7 @@ from uavgram.io.exports.geotiff import (
 from uavgram.io.outputs import staged_output
 from uavgram.io.own_files import check_folder_of_project
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 from uavgram.model.message import Message
 from uavgram.pipeline.ground_picture import warped_windows
 from uavgram.pipeline.measure.compute import compute

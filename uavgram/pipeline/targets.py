@@ -1,30 +1,284 @@
-"""Find coded plates and other targets in a project's photos, and write them into its picks."""
+"""Find targets in a project's photos, coded and without a number, and write them as picks.
+
+Which one it is, the search for picks tells (`uavgram picks match`): it knows the region, refuses
+what is there twice, and what the other photos contradict. Where its centre is, the target itself
+tells in each photo, so that the clicks' errors are not repeated.
+"""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from uavgram.config.board_text import parse_board
-from uavgram.errors import InputError
+from uavgram.errors import InputError, UavgramError
 from uavgram.imaging.plates.board import sight_board_plate
 from uavgram.imaging.plates.sight import sight_plates
 from uavgram.imaging.raster import Image
+from uavgram.imaging.targets.uncoded import Kind, Uncoded, uncoded_target
 from uavgram.io.photos.board_photos import read_grey
+from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.options import TargetOptions
-from uavgram.model.survey.plates import LeftOut, SeenPlate
-from uavgram.pipeline.measure.inputs import Inputs, read_inputs
+from uavgram.model.survey.observations import LeftOut, Picks, SeenPlate
+from uavgram.model.target_families import plate_of
+from uavgram.pipeline.match.adjusting import begun
+from uavgram.pipeline.match.looking import Photos, grey_photos
+from uavgram.pipeline.match.search import searched
+from uavgram.pipeline.measure.inputs import NO_PICKS, Inputs, duplicates_of, read_inputs
+from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.saved_picks import save_picks, sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.pipeline.uncoded_targets import NO_UNCODED, UncodedTargets, uncoded_targets
+from uavgram.stages.match import Pair, Record
 from uavgram.stages.messages import in_order
-from uavgram.stages.target_rows import asked_centers, with_targets, without_targets
+from uavgram.stages.target_rows import (
+    TargetRow,
+    asked_centers,
+    chosen,
+    target_row,
+    with_rows,
+    with_targets,
+    without_targets,
+)
+
+CLICK_PX = 2.5
+"""A target's centre this far from a pick, or three of its sigmas, is not what was picked."""
+
+SAME_PX = 1.0
+"""A target's centre farther from where the picture around it is found belongs to another one."""
+
+ON_GROUND = 100.0
+"""Odds that a target without a height is on the ground: that is where people put them."""
+
+NOT_CLEAR = "no clear target there: hidden, shadowed, or too small"
+
+
+@dataclass(frozen=True, kw_only=True)
+class UncodedTargets:
+    """What was found.
+
+    Attributes
+    ----------
+    picks
+        All of the project, with those of these targets.
+    kinds
+        What each label is, of those that are targets.
+    found
+        By label, the other photos in which it was found.
+    """
+
+    picks: Picks
+    kinds: Mapping[str, str] = field(default_factory=dict)
+    found: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    messages: tuple[Message, ...] = ()
+
+
+NO_UNCODED = UncodedTargets(picks=NO_PICKS)
+
+
+def uncoded_targets(inputs: Inputs, progress: Progress) -> UncodedTargets:
+    """Look for picked targets in the other photos.
+
+    Parameters
+    ----------
+    inputs
+        The project; of targets, its picks hold those that stay.
+    progress
+        Shows long loops.
+    """
+    photos = grey_photos(dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True)))
+    own = _recognised(inputs, photos)
+    if not own or len(inputs.photos.frame_id) < 2:
+        return UncodedTargets(picks=inputs.picks)
+    kinds = _kinds(inputs.picks, own)
+    try:
+        record = _searched(inputs, photos, own, kinds, progress)
+    except UavgramError as why:
+        kind_names = {label: kind.value for label, kind in kinds.items()}
+        return UncodedTargets(
+            picks=inputs.picks, kinds=kind_names, messages=(_not_placed(kind_names, why),)
+        )
+    rows, missed = _measured(inputs, photos, kinds, record)
+    found = {label: tuple(r.image for r in rows if r.label == label) for label in kinds}
+    return UncodedTargets(
+        picks=with_rows(_without_matches(inputs.picks, rows), rows),
+        kinds={label: kind.value for label, kind in kinds.items()},
+        found=found,
+        messages=tuple(_missed(missed, kinds)),
+    )
+
+
+def _recognised(inputs: Inputs, photos: Photos) -> dict[int, Uncoded]:
+    """Targets at the places that people picked, by number of the pick."""
+    picks, found = inputs.picks, {}
+    for i in np.flatnonzero(picks.of_source("hand")).tolist():
+        if picks.image[i] not in inputs.photos.frame_id:
+            continue
+        photo, sigma = photos.get(picks.image[i]), float(picks.sigma_px[i])
+        target = picked_target(photo, picks.label[i], picks.pixel_px[i], sigma)
+        if target is not None:
+            found[i] = target
+    return found
+
+
+def picked_target(photo: Image, label: str, pixel_px: Floats, sigma_px: float) -> Uncoded | None:
+    """The target that a person picked; None where the pick is on none, or on a coded plate.
+
+    Parameters
+    ----------
+    photo
+        (height, width) grey.
+    label
+        Of the pick.
+    pixel_px, sigma_px
+        (2,) where it is; NaN where no sigma is known.
+    """
+    if plate_of(label) is not None:
+        return None
+    target = uncoded_target(photo, pixel_px)
+    reach = max(CLICK_PX, 3.0 * float(np.nan_to_num(sigma_px)))
+    is_on = target is not None and np.hypot(*(target.pixel_px - pixel_px)) <= reach
+    return target if is_on else None
+
+
+def same_target(photo: Image, kind: Kind, place_px: Floats, sigma_px: float) -> Uncoded | None:
+    """The target of a kind where its surroundings were found; None where it is not clear there.
+
+    Parameters
+    ----------
+    photo
+        (height, width) grey.
+    kind
+        What was picked.
+    place_px, sigma_px
+        (2,) where its centre should be by the matching.
+    """
+    target = uncoded_target(photo, place_px)
+    if target is None or target.kind is not kind:
+        return None
+    off = np.hypot(*(target.pixel_px - place_px))
+    return target if off <= SAME_PX + 3.0 * sigma_px else None
+
+
+def measured_row(image: str, label: str, target: Uncoded, focal_px: float) -> TargetRow:
+    """A pick of a target's centre.
+
+    Parameters
+    ----------
+    image, label
+        The photo, and what is picked in it.
+    target
+        As seen there.
+    focal_px
+        Of the camera: the middle of a disc's outline is not the image of its middle.
+    """
+    sigma = float(np.hypot(target.sigma_px, target.off_center_px(focal_px)))
+    u, v = target.pixel_px.tolist()
+    return target_row(image, label, (u, v), sigma, target.score)
+
+
+def _kinds(picks: Picks, own: Mapping[int, Uncoded]) -> dict[str, Kind]:
+    """What each label is; none where its picks lie on targets of several kinds."""
+    kinds: dict[str, set[Kind]] = {}
+    for i, target in own.items():
+        kinds.setdefault(picks.label[i], set()).add(target.kind)
+    return {label: next(iter(some)) for label, some in kinds.items() if len(some) == 1}
+
+
+def _searched(
+    inputs: Inputs,
+    photos: Photos,
+    own: Mapping[int, Uncoded],
+    kinds: Mapping[str, Kind],
+    progress: Progress,
+) -> Record:
+    """Where the pictures around the targets are in the other photos.
+
+    Parameters
+    ----------
+    inputs, photos, progress
+        The project.
+    own
+        Targets at picks: they are looked for from their centres.
+    kinds
+        The labels to look for.
+    """
+    pixel = inputs.picks.pixel_px.copy()
+    for i, target in own.items():
+        pixel[i] = target.pixel_px
+    picks = replace(inputs.picks, pixel_px=pixel)
+    picks = chosen(picks, ~picks.of_source("match"))
+    there = set(zip(picks.image, picks.label, strict=True))
+    copies = set(duplicates_of(inputs).photos)
+    base = begun(replace(inputs, picks=picks), pose_frames(inputs))
+
+    def wanted(pair: Pair) -> bool:
+        return pair[1] in kinds and pair not in there and pair[0] not in copies
+
+    return searched(base, photos, wanted, progress, ON_GROUND).record
+
+
+def _measured(
+    inputs: Inputs, photos: Photos, kinds: Mapping[str, Kind], record: Record
+) -> tuple[list[TargetRow], dict[Pair, str]]:
+    """Rows of those targets that are clear where they were found, and why the others are not.
+
+    Parameters
+    ----------
+    inputs, photos
+        The project.
+    kinds
+        What each label is.
+    record
+        What was found.
+    """
+    rows, missed = [], dict(record.in_vain)
+    for pair, found in sorted(record.found.items()):
+        image, label = pair
+        place = np.array(found.pixel_px)
+        target = same_target(photos.get(image), kinds[label], place, found.sigma_px)
+        if target is None:
+            missed[pair] = NOT_CLEAR
+            continue
+        rows.append(measured_row(image, label, target, float(inputs.calibration.parameters[0])))
+    return rows, missed
+
+
+def _without_matches(picks: Picks, rows: list[TargetRow]) -> Picks:
+    """Without matches where the target itself is picked now: that is better."""
+    new = {(row.image, row.label) for row in rows}
+    pairs = zip(picks.image, picks.label, strict=True)
+    there = np.array([pair in new for pair in pairs], dtype=np.bool_)
+    return chosen(picks, ~(there & picks.of_source("match")))
+
+
+def _not_placed(kinds: Mapping[str, str], why: Exception) -> Message:
+    some = ", ".join(f"{label} ({kind})" for label, kind in list(kinds.items())[:5])
+    text = (
+        f"Targets that you picked ({some}) were not looked for in the other photos, as it is not "
+        f"known how the photos lie to each other: {why}"
+    )
+    return Message("warning", "target-not-sought", text)
+
+
+def _missed(missed: Mapping[Pair, str], kinds: Mapping[str, Kind]) -> Iterator[Message]:
+    for label, kind in kinds.items():
+        own = {image: why for (image, name), why in missed.items() if name == label}
+        if own:
+            places = "; ".join(f"{image}: {why}" for image, why in sorted(own.items()))
+            text = (
+                f"{label}, a {kind.value}, was looked for but not taken in {len(own)} photos "
+                f"({places}). Pick it there by hand where you see it."
+            )
+            yield Message("info", "target-not-found", text, frames=tuple(sorted(own)))
+
 
 Sight = Callable[[Image], tuple[SeenPlate, ...]]
 

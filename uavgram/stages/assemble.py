@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from uavgram.errors import GeometryError, near_miss
+from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.correlated_errors import trend_inflation
 from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.rolling import with_readout
@@ -16,15 +17,51 @@ from uavgram.geometry.motion.telemetry_pose import LEVER_ARM, SHARED_SIZE
 from uavgram.model.arrays import Floats, FrozenArrays, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import Track
-from uavgram.model.flight.pose import Poses, TelemetryPrior
-from uavgram.model.flight.telemetry import Telemetry
+from uavgram.model.flight.pose import Poses, Telemetry, TelemetryPrior
 from uavgram.model.message import Message, Several
 from uavgram.model.options import GroundOptions
 from uavgram.model.survey.known import KnownThing, KnownThings, lines_place
 from uavgram.model.survey.observations import KnownWorldPoints, Picks
 from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
-from uavgram.stages.control_heights import with_own_heights
 from uavgram.stages.tied import matches_of, ties_of
+
+SIGNIFICANCE = 1e-4
+"""Probability below which the heights of an area's control points are on no plane."""
+
+
+def with_own_heights(survey: Survey) -> Survey:
+    """Free the heights of an area's control points where no plane of the ground goes through them.
+
+    Where one does, they say where it is. A height above the ground that is stated holds.
+    """
+    free = np.array(survey.is_free)
+    for area, ground in enumerate(survey.grounds):
+        own = (survey.area == area) & ~survey.off_ground
+        rows = np.flatnonzero(own[survey.control_label])
+        sigma = np.hypot(survey.control_sigma_m[rows, 2], ground.roughness_sigma_m)
+        squares = _misfit(survey.control_world_m[rows], sigma, ground.slope_sigma_rad)
+        if upper_tail(squares, len(rows) - 1.0) < SIGNIFICANCE:
+            free[survey.control_label[rows]] = True
+    return replace(survey, is_free=free)
+
+
+def _misfit(place_m: Floats, sigma_m: Floats, slope_sigma: float) -> float:
+    """Weighted sum of squares of heights about a plane of unknown height, level up to its sigma.
+
+    Parameters
+    ----------
+    place_m, sigma_m
+        (n, 3), (n,) points, and how well each height is that of the plane.
+    slope_sigma
+        Prior of the plane's slopes about level; n - 1 degrees of freedom are left.
+    """
+    if len(place_m) < 2:
+        return 0.0
+    place = place_m - place_m.mean(axis=0)
+    design = np.column_stack([np.ones(len(place)), place[:, :2]]) / sigma_m[:, None]
+    design = np.concatenate([design, np.eye(3)[1:] / slope_sigma])
+    height = np.append(place[:, 2] / sigma_m, [0.0, 0.0])
+    return float(np.sum((height - design @ np.linalg.lstsq(design, height)[0]) ** 2))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

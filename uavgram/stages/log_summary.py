@@ -7,21 +7,22 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.boot_clock import fit_boot_clock, to_utc
+from uavgram.estimation.clocks.clock_line import fit_boot_clock, to_utc
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.geometry.earth.gps_time import utc_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import (
     Boot,
     BootClock,
+    BootSummary,
     CameraEvents,
     FlightLog,
     HomeSamples,
+    LogSummary,
     PositionSamples,
 )
-from uavgram.model.flight.log_summary import BootSummary, LogSummary
 from uavgram.model.message import Message
-from uavgram.model.survey.world import Geodetic
+from uavgram.model.survey.survey import Geodetic
 
 _LONG_PAUSE_S = 1.0
 _HOME_MOVED_M = 0.5

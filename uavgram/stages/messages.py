@@ -8,9 +8,8 @@ from itertools import chain
 from typing import Any
 
 from uavgram.model.catalogue.catalogue import entry_of
-from uavgram.model.message import NUMBERS, SUBJECTS, Message, Several
-from uavgram.model.remedy import Remedy
-from uavgram.model.remedy import together as mended_together
+from uavgram.model.message import NUMBERS, SUBJECTS, Message, Remedy, Several
+from uavgram.model.message import together as mended_together
 from uavgram.model.survey.mend import Cause
 
 MOST_LISTED = 5

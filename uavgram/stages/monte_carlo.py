@@ -15,7 +15,7 @@ from scipy.special import ndtri
 from uavgram.errors import GeometryError
 from uavgram.estimation.measuring.propagation import propagate, values_at
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.refit import refit
+from uavgram.estimation.survey.moved import refit
 from uavgram.model.arrays import Bools
 from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message, Several

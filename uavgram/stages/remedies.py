@@ -6,10 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import isclose
 
-from uavgram.estimation.reliability.wrong_units import UNITS
-from uavgram.model.message import Message
+from uavgram.estimation.reliability.stated_values import UNITS
+from uavgram.model.message import Correction, Message, Remedy, unpicked, without_lengths
 from uavgram.model.naming import listed, listed_photos
-from uavgram.model.remedy import Correction, Remedy, unpicked, without_lengths
 from uavgram.model.survey.mend import Mend
 from uavgram.model.survey.survey import Survey
 

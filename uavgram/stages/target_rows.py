@@ -9,8 +9,7 @@ import numpy as np
 
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message, Several
-from uavgram.model.survey.observations import Picks
-from uavgram.model.survey.plates import LeftOut, SeenPlate
+from uavgram.model.survey.observations import LeftOut, Picks, SeenPlate
 from uavgram.model.target_families import CORNERS, corner_label, plate_label
 
 _CENTER_TOO = 2.0**0.5

@@ -17,8 +17,9 @@ from uavgram.model.flight.log import (
     GimbalSamples,
     HomeSamples,
     PositionSamples,
+    TurnRateSamples,
+    VelocitySamples,
 )
-from uavgram.model.flight.second_opinions import TurnRateSamples, VelocitySamples
 from uavgram.model.flight.simulated_log import SimulatedLog
 from uavgram.synthetic.errors import ErrorSpec
 from uavgram.synthetic.flight import STEP_S, FlightBiases, Motion, at, gauss_markov

@@ -15,7 +15,7 @@ from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.io.own_files import remove_link
 from uavgram.io.photos.tagging.exif_capture import with_exif
 from uavgram.io.results.codec import Record, encode, records
-from uavgram.io.tables.csv_rows import csv_text
+from uavgram.io.tables.csv_tables import csv_text
 from uavgram.io.tables.picked import (
     LINES_HEADER,
     MEASURE_HEADER,
@@ -23,7 +23,7 @@ from uavgram.io.tables.picked import (
     measure_content,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.typed_numbers import number_text
+from uavgram.model.limits import number_text
 from uavgram.synthetic.inputs import project_yaml
 from uavgram.synthetic.survey import SimulatedSurvey
 

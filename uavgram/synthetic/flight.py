@@ -303,7 +303,7 @@ class PhotoRows(FrozenArrays):
     ----------
     share
         (R,) when, evenly spaced: in readout times from the middle row, as `row_share`
-        (geometry/motion/row_poses.py) says of a row.
+        (geometry/motion/camera_motion.py) says of a row.
     center_world_m, world_from_camera
         (F, R, 3), (F, R, 3, 3).
     """

@@ -10,6 +10,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.frames import Photos
+from uavgram.model.limits import number_text
 from uavgram.model.options import (
     GroundOptions,
     MountOptions,
@@ -20,7 +21,6 @@ from uavgram.model.options import (
     TelemetryOptions,
     TimeOptions,
 )
-from uavgram.model.typed_numbers import number_text
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import Posed
 from uavgram.synthetic.autopilot import flight_log

@@ -26,7 +26,7 @@ from uavgram.model.survey.observations import (
 from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.compute import compute, stated_observations
 from uavgram.pipeline.measure.inputs import NO_POINTS, Inputs, read_inputs
-from uavgram.pipeline.measure.plates import with_sides
+from uavgram.pipeline.measure.observations import with_sides
 from uavgram.pipeline.measure.pose import Posed, pose_frames
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.inputs import Drawn

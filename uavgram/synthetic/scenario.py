@@ -15,7 +15,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.limits import require, require_sizes
-from uavgram.model.planned.request import PlanRequest
+from uavgram.model.planned import PlanRequest
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.target_families import CORNERS, LARGEST_PLATE_M, corner_label
 from uavgram.synthetic.accident_scene import (

@@ -9,15 +9,13 @@ from typing import Any
 from uavgram.config.strict_yaml import Document, Plain, dotted, read_yaml, yaml_text
 from uavgram.config.validation import validate
 from uavgram.errors import InputError, near_miss
-from uavgram.io.cameras.drone_table import drone_cameras
+from uavgram.io.cameras.choice import drone_cameras
 from uavgram.io.tables.measure import PARAMETERS, points_fault
-from uavgram.model.camera.assumed_errors import ORDINARY_EQUIVALENTS_MM
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.calibration import ORDINARY_EQUIVALENTS_MM, Calibration
 from uavgram.model.camera.tags import CameraTags, DroneCamera
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.pipeline.cameras.by_name import camera_of_drone
-from uavgram.pipeline.cameras.read import read_camera
-from uavgram.stages.camera.assume import assume_camera, find_camera
+from uavgram.pipeline.cameras.read import camera_of_drone, read_camera
+from uavgram.stages.camera import assume_camera, find_camera
 from uavgram.synthetic.errors import USUAL, USUALLY_LOST
 from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.scenario import CameraSpec, RepeatedSurvey, Scenario

@@ -15,7 +15,7 @@ from uavgram.io.outputs import staged_output
 from uavgram.io.results.simulation_json import write_simulation
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.model.simulation.repetitions import (
+from uavgram.model.simulation import (
     Repetition,
     Repetitions,
     Simulation,

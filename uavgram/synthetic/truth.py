@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from uavgram.geometry.camera.projection import project
-from uavgram.geometry.motion.row_poses import row_share
+from uavgram.geometry.motion.camera_motion import row_share
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.survey.observations import MeasurementRequest

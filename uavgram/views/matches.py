@@ -7,8 +7,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable
 
 from uavgram.model.naming import counted, listed
-from uavgram.stages.match.found import Pair
-from uavgram.stages.match.outcome import Matches
+from uavgram.stages.match import Matches, Pair
 
 MOST_NAMED = 8
 """Names in a line; of the others, only the number is told."""

@@ -14,8 +14,8 @@ from jinja2 import (
 )
 from jinja2.runtime import Context
 
+from uavgram.model.naming import METRIC
 from uavgram.model.result.result import Result
-from uavgram.model.units import METRIC
 from uavgram.views import wording
 from uavgram.views.compiled_templates import CompiledTemplates
 from uavgram.views.markdown import MOST_ROWS, plain

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from uavgram.errors import UavgramError
-from uavgram.model.maps.plan import Paper
+from uavgram.model.maps import Paper
 from uavgram.views.page_parts import Part, take_apart
 from uavgram.views.text_tables import SHEET, with_text_tables
 

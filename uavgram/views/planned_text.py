@@ -7,8 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from uavgram.model.planned.next_lines import NextLines
-from uavgram.model.planned.plan import FlightPlanned, Gain
+from uavgram.model.planned import FlightPlanned, Gain, NextLines
 from uavgram.views.planned.numbers import centimetres, metres
 from uavgram.views.planned.tables import plate_rows
 from uavgram.views.planned.words import chosen, headline, of_lengths, outcome

@@ -14,8 +14,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Floats
+from uavgram.model.naming import Units
 from uavgram.model.result.result import Result
-from uavgram.model.units import Units
 from uavgram.views.survey.departures import departures
 from uavgram.views.survey.limits import line_limits
 from uavgram.views.survey.off_ground import height_of

@@ -6,12 +6,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from uavgram.model.catalogue.catalogue import entry_of
-from uavgram.model.flight.frames import Frames, Photos
-from uavgram.model.flight.geotag import GeoTags
-from uavgram.model.flight.pairing import Pairing
+from uavgram.model.flight.frames import Frames, Pairing, Photos
+from uavgram.model.flight.pose import GeoTags
 from uavgram.model.message import Message
+from uavgram.model.naming import METRIC, Units
 from uavgram.model.result.result import Result
-from uavgram.model.units import METRIC, Units
 from uavgram.views.result_tables import result_table
 from uavgram.views.survey.verdict import LEVEL_WORDS, scale_sentence
 from uavgram.views.unit_words import in_units

@@ -13,9 +13,9 @@ from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from uavgram.model.case import case_from_options
+from uavgram.model.naming import FOOT_M, Units
+from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
-from uavgram.model.units import FOOT_M, Units
 from uavgram.views.units import INCH_M, INCHES, feet_inches, fixed, quantity, shown, step_in_of
 
 _NUMBER = r"[+\-−]?\d+(?:\.\d+)?(?:e[+\-]?\d+)?"

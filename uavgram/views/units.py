@@ -10,8 +10,8 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from uavgram.model.naming import FOOT_M, METRIC, Units, units_from_options
 from uavgram.model.result.result import Result
-from uavgram.model.units import FOOT_M, METRIC, Units, units_from_options
 
 INCHES = 12
 """Of a foot."""

@@ -11,9 +11,9 @@ import numpy as np
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.naming import METRIC, Units
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource, MeasurementResults
-from uavgram.model.units import METRIC, Units
 from uavgram.views import units as shown_units
 
 NOT_COMPUTED = "not computed"

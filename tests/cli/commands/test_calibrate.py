@@ -27,8 +27,7 @@ from uavgram.model.camera.board import (
     CalibrationOptions,
     flat_board,
 )
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.provenance import CameraProvenance
+from uavgram.model.camera.calibration import Calibration, CameraProvenance
 from uavgram.stages.calibrate.calibrate import calibrate
 
 FILES = {"camera.yaml", "opencv.yml", "calibration.json", "calibration.html", "calibration.rrd"}

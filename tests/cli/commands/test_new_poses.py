@@ -11,7 +11,7 @@ import tagged_jpeg
 
 from uavgram.cli import main
 from uavgram.config.project import load_project
-from uavgram.io.photos.jpeg_segments import (
+from uavgram.io.photos.metadata import (
     APP1,
     EXIF_HEAD,
     XMP_HEAD,

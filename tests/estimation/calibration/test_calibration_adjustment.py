@@ -10,14 +10,15 @@ import cv2
 import numpy as np
 import pytest
 
-from uavgram.estimation.calibration import normals
+from uavgram.estimation.calibration import adjustment
 from uavgram.estimation.calibration.adjustment import (
     Fit,
+    Normals,
+    UndeterminedError,
     adjust,
     fit_poses,
 )
-from uavgram.estimation.calibration.normals import Normals, UndeterminedError
-from uavgram.estimation.calibration.problem import lens_of, pad
+from uavgram.estimation.calibration.problem import Lens, Linear, lens_of, pad
 from uavgram.estimation.calibration.start import first_values
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import (
@@ -185,14 +186,13 @@ def test_without_the_poses_errors_the_covariance_would_be_wrong(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # the planted bug: the border's normal matrix with the poses taken as known
-    def no_schur(self: normals.Products, damping: float = 0.0) -> Normals:
-        good = schur(self, damping)
-        if damping:
-            return good
-        return good._replace(border=self.photo.sum(axis=0) + self.prior)
+    def no_schur(lens: Lens, linear: Linear) -> Normals:
+        photo = np.swapaxes(linear.border, 1, 2) @ linear.border
+        border = photo.sum(axis=0) + adjustment.prior_normal(lens)
+        return schur(lens, linear)._replace(border=border)
 
-    schur = normals.Products.normals
-    monkeypatch.setattr(normals.Products, "normals", no_schur)
+    schur = adjustment.normals_of
+    monkeypatch.setattr(adjustment, "normals_of", no_schur)
     fit = fit_of(scenes.make_scene(10, photos=5).observations)
     wrong, right = np.diag(fit.border_covariance), np.diag(dense(fit))[: fit.lens.size]
     assert (wrong < 0.9 * right).any()

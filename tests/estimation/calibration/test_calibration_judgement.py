@@ -9,14 +9,15 @@ import numpy as np
 import pytest
 
 from uavgram.estimation.calibration.adjustment import Fit, adjust, fit_poses
-from uavgram.estimation.calibration.network import coverage, tilts
-from uavgram.estimation.calibration.problem import lens_of, pad
-from uavgram.estimation.calibration.start import first_values
-from uavgram.estimation.calibration.systematics import (
+from uavgram.estimation.calibration.network import (
+    coverage,
     focus_drift,
     residual_map,
     rolling_shutter,
+    tilts,
 )
+from uavgram.estimation.calibration.problem import lens_of, pad
+from uavgram.estimation.calibration.start import first_values
 from uavgram.estimation.calibration.validation import (
     HeldOut,
     held_out,

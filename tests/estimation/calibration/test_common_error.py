@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uavgram.estimation.calibration.common_error import common_error
+from uavgram.estimation.calibration.reliability import common_error
 
 
 @pytest.mark.parametrize("common", [0.1, 0.5, 2.0])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.boot_clock import fit_boot_clock, to_boot, to_utc
+from uavgram.estimation.clocks.clock_line import fit_boot_clock, to_boot, to_utc
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Boot, ClockSamples
 

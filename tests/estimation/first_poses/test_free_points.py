@@ -8,7 +8,7 @@ import pytest
 from off_ground import with_third_coordinates
 from scenes import Scene, make_scene
 
-from uavgram.estimation.first_poses.free_points import with_free_points
+from uavgram.estimation.first_poses.first_points import with_free_points
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats

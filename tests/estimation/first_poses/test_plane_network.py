@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scenes import Scene
 
-from uavgram.estimation.first_poses.plane_network import PlaneNetwork
+from uavgram.estimation.first_poses.known_frames import PlaneNetwork
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.survey.survey import Survey
 

@@ -7,7 +7,7 @@ import pytest
 from derivatives import assert_derivative, central_differences
 from lanes import lane
 
-from uavgram.estimation.first_poses.plane_things import (
+from uavgram.estimation.first_poses.plane_search import (
     PlaneThing,
     fitting_heights,
     row_count,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scenes import make_scene
 
-from uavgram.estimation.measuring.next_length import line_faults, next_line
+from uavgram.estimation.measuring.scale import line_faults, next_line
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions

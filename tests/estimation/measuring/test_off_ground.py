@@ -10,9 +10,9 @@ from off_ground import with_third_coordinates
 from scenes import NO_TIMES, Scene, make_scene
 from scipy.stats import chi2
 
+from uavgram.estimation.measuring.error_budget import RELIEF_M, by_heights, shifts
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate, values_at
 from uavgram.estimation.measuring.second_order import curvature
-from uavgram.estimation.measuring.shifts import RELIEF_M, by_heights, shifts
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.departures import heights_above_ground
 from uavgram.estimation.survey.unknowns import move
@@ -20,8 +20,8 @@ from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
 from uavgram.model.survey.survey import Relief, Survey
+from uavgram.stages.measure import profiles
 from uavgram.stages.monte_carlo import sample
-from uavgram.stages.profiles import profiles
 from uavgram.stages.refine import refine
 
 HEIGHTS = {0: 1.5, 4: 0.6, 7: 2.5, 8: 1.1}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uavgram.estimation.measuring.quadratic import moves, second_order_terms
+from uavgram.estimation.measuring.second_order import moves, second_order_terms
 
 
 def test_moments_of_quadratic_forms() -> None:

@@ -14,8 +14,8 @@ from taped_scenes import read_on_tapes
 from uavgram.estimation.measuring.scale import scale_sigmas
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.options import SolveOptions
+from uavgram.stages.measure import scale_basis
 from uavgram.stages.refine import refine
-from uavgram.stages.scale_basis import scale_basis
 
 Make = Callable[..., Scene]
 ALONE = {"telemetry": False, "gauge": "plane", "lines": 8}

@@ -18,10 +18,9 @@ from uavgram.model.flight.frames import Frames
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.measure import measurement_results
+from uavgram.stages.measure import SIGMA_OFF, measurement_results, second_order
 from uavgram.stages.monte_carlo import sample
 from uavgram.stages.refine import refine
-from uavgram.stages.second_order import SIGMA_OFF, second_order
 
 ALONE: dict[str, Any] = {"frames": 1, "telemetry": False, "gauge": "plane"}
 PAIRS = ((0, 6), (1, 7), (2, 8), (3, 9), (4, 10), (5, 11))

@@ -10,8 +10,8 @@ import pytest
 from scenes import NO_TIMES, Scene
 from taped_scenes import read_on_tapes
 
+from uavgram.estimation.measuring.error_budget import RELIEF_M, TAPE_SHARE, by_heights, shifts
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
-from uavgram.estimation.measuring.shifts import RELIEF_M, TAPE_SHARE, by_heights, shifts
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest

@@ -16,7 +16,7 @@ from uavgram.estimation.reliability.redundancy import critical_value
 from uavgram.estimation.reliability.test_statistics import observed
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.names import Names
-from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Track
 from uavgram.model.survey.survey import Survey

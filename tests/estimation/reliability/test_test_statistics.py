@@ -16,8 +16,8 @@ from uavgram.estimation.reliability.redundancy import minimal_detectable_bias, p
 from uavgram.estimation.reliability.test_statistics import observed
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.moved import refit
 from uavgram.estimation.survey.observations.kinds import READINGS
-from uavgram.estimation.survey.refit import refit
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uavgram.estimation.reliability.coordinate_faults import displaced, likely_fault
-from uavgram.estimation.reliability.wrong_units import likely_mistake
+from uavgram.estimation.reliability.stated_values import displaced, likely_fault, likely_mistake
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from scipy.stats import binom, binomtest, chi2, ttest_1samp
 
 from uavgram.estimation.repeated.accuracy import accuracy_of, running_ratio, shares
 from uavgram.model.arrays import Floats
-from uavgram.model.simulation.repetitions import Repetitions
+from uavgram.model.simulation import Repetitions
 
 
 def repetitions(error: Floats, sigma: float = 1.0, *, lost: tuple[int, ...] = ()) -> Repetitions:

@@ -10,10 +10,10 @@ import pytest
 
 from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.refit import refit
+from uavgram.estimation.survey.moved import refit
 from uavgram.geometry.motion.rotation import log_so3
 from uavgram.model.arrays import Floats
-from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
+from uavgram.model.simulation import PhotoDesign, PhotoDraws
 from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.compute import assembled_survey
 from uavgram.pipeline.measure.pose import pose_frames

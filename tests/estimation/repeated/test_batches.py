@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.repeated.turns import turned
-from uavgram.estimation.solver.small_systems import backward, cholesky, forward
+from uavgram.estimation.solver.batched import backward, cholesky, forward
 
 
 def test_factors_and_solutions_are_those_of_numpy() -> None:

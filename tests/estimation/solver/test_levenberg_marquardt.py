@@ -139,9 +139,9 @@ def test_near_the_minimum_one_factor_serves_several_steps(monkeypatch: pytest.Mo
     factored = []
     factor = NormalEquations.factor
 
-    def counted(self: NormalEquations, damping: float = 0.0) -> Factor:
+    def counted(self: NormalEquations, damping: float = 0.0, slack: float = 0.0) -> Factor:
         factored.append(1)
-        return factor(self, damping)
+        return factor(self, damping, slack)
 
     monkeypatch.setattr(NormalEquations, "factor", counted)
     # A circle through noisy points: residuals do not vanish, so that Gauss-Newton converges slowly.
@@ -197,3 +197,39 @@ def test_iterations_end_where_they_are_told_to() -> None:
     assert found.iterations == 3
     assert len(calls) == 4
     assert not found.converged
+
+
+def test_unknowns_that_begin_indistinguishable_are_told_apart_with_slack() -> None:
+    """Like k1 and k4 of a rational lens that begins undistorted: their columns are opposite."""
+    x = np.linspace(0.1, 1.0, 30)
+    true = np.array([0.7, 0.4])
+
+    def evaluate(k: Floats) -> dict[str, Block]:
+        below = 1.0 + k[1] * x
+        rows = np.column_stack([x / below, -x * (1.0 + k[0] * x) / below**2]) / 1e-3
+        miss = ((1.0 + k[0] * x) / below - (1.0 + true[0] * x) / (1.0 + true[1] * x)) / 1e-3
+        return {"k": Block(miss[:, None], np.tile([0, 1], (30, 1)), rows[:, None])}
+
+    def moved(k: Floats, step: Floats) -> Floats:
+        return k + step
+
+    start = np.zeros(2)
+    rows = evaluate(start)["k"].jacobian[:, 0]
+    assert np.linalg.matrix_rank(rows) == 1
+    with pytest.raises(SingularError):
+        NormalEquations(list(evaluate(start).values()), 2).factor()
+    found = minimise(start, evaluate, moved, 2, slack=1e-9)
+    assert found.converged
+    np.testing.assert_allclose(found.state, true, atol=1e-6)
+
+
+def test_a_kept_factor_does_not_crawl_where_the_slope_falls() -> None:
+    """Saturation: at the end the slope is 400 times smaller than at the start."""
+
+    def evaluate(y: Floats) -> dict[str, Block]:
+        residual = 0.2 * (np.exp(-6.0) - np.exp(-y))
+        return {"y": Block(residual[:, None], np.array([[0]]), (0.2 * np.exp(-y))[:, None, None])}
+
+    found = minimise(np.zeros(1), evaluate, lambda y, step: y + step, 1)
+    assert found.iterations < 30
+    np.testing.assert_allclose(found.state, 6.0, atol=0.05)

@@ -10,7 +10,7 @@ from scenes import Scene, make_scene
 
 from uavgram.estimation.solver import normal_equations
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations, Plan, SingularError
-from uavgram.estimation.solver.sparse import multifrontal, nested_dissection
+from uavgram.estimation.solver.sparse import cholesky, nested_dissection
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import Layout
@@ -238,7 +238,7 @@ def test_a_deep_tree_of_fronts_gives_the_dense_inverse(
 ) -> None:
     monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
     monkeypatch.setattr(nested_dissection, "LEAF", 2)
-    monkeypatch.setattr(multifrontal, "np", Dirty())
+    monkeypatch.setattr(cholesky, "np", Dirty())
     rng = np.random.default_rng(block_size)
     side = 9
     node = np.arange(side * side).reshape(side, side)

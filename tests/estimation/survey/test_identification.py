@@ -12,7 +12,7 @@ from scipy_likelihood import Oracle, central
 
 from uavgram.estimation.solver import normal_equations
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.neighbourhood import _part
+from uavgram.estimation.survey.neighbours import _part
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.estimation.survey.unknowns import between, move
 from uavgram.model.arrays import Floats

@@ -10,15 +10,13 @@ from scenes import NO_TIMES, make_scene
 from taped_scenes import read_on_tapes
 
 from uavgram.estimation.measuring.propagation import propagate, values_at
-from uavgram.estimation.measuring.quadratic import REACH
-from uavgram.estimation.measuring.second_order import curvature
+from uavgram.estimation.measuring.second_order import REACH, curvature
 from uavgram.estimation.solver.normal_equations import Block, gradient_of
 from uavgram.estimation.survey import moved as of_moved
-from uavgram.estimation.survey import neighbourhood as of_near
+from uavgram.estimation.survey import neighbours as of_near
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.moved import Asked, moved
-from uavgram.estimation.survey.neighbourhood import groups, neighbourhood
-from uavgram.estimation.survey.refit import refit, with_errors
+from uavgram.estimation.survey.moved import Asked, moved, refit, with_errors
+from uavgram.estimation.survey.neighbours import groups, neighbourhood
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.options import SolveOptions

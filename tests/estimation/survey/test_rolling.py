@@ -17,7 +17,7 @@ from uavgram.estimation.survey.unknowns import move
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.geometry.motion.camera_motion import camera_motion
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.readout import Readout
+from uavgram.model.camera.tags import Readout
 from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine

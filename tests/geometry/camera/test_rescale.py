@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
+from uavgram.geometry.camera.facts import cropped, scaled
 from uavgram.geometry.camera.projection import project
-from uavgram.geometry.camera.rescale import cropped, scaled
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 

@@ -8,7 +8,7 @@ from pyproj.aoi import AreaOfInterest
 from pyproj.database import query_utm_crs_info
 
 from uavgram.errors import GeometryError
-from uavgram.geometry.earth.map_projection import (
+from uavgram.geometry.earth.geodesy import (
     checked_crs,
     map_scale,
     misfit,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from uavgram.geometry.ground.plane_of_most import plane_of_most
+from uavgram.geometry.ground.plane import plane_of_most
 
 PLANE = np.array([2.0, 0.03, -0.02])
 

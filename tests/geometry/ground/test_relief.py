@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from uavgram.geometry.ground.relief import correlated_basis, quadratic_basis, spread_knots
+from uavgram.geometry.ground.plane import correlated_basis, quadratic_basis, spread_knots
 from uavgram.model.arrays import Floats
 
 RNG = np.random.default_rng(4)

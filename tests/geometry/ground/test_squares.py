@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.ground.squares import squares_on_plane
+from uavgram.geometry.ground.polygons import squares_on_plane
 
 
 def test_sides_and_diagonals_are_those_of_a_square_that_lies_on_the_plane() -> None:

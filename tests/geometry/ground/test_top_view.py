@@ -11,10 +11,10 @@ import top_views
 from scipy.spatial.transform import Rotation
 from top_views import LENSES, ORIGIN, UTM, cv_project, looking, make_view
 
-from uavgram.geometry.earth.map_projection import projected_from_enu
+from uavgram.geometry.earth.geodesy import projected_from_enu
 from uavgram.geometry.ground.top_view import MOST_OFF_NADIR, FrameKnowledge, View, place_sigma
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 
 PLANE, PIVOT = (1.5, 0.04, -0.03), (3.0, -2.0)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import median_filter, minimum_filter, percentile_filter
 
-from uavgram.geometry.motion.running import running_median, running_rank, windows
+from uavgram.geometry.motion.interpolation import running_median, running_rank, windows
 
 
 @pytest.mark.parametrize("size", [1, 2, 5, 6, 15])

@@ -12,7 +12,7 @@ from uavgram.imaging.plates.fit import fit_plate, fit_with_shadows
 from uavgram.imaging.plates.picture import Window, render
 from uavgram.imaging.plates.sight import sight_plates
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.plates import LeftOut
+from uavgram.model.survey.observations import LeftOut
 from uavgram.model.target_families import FAMILIES
 
 ARUCO = "aruco-4x4-50"

@@ -29,7 +29,7 @@ from uavgram.imaging.top_view.warp import REACH, warp_window
 from uavgram.imaging.top_view.warp_maps import lay_lattice, look_from
 from uavgram.io.digest import photo_files
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 from uavgram.stages.products.top_view import lay_raster
 
 

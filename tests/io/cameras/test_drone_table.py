@@ -4,7 +4,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from uavgram.io.cameras.drone_table import drone_cameras
+from uavgram.io.cameras.choice import drone_cameras
 
 
 def test_every_camera_of_the_table_is_read() -> None:

@@ -10,8 +10,7 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.geometry.camera.projection import project
-from uavgram.io.cameras.opencv import is_opencv_calibration, read_opencv_calibration
-from uavgram.io.cameras.opencv_writer import opencv_text
+from uavgram.io.cameras.opencv import is_opencv_calibration, opencv_text, read_opencv_calibration
 from uavgram.model.camera.calibration import Calibration, LensModel
 
 

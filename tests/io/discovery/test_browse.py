@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.io.discovery.browse import Browsable, home_and_drives
+from uavgram.io.browse import Browsable, home_and_drives
 
 
 @pytest.fixture

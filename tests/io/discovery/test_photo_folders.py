@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from uavgram.io.discovery import photo_folders
-from uavgram.io.discovery.photo_folders import folders_with_photos
+from uavgram.io import discovery
+from uavgram.io.discovery import folders_with_photos
 
 PHOTO = cv2.imencode(".jpg", np.zeros((30, 40, 3), np.uint8))[1].tobytes()
 
@@ -61,7 +61,7 @@ def test_each_says_how_many_photos_it_holds_and_of_which_size(project: Path) -> 
 def test_a_folder_that_is_too_large_is_not_looked_through(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(photo_folders, "MOST_FOLDERS", 1)
+    monkeypatch.setattr(discovery, "MOST_FOLDERS", 1)
     assert [one.path for one in folders_with_photos(project, 3)] == [project]
 
 

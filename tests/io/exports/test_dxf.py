@@ -17,7 +17,7 @@ from ezdxf.math import ConstructionEllipse
 from pyproj import Geod, Transformer
 
 from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
-from uavgram.model.maps.layers import Features
+from uavgram.model.maps import Features
 from uavgram.model.result.result import Result
 
 

@@ -22,11 +22,10 @@ from raised_survey import PROFILE, raised
 from uavgram.io.exports.dxf import write_local_dxf
 from uavgram.io.exports.dxf_profiles import places_of, spread
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.profile_sheet import ProfileSheet
-from uavgram.model.result.profiles import ProfileResults
+from uavgram.model.maps import ProfileSheet
 from uavgram.model.result.result import Result
-from uavgram.stages.products.map_layers import features_of
-from uavgram.stages.products.profile_sheets import profile_sheets
+from uavgram.model.result.tables import ProfileResults
+from uavgram.stages.products.map_layers import features_of, profile_sheets
 
 TWO_SIGMA = 1.959964
 

@@ -21,7 +21,7 @@ from ezdxf.filemanagement import readfile
 
 from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.maps.layers import Features, Layer
+from uavgram.model.maps import Features, Layer
 
 Box = tuple[tuple[float, float], tuple[float, float], float]
 

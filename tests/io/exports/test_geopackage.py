@@ -19,7 +19,7 @@ from pyproj import CRS, Geod, Proj, Transformer
 
 from uavgram.io.exports.geopackage import write_geopackage
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.layers import Features, Layer
+from uavgram.model.maps import Features, Layer
 from uavgram.model.result.result import Result
 
 Objects = NDArray[np.object_]

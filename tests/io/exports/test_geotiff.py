@@ -20,7 +20,7 @@ from uavgram.io.exports.geotiff import (
     write_float_geotiff,
     write_turned_picture,
 )
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 
 Pixels = NDArray[np.uint8]
 

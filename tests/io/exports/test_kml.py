@@ -10,7 +10,7 @@ from pyogrio import list_layers
 from pyogrio.raw import read
 
 from uavgram.io.exports.kml import write_kml
-from uavgram.model.maps.layers import Features
+from uavgram.model.maps import Features
 from uavgram.model.result.result import Result
 
 KML = "{http://www.opengis.net/kml/2.2}"

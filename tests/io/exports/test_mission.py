@@ -16,7 +16,7 @@ from uavgram.errors import GeometryError
 from uavgram.io.exports.mission_items import FRAMES, Command, Frame, mission_items
 from uavgram.io.exports.mission_qgc import qgc_plan_text
 from uavgram.io.exports.mission_waypoints import waypoints_text
-from uavgram.model.maps.mission import Autopilot, HeightFrame, Mission
+from uavgram.model.maps import Autopilot, HeightFrame, Mission
 from uavgram.stages.products.mission import flight_mission
 
 MAV = mavutil.mavlink

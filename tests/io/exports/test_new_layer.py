@@ -15,7 +15,7 @@ from uavgram.io.exports.geopackage import write_geopackage
 from uavgram.io.exports.kml import write_kml
 from uavgram.io.exports.qgis_project import write_qgis_project
 from uavgram.io.exports.qgis_styles import Look
-from uavgram.model.maps.layers import Layer
+from uavgram.model.maps import Layer
 from uavgram.stages.products.map_layers import features_of
 
 LOOKS = {"sight_lines": Look(title="lines of sight", colour="#555555", width_mm=0.2)}

@@ -13,7 +13,7 @@ from unsure import unsure
 from uavgram.io.exports.dxf import write_local_dxf
 from uavgram.io.exports.geopackage import write_geopackage
 from uavgram.io.exports.kml import write_kml
-from uavgram.model.maps.layers import Features
+from uavgram.model.maps import Features
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import features_of
 

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.io.exports.colmap import write_colmap_model
 from uavgram.io.exports.opendronemap import write_gcp_list
-from uavgram.model.maps.layers import Features
+from uavgram.model.maps import Features
 from uavgram.model.result.result import Result
 
 

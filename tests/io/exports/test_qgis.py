@@ -16,7 +16,7 @@ from pyogrio.raw import read
 from pyproj import CRS
 from rasterio.transform import xy
 
-from uavgram.geometry.earth.map_projection import projected_from_enu
+from uavgram.geometry.earth.geodesy import projected_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.exports import exports

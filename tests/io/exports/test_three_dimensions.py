@@ -28,7 +28,7 @@ from uavgram.io.exports.kml import write_kml
 from uavgram.io.exports.opendronemap import write_gcp_list
 from uavgram.io.results.results_json import dump_results, load_results
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.layers import Features
+from uavgram.model.maps import Features
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import features_of
 

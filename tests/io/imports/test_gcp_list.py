@@ -10,7 +10,7 @@ from pyproj import Transformer
 from tagged_jpeg import placed_jpeg
 
 from uavgram.errors import InputError
-from uavgram.io.imports.gcp_list import GcpSigmas, read_gcp_list
+from uavgram.io.imports import GcpSigmas, read_gcp_list
 
 HEAD = "EPSG:32632\n"
 ROW = "691000.25 5334000.5 520.125 1539.25 1337 DSC_1.JPG A\n"

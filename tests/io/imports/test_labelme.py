@@ -10,7 +10,7 @@ import pytest
 from PIL import Image, ImageOps
 
 from uavgram.errors import InputError
-from uavgram.io.imports.labelme import read_labelme
+from uavgram.io.imports import read_labelme
 
 SIZE = (60, 40)  # stored
 SPOT = (41, 7)  # stored column and row of the only white pixel

@@ -11,7 +11,6 @@ from log_mutants import short_logs
 
 from uavgram.io.logs.dataflash.binary import index_binary
 from uavgram.io.logs.flight_log import read_flight_log
-from uavgram.io.logs.quality.neighbours import off_neighbours
 from uavgram.io.logs.quality.rows import (
     is_place,
     is_spike,
@@ -19,6 +18,7 @@ from uavgram.io.logs.quality.rows import (
     plausible_rows,
     restarts,
 )
+from uavgram.io.logs.quality.samples import off_neighbours
 from uavgram.model.flight.log import FlightLog
 
 ReadText = Callable[[str], FlightLog]

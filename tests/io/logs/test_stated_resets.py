@@ -10,9 +10,9 @@ from ulog_writer import ulog
 from uavgram.io.logs.dataflash.reader import TABLE, BootMessages
 from uavgram.io.logs.dataflash.tables import index_text
 from uavgram.io.logs.flight_log import read_flight_log
-from uavgram.io.logs.quality.resets import resets_in_texts, stated_resets
+from uavgram.io.logs.quality.boots import resets_in_texts, stated_resets
 from uavgram.io.logs.ulog.reader import read_ulog
-from uavgram.model.flight.second_opinions import EstimatorReset
+from uavgram.model.flight.log import EstimatorReset
 
 EVENTS = b"""FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns
 FMT, 134, 75, MSG, QZ, TimeUS,Message

@@ -13,8 +13,7 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.io.photos.catalogue import read_photos
-from uavgram.io.photos.exif import exif_numbers, read_exif_tags
-from uavgram.io.photos.exif_gps import read_exif_place
+from uavgram.io.photos.metadata import exif_numbers, read_exif_place, read_exif_tags
 from uavgram.io.photos.size import image_size
 from uavgram.model.options import TimeOptions
 

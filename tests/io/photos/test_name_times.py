@@ -6,7 +6,7 @@ from datetime import datetime
 
 import pytest
 
-from uavgram.io.photos.name_times import name_format
+from uavgram.io.photos.catalogue import name_format
 
 
 @pytest.mark.parametrize(

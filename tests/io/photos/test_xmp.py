@@ -6,7 +6,7 @@ import pytest
 import tagged_jpeg
 
 from uavgram.errors import InputError
-from uavgram.io.photos.xmp import DJI, PIX4D, parse_xmp, read_xmp
+from uavgram.io.photos.metadata import DJI, PIX4D, parse_xmp, read_xmp
 
 ELEMENTS = (
     '<rdf:Description xmlns:drone-dji="http://www.dji.com/drone-dji/1.0/">'

@@ -11,7 +11,7 @@ import pytest
 from uavgram.io.results.codec import Table
 from uavgram.io.results.schema import row_schema
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
-from uavgram.model.columns import Column
+from uavgram.model.naming import Column
 from uavgram.views.notebook.tables import columns
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from sample_results import sample_result
 
 from uavgram.io.results.results_json import load_results, write_results
-from uavgram.model.camera.readout import Readout
+from uavgram.model.camera.tags import Readout
 from uavgram.model.result.shared import Estimate
 
 

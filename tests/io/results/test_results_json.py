@@ -14,9 +14,9 @@ from schema_faults import faults_of
 
 from uavgram.errors import InputError
 from uavgram.io.results.results_json import dump_results, load_results, write_results
-from uavgram.model.remedy import Correction, Remedy
-from uavgram.model.result.orientation import OrientationCorrelation
+from uavgram.model.message import Correction, Remedy
 from uavgram.model.result.result import Result
+from uavgram.model.result.shared import OrientationCorrelation
 from uavgram.model.result.verdict import Reason, Verdict
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ from schema_faults import faults_of
 
 from uavgram.io.results.results_json import dump_results
 from uavgram.io.results.schema import dump_schema, results_schema, schema_of
-from uavgram.model.message import Message
-from uavgram.model.remedy import Correction, Remedy
+from uavgram.model.message import Correction, Message, Remedy
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.io.tables.control_lines import read_control_lines
-from uavgram.model.survey.control_lines import STRAIGHTNESS_M, ControlLines
+from uavgram.io.tables.known import read_control_lines
+from uavgram.model.survey.known import STRAIGHTNESS_M, ControlLines
 
 PLAN = "start_east_m,start_north_m,end_east_m,end_north_m"
 HEADER = f"name,points,{PLAN},start_up_m,end_up_m,sigma_m,use\n"

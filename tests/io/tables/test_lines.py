@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.io.tables.lines import read_lines
+from uavgram.io.tables.known import read_lines
 from uavgram.io.tables.picked import lines_content
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import changed

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.io.tables.known_points import read_known_points
-from uavgram.io.tables.lines import read_lines
+from uavgram.io.tables.known import read_known_points, read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
 

@@ -11,12 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavgram.io.tables.lines import read_lines
+from uavgram.io.tables.csv_tables import readable
+from uavgram.io.tables.known import read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picked import lines_content, measure_content, picks_content
 from uavgram.io.tables.picks import read_picks
 from uavgram.io.tables.rewrite import new_table, rewritten_table
-from uavgram.io.tables.spreadsheet_cells import readable
 from uavgram.model.survey.observations import KnownLines, MeasurementRequest, Picks
 
 PickRow = tuple[str, str, *tuple[float, ...]]

@@ -11,12 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavgram.io.tables.csv_tables import Columns, read_table
+from uavgram.io.tables.csv_tables import Columns, guarded, read_table, readable, runs
 from uavgram.io.tables.new_picks import new_picks
 from uavgram.io.tables.rewrite import new_table
-from uavgram.io.tables.spreadsheet_cells import guarded, readable, runs
 from uavgram.model.limits import UNSHOWABLE
-from uavgram.model.survey.imported import ImportedPicks
+from uavgram.model.survey.observations import ImportedPicks
 
 COMMAND = "=cmd|' /C calc'!A0"
 FORMULA = re.compile(r"[\s]*[=+\-@＝＋－＠]|\t|\r|\n")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from uavgram.model.remedy import Correction, Remedy
+from uavgram.model.message import Correction, Remedy
 from uavgram.picking.document.history import changed
 from uavgram.picking.document.state import Line, Pick, State, observations_of
 from uavgram.picking.protocol.encode_mends import mends_json

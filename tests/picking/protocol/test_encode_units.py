@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uavgram.model.units import FOOT_M, IMPERIAL, METRIC, Units
+from uavgram.model.naming import FOOT_M, IMPERIAL, METRIC, Units
 from uavgram.picking.document.state import Line, State
 from uavgram.picking.protocol.encode_units import in_project_units, lengths_of, names_to_keep
 

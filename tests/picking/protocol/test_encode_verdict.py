@@ -8,8 +8,7 @@ import numpy as np
 import synthetic_survey as survey
 from standings import with_status
 
-from uavgram.model.message import Message
-from uavgram.model.remedy import Correction, Remedy
+from uavgram.model.message import Correction, Message, Remedy
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.picking.document.state import Line, State, observations_of

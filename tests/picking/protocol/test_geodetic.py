@@ -12,7 +12,7 @@ import pytest
 from pyproj import Geod
 
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.survey.world import World
+from uavgram.model.survey.survey import World
 from uavgram.picking.protocol.encode_survey import adjusted_json, linearised_json
 from uavgram.picking.protocol.geodetic import places_on_earth
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed

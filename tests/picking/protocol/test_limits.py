@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.io.tables.lines import read_lines
+from uavgram.io.tables.known import read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
 from uavgram.model.limits import LONGEST_NAME

@@ -27,7 +27,7 @@ from uavgram.picking.session.seeker import Seeker, Wanted
 from uavgram.pipeline.match.looking import Photos, Task
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.places import Places
-from uavgram.stages.match.found import CONTRADICTED, RAISED_PX
+from uavgram.stages.match import CONTRADICTED, RAISED_PX
 
 LAST = cast("Adjusted", SimpleNamespace())
 LONGEST_WAIT_S = 20.0

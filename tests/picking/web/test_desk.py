@@ -13,7 +13,7 @@ from picking_server import Served, served
 
 from uavgram.errors import OutputError
 from uavgram.picking.session.door import LONGEST_REQUEST, Door
-from uavgram.pipeline.new import set_up
+from uavgram.pipeline.set_up import set_up
 
 
 @pytest.fixture

@@ -10,10 +10,10 @@ from pick_pages import small_project
 from uavgram.config.project import load_project
 from uavgram.config.project_text import with_settings
 from uavgram.errors import InputError
-from uavgram.io.discovery.photo_folders import PhotoFolder
+from uavgram.io.discovery import PhotoFolder
 from uavgram.model.camera.board import CalibrationOptions
-from uavgram.pipeline.cameras import nearby as calibrate_nearby
-from uavgram.pipeline.cameras.nearby import board_folders, calibrate_folder, use_camera
+from uavgram.pipeline.cameras import calibrate as calibrate_nearby
+from uavgram.pipeline.cameras.calibrate import board_folders, calibrate_folder, use_camera
 
 
 @pytest.fixture

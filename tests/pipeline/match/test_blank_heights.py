@@ -18,7 +18,7 @@ from uavgram.model.arrays import Floats
 from uavgram.pipeline.match.asked import may_be_raised
 from uavgram.pipeline.match.run import match_picks
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.stages.match.outcome import Matches
+from uavgram.stages.match import Matches
 
 SIZE = np.array([1000, 750])
 MIDDLE = (SIZE - 1) / 2

@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.io.tables.picked import picks_content
 from uavgram.io.tables.picks import read_picks
 from uavgram.pipeline.match.rows import with_found
-from uavgram.stages.match.found import Found
+from uavgram.stages.match import Found
 
 TABLE = (
     "image,label,u_px,v_px,height_m,source,who\n"

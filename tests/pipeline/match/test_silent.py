@@ -11,8 +11,7 @@ import pytest
 from uavgram.imaging.matching.matched import REASON, Refused
 from uavgram.model.arrays import Floats
 from uavgram.pipeline.match.search import _silent
-from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record
-from uavgram.stages.match.plan import Candidates
+from uavgram.stages.match import CONTRADICTED, Candidates, Found, Missed, Pair, Record
 
 PAIR = ("b.jpg", "CORNER")
 PREDICTED, RISE = np.array([200.0, 100.0]), np.array([3.0, 4.0])

@@ -20,7 +20,7 @@ from uavgram.model.result.result import Result
 from uavgram.model.survey.mend import Cause, Ends, Mend
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
-from uavgram.pipeline.measure.mended import with_mends
+from uavgram.pipeline.measure.observations import with_mends
 from uavgram.stages.assemble import Assembled
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.identify import Identified

@@ -12,7 +12,7 @@ from PIL import Image
 from top_views import SIZE_PX, looking, make_view, write_photo
 
 from uavgram.errors import GeometryError
-from uavgram.model.maps.plan import PLAN_PDF, PlanWish
+from uavgram.model.maps import PLAN_PDF, PlanWish
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.plan import PLAN_MAP, PLAN_PNG, write_plan
 

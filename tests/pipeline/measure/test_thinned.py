@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import synthetic_survey as survey
 
-from uavgram.pipeline.measure import run, thinned
+from uavgram.pipeline.measure import pictures, run
 
 
 def test_a_recording_of_very_many_photos_carries_some_and_the_ground_is_of_all(
@@ -37,13 +37,13 @@ def test_a_recording_of_very_many_photos_carries_some_and_the_ground_is_of_all(
     monkeypatch.setattr(run, "write_recording", taken)
     run.write_review(made, tmp_path / "r.rrd")
     assert tuple(written) == tuple(grounded) == names
-    assert thinned.with_thinning_told(made) is made
+    assert pictures.with_thinning_told(made) is made
 
-    monkeypatch.setattr(thinned, "MOST_RECORDED", len(names) // 2)
+    monkeypatch.setattr(pictures, "MOST_RECORDED", len(names) // 2)
     written.clear()
     grounded.clear()
     run.write_review(made, tmp_path / "r.rrd")
-    told = thinned.with_thinning_told(made).messages[-1]
+    told = pictures.with_thinning_told(made).messages[-1]
     assert tuple(grounded) == names
     assert 0 < len(written) <= len(names) // 2
     assert set(written) < set(names)

@@ -11,7 +11,7 @@ import pytest
 from tied_photos import CAMERA, epipolar, flight, write_photos
 
 from uavgram.model.flight.pose import Poses
-from uavgram.pipeline.ties.search import Found, Scene, find_ties
+from uavgram.pipeline.ties import Found, Scene, find_ties
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ import pytest
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration import outliers
-from uavgram.estimation.calibration.normals import UndeterminedError
+from uavgram.estimation.calibration.adjustment import UndeterminedError
 from uavgram.estimation.calibration.outliers import Snooped
 from uavgram.estimation.calibration.problem import Corners, Lens, State
 from uavgram.estimation.calibration.projection_uncertainty import length_uncertainty

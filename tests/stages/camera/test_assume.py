@@ -15,15 +15,14 @@ import yaml
 
 from uavgram.errors import InputError
 from uavgram.geometry.camera.projection import project
-from uavgram.io.cameras.drone_table import drone_cameras
+from uavgram.io.cameras.choice import drone_cameras
 from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.model.arrays import Floats
-from uavgram.model.camera import assumed_errors
-from uavgram.model.camera.assumed_errors import AssumedErrors, assumed_covariance
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import calibration
+from uavgram.model.camera.calibration import AssumedErrors, Calibration, assumed_covariance
 from uavgram.model.camera.tags import CameraTags
 from uavgram.model.message import Message
-from uavgram.stages.camera.assume import assume_camera
+from uavgram.stages.camera import assume_camera
 
 DEWARP = (3684.48, 3677.57, 2.24, 22.05, -0.263482, 0.106788, 3.71107e-05, -3.27247e-04, -0.0300783)
 
@@ -127,7 +126,7 @@ def test_a_distortion_that_folds_back_in_the_image_is_not_believed() -> None:
 
     assert not camera.parameters[4:].any()
     assert "its distortion is unknown" in messages[0].text
-    assert sigma_of(camera)[4] == assumed_errors.RADIAL_UNKNOWN[0]
+    assert sigma_of(camera)[4] == calibration.RADIAL_UNKNOWN[0]
 
 
 def test_an_unknown_camera_has_its_35_mm_equivalent() -> None:
@@ -165,7 +164,7 @@ def test_what_nothing_is_known_of_is_refused_with_the_way_out(tags: Tags, words:
 
 def test_of_an_unknown_camera_the_focal_length_is_as_those_of_drones_are() -> None:
     camera, messages = assume(may_be_unknown=True)
-    equivalents = np.array([*assumed_errors.ORDINARY_EQUIVALENTS_MM.values()])
+    equivalents = np.array([*calibration.ORDINARY_EQUIVALENTS_MM.values()])
     share = sigma_of(camera)[:2] / camera.parameters[:2]
     equivalent = camera.parameters[0] / 5000 * math.hypot(36, 24)
 
@@ -175,10 +174,10 @@ def test_of_an_unknown_camera_the_focal_length_is_as_those_of_drones_are() -> No
     assert equivalents.min() > equivalent * (1 - 2 * share[0])
     assert equivalents.max() < equivalent * (1 + 2.5 * share[0])
     spread = math.log(scipy.stats.gstd(equivalents))
-    np.testing.assert_allclose(share, math.hypot(spread, assumed_errors.FOCAL_OF_A_STRIP))
+    np.testing.assert_allclose(share, math.hypot(spread, calibration.FOCAL_OF_A_STRIP))
     assert camera.parameters[2:].tolist() == [1999.5, 1499.5, 0, 0, 0, 0, 0]
     assert sigma_of(camera)[2] == pytest.approx(0.02 * 4000)
-    assert sigma_of(camera)[[4, 5, 8]].tolist() == [*assumed_errors.RADIAL_UNKNOWN]
+    assert sigma_of(camera)[[4, 5, 8]].tolist() == [*calibration.RADIAL_UNKNOWN]
     (message,) = messages
     assert (message.level, message.code) == ("warning", "camera-unknown")
     assert "does not say which camera took it" in message.text
@@ -189,7 +188,7 @@ def test_of_an_unknown_camera_the_focal_length_is_as_those_of_drones_are() -> No
 def test_what_an_ordinary_camera_is_comes_from_cameras_of_the_table() -> None:
     table = {camera.make_model: camera for camera in drone_cameras() if not camera.is_thermal}
     lens_mm = {"djiFC550": 15, "djiZP1": 35, "djiFC6540": 24, "djiXT2": 8}
-    for name, equivalent in assumed_errors.ORDINARY_EQUIVALENTS_MM.items():
+    for name, equivalent in calibration.ORDINARY_EQUIVALENTS_MM.items():
         camera = table[name]
         assert camera.is_perspective
         if name in lens_mm:
@@ -203,7 +202,7 @@ def test_the_said_corner_error_is_that_of_the_assumed_distortion() -> None:
     corner = np.array([[2000.0, 1500.0, camera.parameters[0]]])
     middle = camera.parameters[2:4]
     at = []
-    for which, sigma in zip((4, 5, 8), assumed_errors.RADIAL_UNKNOWN, strict=True):
+    for which, sigma in zip((4, 5, 8), calibration.RADIAL_UNKNOWN, strict=True):
         parameters = np.array(camera.parameters)
         parameters[which] = sigma
         moved = project("brown", parameters, corner)[0] - middle
@@ -262,7 +261,7 @@ def test_a_fisheye_is_never_taken_for_a_perspective_lens(
 
 
 def test_assumed_sigmas_hold_for_calibrations_that_were_really_made(data_dir: Path) -> None:
-    """The evidence that model/camera/assumed_errors.py names, from the files themselves."""
+    """The evidence that model/camera/calibration.py names, from the files themselves."""
     shares, offsets = [], []
     for folder, photo in (
         ("phantom3_lenscalib", "DJI_0002.jpg"),
@@ -281,8 +280,8 @@ def test_assumed_sigmas_hold_for_calibrations_that_were_really_made(data_dir: Pa
         assert (within < 2).all()
 
     np.testing.assert_allclose(shares, [0.0071, 0.0107, 0.1173, 0.1170], atol=2e-4)
-    assert np.sqrt(np.mean(np.square(shares))) < 1.1 * assumed_errors.FOCAL_OF_A_STRIP
-    assert np.sqrt(np.mean(np.square(offsets))) < 1.2 * assumed_errors.CENTRE_OF_A_STRIP
+    assert np.sqrt(np.mean(np.square(shares))) < 1.1 * calibration.FOCAL_OF_A_STRIP
+    assert np.sqrt(np.mean(np.square(offsets))) < 1.2 * calibration.CENTRE_OF_A_STRIP
 
 
 def test_assumed_focal_lengths_go_together_as_far_as_pixels_are_square() -> None:
@@ -293,7 +292,7 @@ def test_assumed_focal_lengths_go_together_as_far_as_pixels_are_square() -> None
     ratio = np.zeros(9)
     ratio[:2] = 1 / 2000, -1 / 2000
 
-    assert np.sqrt(ratio @ covariance @ ratio) == pytest.approx(assumed_errors.ASPECT_SIGMA)
+    assert np.sqrt(ratio @ covariance @ ratio) == pytest.approx(calibration.ASPECT_SIGMA)
     assert np.linalg.eigvalsh(covariance)[0] > 0
     np.testing.assert_allclose(np.sqrt(np.diag(covariance))[:4], [40, 40, 20, 20])
 

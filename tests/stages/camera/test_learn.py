@@ -7,9 +7,8 @@ import pytest
 
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.result.learnt_camera import LearntCamera, learnt_camera
-from uavgram.model.result.shared import Estimate
-from uavgram.stages.camera.learn import what_was_learnt
+from uavgram.model.result.shared import Estimate, LearntCamera, learnt_camera
+from uavgram.stages.camera import what_was_learnt
 
 VALUE = np.array([2300.0, 2300, 2000, 1500, 0, 0, 0, 0, 0])
 PRIOR = np.array([40.0, 40, 20, 20, 0.02, 0.1, 0.006, 0.006, 0.0])

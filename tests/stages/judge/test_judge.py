@@ -15,7 +15,7 @@ from taped_scenes import read_on_tapes
 from uavgram.estimation.measuring.propagation import propagate
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera.board import OutlierRule
 from uavgram.model.flight.frames import Frames

@@ -7,8 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavgram.model.result.sources import picks_by_source, sources_behind
-from uavgram.model.result.tables import MeasurementResults, PickResults, PickStatus
+from uavgram.model.result.tables import (
+    MeasurementResults,
+    PickResults,
+    PickStatus,
+    picks_by_source,
+    sources_behind,
+)
 from uavgram.model.survey.observations import Source
 from uavgram.stages.judge import judge_makers
 

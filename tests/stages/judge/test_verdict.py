@@ -14,9 +14,8 @@ from uavgram.estimation.reliability.external import LARGEST_SIGMAS, UNSEEN_SIGMA
 from uavgram.model.arrays import Ints
 from uavgram.model.catalogue.catalogue import CATALOGUE
 from uavgram.model.catalogue.entry import Effect
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Remedy
 from uavgram.model.options import SolveOptions
-from uavgram.model.remedy import Remedy
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Verdict
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, MeasurementRequest

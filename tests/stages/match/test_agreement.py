@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.arrays import Floats
-from uavgram.stages.match.agreement import contradicted, turned_rad
+from uavgram.stages.match import contradicted, turned_rad
 
 
 def pose_errors(place_px: Floats) -> Floats:

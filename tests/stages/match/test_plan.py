@@ -5,8 +5,18 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.measuring.transferred_pixels import Transferred
-from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record
-from uavgram.stages.match.plan import REGION, Candidates, lines_left, next_places, radii
+from uavgram.stages.match import (
+    CONTRADICTED,
+    REGION,
+    Candidates,
+    Found,
+    Missed,
+    Pair,
+    Record,
+    lines_left,
+    next_places,
+    radii,
+)
 
 A, B = ("a.jpg", "P"), ("b.jpg", "P")
 

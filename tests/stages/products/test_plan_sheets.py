@@ -8,7 +8,7 @@ import synthetic_survey
 
 from uavgram.errors import GeometryError
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.plan import PAPER_MM, Plan
+from uavgram.model.maps import PAPER_MM, Plan
 from uavgram.stages.products.plan_sheets import FOOT_STEPS, lay_plan, surveyed_extent
 
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from uavgram.model.result.profiles import NO_PROFILES, ProfileResults
-from uavgram.stages.products.profile_sheets import profile_sheets, ticks
+from uavgram.model.result.tables import NO_PROFILES, ProfileResults
+from uavgram.stages.products.map_layers import profile_sheets, ticks
 
 
 @given(st.floats(-1e4, 1e4), st.floats(1e-3, 1e4), st.integers(2, 12))

@@ -12,7 +12,7 @@ from top_views import BROWN, SIZE_PX, UTM, cv_project, looking, make_view
 from uavgram.errors import GeometryError
 from uavgram.geometry.ground.top_view import MOST_OFF_NADIR, View
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
 from uavgram.stages.products.top_view import (

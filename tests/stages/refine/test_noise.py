@@ -10,7 +10,7 @@ from scenes import PIXEL_SIGMA, Scene, make_scene, picked_beside
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
-from uavgram.model.result.noise import AreaNoise, LearntSigma, PickNoise
+from uavgram.model.result.reliability import AreaNoise, LearntSigma, PickNoise
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 

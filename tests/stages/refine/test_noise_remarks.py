@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from uavgram.model.result.noise import AreaNoise, LearntSigma, Noise, PickNoise, SurfaceShape
+from uavgram.model.result.reliability import AreaNoise, LearntSigma, Noise, PickNoise, SurfaceShape
 from uavgram.stages.refine.noise_remarks import noise_remarks
 
 

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.photo_poses import PhotoExposures
+from uavgram.model.flight.pose import PhotoExposures
 from uavgram.model.message import Message
 from uavgram.model.options import GroundOptions, SolveOptions
 from uavgram.model.survey.survey import Survey

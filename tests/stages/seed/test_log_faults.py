@@ -10,19 +10,16 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.boot_clock import fit_boot_clock
+from uavgram.estimation.clocks.clock_line import fit_boot_clock
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.log import Boot, Track
-from uavgram.model.flight.second_opinions import FlightEvidence, LogFault
+from uavgram.model.flight.log import Boot, FlightEvidence, LogFault, Track
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed import seed
-from uavgram.stages.seed.fault_messages import fault_messages
-from uavgram.stages.seed.flight_evidence import gather_evidence
-from uavgram.stages.seed.freed_frames import freed_by
+from uavgram.stages.seed.fault_effects import fault_messages, freed_by
 from uavgram.stages.seed.log_faults import find_faults
-from uavgram.stages.seed.track import build_track
+from uavgram.stages.seed.track import build_track, gather_evidence
 
 RATE_HZ, SPAN_S = 10.0, 60.0
 TIME = np.arange(0.0, SPAN_S, 1 / RATE_HZ)

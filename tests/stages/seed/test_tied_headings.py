@@ -11,12 +11,16 @@ from scenes import cv_pixels
 
 from uavgram.geometry.motion.rotation import GIMBAL_FROM_CAMERA
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.photo_poses import PhotoExposures
+from uavgram.model.flight.pose import PhotoExposures
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.ties import Sightings
 from uavgram.stages.refine.refine import refine
-from uavgram.stages.seed.headings import find_headings
-from uavgram.stages.seed.tied_headings import attitudes_by_ties, tilts_between, turns_about_up
+from uavgram.stages.seed.headings import (
+    attitudes_by_ties,
+    find_headings,
+    tilts_between,
+    turns_about_up,
+)
 
 TIES = 600
 

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation, Slerp
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.boot_clock import fit_boot_clock
+from uavgram.estimation.clocks.clock_line import fit_boot_clock
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.interpolation import SmoothPositions, SmoothRotations
 from uavgram.io.logs.flight_log import read_flight_log

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
+from uavgram.estimation.first_poses.tied.bundle import TiedPoses
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import ENU_FROM_NED, exp_so3

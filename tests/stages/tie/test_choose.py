@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.model.arrays import Floats, Ints
-from uavgram.stages.tie.choose import BESIDE, ENOUGH, MOST, NEAR, SHARED, Sighted, choose
-from uavgram.stages.tie.tracks import Tracks
+from uavgram.stages.tie.tracks import BESIDE, ENOUGH, MOST, NEAR, SHARED, Sighted, Tracks, choose
 
 SIZE = 1000, 800
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uavgram.stages.tie.noise import LARGE, fitting, relative_noise, sigmas
-from uavgram.stages.tie.tracks import Matches, tracks_of
+from uavgram.stages.tie.tracks import LARGE, Matches, fitting, relative_noise, sigmas, tracks_of
 
 
 def matches(*pairs: tuple[int, int]) -> Matches:

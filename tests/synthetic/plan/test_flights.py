@@ -9,7 +9,7 @@ import pytest
 from plan_scenes import camera
 
 from uavgram.errors import GeometryError
-from uavgram.model.planned.request import FlightPattern, PlanRequest
+from uavgram.model.planned import FlightPattern, PlanRequest
 from uavgram.synthetic.plan.cameras import seen
 from uavgram.synthetic.plan.flights import USABLE, covering, flight
 from uavgram.synthetic.plan.scene import PlanScene

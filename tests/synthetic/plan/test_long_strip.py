@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.planned import FlightPlanned
 from uavgram.synthetic.plan.make import is_nowhere, plan_of
 from uavgram.synthetic.plan.scene import scene_of
 from uavgram.synthetic.scenario_file import load_scenario

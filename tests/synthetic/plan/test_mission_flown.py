@@ -11,8 +11,8 @@ import pytest
 from mission_files import by_plan, by_pymavlink, stations
 
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.mission import Mission
-from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.maps import Mission
+from uavgram.model.planned import FlightPlanned
 from uavgram.stages.products.mission import flight_mission
 from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.run import plan

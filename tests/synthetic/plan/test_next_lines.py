@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uavgram.model.planned.next_lines import NextLines
+from uavgram.model.planned import NextLines
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
 from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.next_lines import next_lines_of

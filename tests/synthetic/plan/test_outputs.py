@@ -11,7 +11,7 @@ from planned_sample import sample_plan
 
 from uavgram.errors import UavgramError
 from uavgram.io.results.plan_json import read_plan
-from uavgram.model.units import IMPERIAL
+from uavgram.model.naming import IMPERIAL
 from uavgram.synthetic.plan.run import PlanOutputs, write_outputs
 from uavgram.synthetic.scenario import Scenario
 

@@ -12,7 +12,7 @@ from plan_scenes import plan_case
 from scipy.stats import chi2
 
 from uavgram.io.results.plan_json import read_plan, write_plan
-from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.planned import FlightPlanned
 from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.make import plan_of
 from uavgram.synthetic.plan.run import flown

@@ -10,8 +10,8 @@ import pytest
 from plan_scenes import plan_case
 
 from uavgram.io.results.plan_json import read_plan, write_plan
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.model.units import Units
+from uavgram.model.naming import Units
+from uavgram.model.planned import FlightPlanned
 from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.accuracy import ends_of
 from uavgram.synthetic.plan.cameras import Seen, large_enough

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from planned_sample import sample_plan
 
-from uavgram.model.planned.parts import PlannedLines, PlannedPlates
+from uavgram.model.planned import PlannedLines, PlannedPlates
 from uavgram.synthetic.plan.make import remarks
 
 PLAN = sample_plan()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavgram.model.study.study import MethodRow
+from uavgram.model.simulation import MethodRow
 from uavgram.synthetic.study.method_scenes import Setting, method_scenes
 from uavgram.synthetic.study.methods import METHODS, compared
 

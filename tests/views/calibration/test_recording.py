@@ -12,7 +12,7 @@ from rerun.chunk import Chunk, RrdReader
 
 from uavgram.errors import OutputError
 from uavgram.model.camera.board import CalibrationOptions
-from uavgram.model.camera.calibration_account import CalibrationAccount
+from uavgram.model.camera.calibration_result import CalibrationAccount
 from uavgram.views.calibration.drawing import residual_factor
 from uavgram.views.calibration.recording.write import write_calibration_recording
 

@@ -10,8 +10,8 @@ import pytest
 from planned_sample import sample_plan
 
 from uavgram.model.arrays import Floats
-from uavgram.model.planned.parts import AccuracyGrid
-from uavgram.model.units import METRIC
+from uavgram.model.naming import METRIC
+from uavgram.model.planned import AccuracyGrid
 from uavgram.stages.products.planned_layers import grid_cells
 from uavgram.stages.products.text_places import overlaps
 from uavgram.views.field_sheet.drawing import field_drawing

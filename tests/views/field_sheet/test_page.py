@@ -13,9 +13,9 @@ import pytest
 from planned_sample import bare_plan, none_of, sample_plan
 
 from uavgram.errors import UavgramError
-from uavgram.model.maps.plan import Paper
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.model.units import Units
+from uavgram.model.maps import Paper
+from uavgram.model.naming import Units
+from uavgram.model.planned import FlightPlanned
 from uavgram.views.field_sheet.page import field_sheet, field_sheet_pdf
 from uavgram.views.planned.words import (
     flight_facts,

@@ -22,8 +22,7 @@ from PIL import Image
 
 from uavgram.io.results.results_json import write_results
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.plan import Paper
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster, Paper
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.stages.products.plan_sheets import lay_plan, surveyed_extent

@@ -11,7 +11,7 @@ from recording_contents import Contents
 
 from uavgram.errors import OutputError
 from uavgram.model.arrays import Floats
-from uavgram.model.units import Units
+from uavgram.model.naming import Units
 from uavgram.views.planned_recording.write import write_plan_recording
 
 PLAN = sample_plan()

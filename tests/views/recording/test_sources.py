@@ -9,7 +9,7 @@ from found_survey import found, tie_cloud
 from recording_contents import Contents
 
 from uavgram.model.result.result import Result
-from uavgram.model.result.ties import TieCloud
+from uavgram.model.result.tables import TieCloud
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.photo_marks import CENTRE_PX
 from uavgram.views.recording.scene import measure_scene

@@ -10,7 +10,7 @@ import pytest
 import synthetic_survey as survey
 from html_page import Page
 
-from uavgram.model.case import case_from_options
+from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import MeasurementStatus
 from uavgram.views.report import render_annex, render_report

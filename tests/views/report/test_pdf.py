@@ -20,7 +20,7 @@ import pytest
 import synthetic_survey
 
 from uavgram.errors import UavgramError
-from uavgram.model.maps.plan import Paper
+from uavgram.model.maps import Paper
 from uavgram.views.report import check_pdf, render_annex, render_report, report_pdf
 
 pikepdf = pytest.importorskip("pikepdf", reason="pikepdf is not installed")

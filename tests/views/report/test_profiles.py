@@ -14,8 +14,8 @@ from html_page import Page
 
 from uavgram.io.exports.profiles_csv import dump_profiles_csv
 from uavgram.io.results.results_json import dump_results, load_results
-from uavgram.model.result.profiles import ProfileResults
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import ProfileResults
 from uavgram.pipeline.measure.exports import exports
 from uavgram.views.report import render_annex, render_report
 from uavgram.views.survey.profiles import BOTTOM, LEFT, MOST_HEIGHT, RIGHT, TOP, profile_drawings

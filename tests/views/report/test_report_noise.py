@@ -9,7 +9,7 @@ import pytest
 import synthetic_survey as survey
 from uneven_ground import NOISE, uneven
 
-from uavgram.model.result.noise import Noise
+from uavgram.model.result.reliability import Noise
 from uavgram.model.result.result import Result
 from uavgram.views.report import render_annex
 from uavgram.views.report.measured import learnt_words

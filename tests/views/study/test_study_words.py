@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 
 from PIL import Image
 
-from uavgram.model.study.study import Cell, MethodRow, Study
+from uavgram.model.simulation import Cell, MethodRow, Study
 from uavgram.views.study.figures import figure_files
 from uavgram.views.study.overall import overall, ranking
 from uavgram.views.study.page import render_study_page

@@ -12,8 +12,7 @@ import synthetic_survey as survey
 from uavgram.io.exports.geojson import dump_geojson
 from uavgram.io.exports.measurements_csv import dump_measurements_csv
 from uavgram.io.results.verdict_json import dump_verdict, load_verdict
-from uavgram.model.message import Message
-from uavgram.model.remedy import Remedy
+from uavgram.model.message import Message, Remedy
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import Reason, Verdict

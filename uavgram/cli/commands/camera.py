@@ -98,7 +98,7 @@ def camera(
 
 
 def _changed(read: CameraRead, crop: str | None, size: str | None) -> CameraRead:
-    from uavgram.geometry.camera.rescale import cropped, scaled
+    from uavgram.geometry.camera.facts import cropped, scaled
 
     calibration = read.calibration
     if crop is not None:

@@ -39,8 +39,7 @@ def new(
     log, camera, poses
         Which file to take, relative to the folder, where it holds several.
     """
-    from uavgram.pipeline.new.choices import Choices
-    from uavgram.pipeline.new.new_project import new_project
+    from uavgram.pipeline.new import Choices, new_project
     from uavgram.views.terminal import message_lines
 
     made = new_project(

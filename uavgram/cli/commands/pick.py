@@ -72,7 +72,7 @@ def _has_none(folder: Path) -> bool:
 
 def _present() -> Path | None:
     """The present folder, where it holds a project or photos."""
-    from uavgram.io.discovery.browse import look_into
+    from uavgram.io.browse import look_into
 
     own = look_into(Path.cwd())
     return Path() if own.has_project or own.photos else None

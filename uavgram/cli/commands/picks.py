@@ -54,7 +54,7 @@ def import_(
     check_file
         That file; by default check.csv beside the control.csv.
     """
-    from uavgram.io.imports.gcp_list import GcpSigmas
+    from uavgram.io.imports import GcpSigmas
     from uavgram.pipeline.import_picks import ControlFiles, import_picks
     from uavgram.views.terminal import message_lines
 

@@ -62,7 +62,7 @@ def plan(
     verbose
         Say what is being done.
     """
-    from uavgram.model.units import SHORT_FORMS
+    from uavgram.model.naming import SHORT_FORMS
     from uavgram.synthetic.plan.run import PlanOutputs, write_outputs
     from uavgram.synthetic.plan.run import plan as plan_flight
     from uavgram.views.planned_text import next_line_lines, plan_lines

@@ -97,7 +97,7 @@ def run(
     from uavgram.cli.as_json import run_object
     from uavgram.cli.commands.view import show
     from uavgram.config.project import load_project
-    from uavgram.model.maps.plan import PlanWish
+    from uavgram.model.maps import PlanWish
     from uavgram.pipeline.measure.compute import Sampling
     from uavgram.pipeline.measure.run import FROM_PROJECT
     from uavgram.pipeline.measure.run import run as run_project

@@ -3,28 +3,66 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.calibration.normals import (
-    Normals,
-    Products,
-    UndeterminedError,
-    departure,
-    invert_border,
-    prior_normal,
-    unit_diagonal,
-)
+from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.problem import POSE, Corners, Lens, Linear, State, linearise
 from uavgram.estimation.solver.batched import Explicit, minimise_each
 from uavgram.estimation.solver.batched import State as Unknowns
+from uavgram.estimation.solver.levenberg_marquardt import minimise
+from uavgram.estimation.solver.normal_equations import (
+    Block,
+    Covariance,
+    NormalEquations,
+    cost_of,
+    gradient_of,
+)
+from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.camera.calibration import parameter_names
 
 CONVERGED = 1e-14
 """Predicted fall of the weighted sum of squares at which the rest is rounding."""
 
 MAX_ITERATIONS = 100
-MAX_DAMPING = 1e12
+
+SINGULAR = 1e-13
+"""Eigenvalue of the border's scaled normal matrix below which it is not determined."""
+
+SLACK = 1e-9
+"""Damping that keeps the last factor solvable where photos leave a parameter free: the covariance,
+which has none, then names that parameter."""
+
+
+class UndeterminedError(GeometryError):
+    """The photos do not determine the camera."""
+
+
+class Normals(NamedTuple):
+    """Normal equations after elimination of the photos' poses.
+
+    Schur complement: Triggs, McLauchlan, Hartley and Fitzgibbon 2000, "Bundle adjustment - a modern
+    synthesis", sec. 6.1.
+
+    Attributes
+    ----------
+    pose_inverse
+        (M, 6, 6) inverses of the photos' own normal matrices; zero for a photo without corners.
+    gain
+        (M, 6, q): a change d of the border moves pose i by -gain[i] @ d.
+    photo_border
+        (M, q, q) normal matrix of the border by each photo once its pose is eliminated.
+    border
+        (q, q) their sum, and the priors.
+    """
+
+    pose_inverse: Floats
+    gain: Floats
+    photo_border: Floats
+    border: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +94,23 @@ class Fit:
     cost: float
     iterations: int
     converged: bool
+
+    @property
+    def corner_block(self) -> Block:
+        """Observations, a row of two for each corner: (M n, 2)."""
+        photos, n = self.corners.weight.shape
+        return Block(
+            self.linear.residual.reshape(photos * n, 2),
+            np.repeat(_columns(self.lens, photos), n, axis=0),
+            self.linear.jacobian.reshape(photos * n, 2, -1),
+        )
+
+    @cached_property
+    def covariance(self) -> Covariance:
+        """Covariance of poses and border."""
+        structure = _structure(self.lens, len(self.corners.weight))
+        blocks = list(_blocks(self.lens, self.corners, self.state, self.linear).values())
+        return NormalEquations(blocks, structure.size, structure).factor().covariance()
 
     @property
     def corner_cost(self) -> float:
@@ -104,44 +159,40 @@ def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
     UndeterminedError
         The photos leave a parameter free; or the first values put the board behind a camera.
     """
-    linear = linearise(lens, corners, start)
-    if linear is None:
+    structure = _structure(lens, len(corners.weight))
+
+    def evaluate(state: State) -> dict[str, Block] | None:
+        linear = linearise(lens, corners, state)
+        return None if linear is None else _blocks(lens, corners, state, linear)
+
+    def update(state: State, step: Floats) -> State:
+        poses, border = np.split(step, [structure.first_shared])
+        return state.moved(lens, border, poses.reshape(-1, POSE))
+
+    blocks = evaluate(start)
+    if blocks is None:
         raise UndeterminedError("the board lies behind the camera in the first values of a photo")
-    state, cost = start, _cost(lens, linear, start)
-    damping, growth = 1e-3, 2.0
-    iteration, converged = 0, False
-    products = Products.of(lens, linear, state)
-    while iteration < MAX_ITERATIONS and damping < MAX_DAMPING:
-        iteration += 1
-        border, pose, predicted = products.step(damping)
-        if predicted < CONVERGED * max(cost, 1.0):
-            converged = True
-            break
-        trial = state.moved(lens, border, pose)
-        trial_linear = linearise(lens, corners, trial)
-        trial_cost = np.inf if trial_linear is None else _cost(lens, trial_linear, trial)
-        gain = (cost - trial_cost) / predicted
-        if trial_linear is not None and gain > 0:
-            state, linear, cost = trial, trial_linear, trial_cost
-            products = Products.of(lens, linear, state)
-            # Nielsen 1999, "Damping parameter in Marquardt's method", eq. 2.5; quicker to let go
-            damping *= max(0.1, 1.0 - (2.0 * gain - 1.0) ** 3)
-            growth = 2.0
-        else:
-            damping *= growth
-            growth *= 2.0
-    normals = products.normals()
-    return Fit(
-        lens,
-        corners,
-        state,
-        linear,
-        normals,
-        invert_border(normals.border, lens),
-        cost,
-        iteration,
-        converged or damping >= MAX_DAMPING,
+    end = minimise(
+        start,
+        evaluate,
+        update,
+        structure.size,
+        structure,
+        MAX_ITERATIONS,
+        at_rest=CONVERGED,
+        slack=SLACK,
+        first=blocks,
     )
+    state, blocks, cost = end.state, end.blocks, end.cost
+    if end.converged:  # a last step, whose fall disappears in the rounding of the sum of squares
+        gradient = gradient_of(blocks.values(), structure.size)
+        state = update(state, -end.factor.solve(gradient))
+        blocks = evaluate(state) or blocks
+        cost = cost_of(blocks.values())
+    linear = Linear(blocks["corners"].residual, blocks["corners"].jacobian)
+    normals = normals_of(lens, linear)
+    border = invert_border(normals.border, lens)
+    return Fit(lens, corners, state, linear, normals, border, cost, end.iterations, end.converged)
 
 
 def fit_poses(lens: Lens, corners: Corners, start: State) -> tuple[State, Floats]:
@@ -181,12 +232,92 @@ def fit_poses(lens: Lens, corners: Corners, start: State) -> tuple[State, Floats
     return state_of(ends.state), ends.cost
 
 
+def normals_of(lens: Lens, linear: Linear) -> Normals:
+    """Eliminate the poses of all photos at once."""
+    product = np.swapaxes(linear.jacobian, 1, 2) @ linear.jacobian
+    pose, cross = product[:, :POSE, :POSE], product[:, :POSE, POSE:]
+    inverse = _invert_poses(pose)
+    gain = inverse @ cross
+    photo = product[:, POSE:, POSE:] - np.swapaxes(cross, 1, 2) @ gain
+    return Normals(inverse, gain, photo, photo.sum(axis=0) + prior_normal(lens))
+
+
+def unit_diagonal(normal: Floats) -> tuple[Floats, Floats]:
+    """Normal matrices (..., q, q) with unit diagonals, and the (..., q) units that give them."""
+    diagonal = np.einsum("...ii->...i", normal)
+    scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
+    return normal / (scale[..., :, None] * scale[..., None, :]), scale
+
+
+def _invert_poses(normal: Floats) -> Floats:
+    """(M, 6, 6) inverses; zero for a photo without corners."""
+    empty = ~(np.einsum("mii->mi", normal) > 0).all(axis=1)
+    scaled, scale = unit_diagonal(normal)
+    scaled[empty] = np.eye(POSE)
+    inverse = np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :])
+    inverse[empty] = 0.0
+    return np.asarray(inverse)
+
+
+def invert_border(normal: Floats, lens: Lens) -> Floats:
+    """Covariance of the border, or an error that names the parameter that is not determined."""
+    if not len(normal):
+        return normal
+    scaled, scale = unit_diagonal(normal)
+    values, vectors = np.linalg.eigh(scaled)
+    if values[0] < SINGULAR:
+        unknown = int(np.argmax(np.abs(vectors[:, 0])))
+        raise UndeterminedError(
+            f"the photos do not determine {_unknown_name(lens, unknown)}: take more photos with "
+            "the board tilted in different directions, or estimate fewer parameters"
+        )
+    root = vectors / np.sqrt(values) / scale[:, None]
+    return np.asarray(root @ root.T)
+
+
+def _unknown_name(lens: Lens, unknown: int) -> str:
+    f = lens.basis.shape[1]
+    if unknown >= f:
+        return "the bow of the board"
+    row = int(np.flatnonzero(lens.basis[:, unknown])[-1])
+    return parameter_names(lens.model, len(lens.basis))[row]
+
+
+def prior_normal(lens: Lens) -> Floats:
+    """(q, q) normal matrix of the border's prior."""
+    basis = lens.full_basis
+    return np.asarray(basis.T @ lens.prior_information @ basis)
+
+
 def _rank(normal: Floats) -> int:
     """Rank of a normal matrix, whatever its units."""
     return int(np.linalg.matrix_rank(unit_diagonal(normal)[0]))
 
 
-def _cost(lens: Lens, linear: Linear, state: State) -> float:
-    away = departure(lens, state)
-    prior = float(away @ lens.prior_information @ away)
-    return float(np.sum(linear.residual**2)) + prior
+def _structure(lens: Lens, photos: int) -> Structure:
+    """Structure of the unknowns: a block of six for each photo, then the border."""
+    first = POSE * photos
+    return Structure(first + lens.size, 0, 1, POSE, first)
+
+
+def _columns(lens: Lens, photos: int) -> Ints:
+    """(M, 6 + q) unknowns of each photo's corners."""
+    own = np.arange(POSE * photos).reshape(photos, POSE)
+    border = POSE * photos + np.arange(lens.size)
+    return np.concatenate([own, np.broadcast_to(border, (photos, lens.size))], axis=1)
+
+
+def _blocks(lens: Lens, corners: Corners, state: State, linear: Linear) -> dict[str, Block]:
+    """Corners; the prior of parameters and bow; poses of photos without corners, held."""
+    columns = _columns(lens, len(corners.weight))
+    blocks = {"corners": Block(linear.residual, columns, linear.jacobian)}
+    away = np.concatenate([state.parameters, state.bow_m]) - lens.prior_mean
+    root = lens.prior_root
+    if len(root) and lens.size:
+        blocks["prior"] = Block(
+            (root @ away)[None], columns[:1, POSE:], (root @ lens.full_basis)[None]
+        )
+    held = columns[corners.count == 0, :POSE]
+    if len(held):
+        blocks["held"] = Block(np.zeros(held.shape), held, np.tile(np.eye(POSE), (len(held), 1, 1)))
+    return blocks

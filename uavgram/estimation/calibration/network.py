@@ -1,11 +1,13 @@
-"""How the photos stand to the board: tilts, rolls, and how much of the image they cover."""
+"""Tilts, rolls and coverage of the photos, and what the residuals still hide."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtrc, fdtrc
 
+from uavgram.estimation.calibration.adjustment import Fit
 from uavgram.estimation.calibration.problem import State
 from uavgram.model.arrays import Floats, Ints
 
@@ -94,3 +96,177 @@ def coverage(
     count = np.histogram2d(v, u, bins=(rows, columns), range=((0, 1), (0, 1)))[0]
     radius = np.linalg.norm(pixel_px - (size - 1) / 2, axis=1).max(initial=0.0)
     return Coverage(count.astype(np.int64), float(radius / np.linalg.norm(size / 2)))
+
+
+class Trend(NamedTuple):
+    """An unknown more in each photo, as the residuals would have it.
+
+    Attributes
+    ----------
+    value
+        (M, e) its estimates; 0 where a photo does not determine them.
+    chi2
+        Sum over photos of the squares they would take away, in units of the variance factor.
+    degrees
+        Of freedom: e for each photo.
+    """
+
+    value: Floats
+    chi2: float
+    degrees: int
+
+
+def trend(fit: Fit, extra: Floats) -> Trend:
+    """Score test (Rao 1948) of unknowns that each photo would have for itself.
+
+    Parameters
+    ----------
+    fit
+        The adjustment without them; its border is taken as known.
+    extra
+        (M, n, 2, e) derivatives of the pixels by them [px per unit].
+    """
+    photos, n = fit.corners.weight.shape
+    rows = (extra * fit.corners.weight[:, :, None, None]).reshape(photos, 2 * n, -1)
+    pose = fit.linear.pose
+    follow = fit.normals.pose_inverse @ (np.swapaxes(pose, 1, 2) @ rows)
+    free = rows - pose @ follow
+    normal = np.swapaxes(free, 1, 2) @ free
+    size = np.einsum("mii->mi", normal)
+    whole = np.sum(rows**2, axis=1)
+    good = (size > 1e-9 * np.maximum(whole, np.finfo(float).tiny)).all(axis=1)
+    normal[~good] = np.eye(normal.shape[1])
+    gradient = np.einsum("mri,mr->mi", free, fit.linear.residual)
+    value = np.where(good[:, None], -np.linalg.solve(normal, gradient[..., None])[..., 0], 0.0)
+    factor = fit.cost / max(fit.degrees_of_freedom, 1)
+    squares = float(-np.sum(value * np.where(good[:, None], gradient, 0.0)))
+    return Trend(value, squares / factor, int(good.sum()) * extra.shape[3])
+
+
+class RollingShutter(NamedTuple):
+    """Whether rows drift against each other, differently in each photo.
+
+    Attributes
+    ----------
+    drift_px
+        Root mean square over photos of the drift from the first row to the last one.
+    ratio
+        How much more of the residuals such drifts explain than bends do.
+    probability
+        Of such a ratio by chance.
+    """
+
+    drift_px: float
+    ratio: float
+    probability: float
+
+
+def rolling_shutter(fit: Fit, size_px: tuple[int, int]) -> RollingShutter:
+    """Compare a drift by row in each photo with bends of second order.
+
+    A camera that moves while its rows are read out one after the other shears and stretches each
+    photo in its own way, to first order; a bent board or a wrong lens model bends it, to second.
+    What the poses can take over of either is not counted.
+    """
+    u, v = np.moveaxis(fit.corners.pixel_px / np.array(size_px) - 0.5, -1, 0)
+    by_row = trend(fit, _along_both(v))
+    bends = [trend(fit, _along_both(bend)) for bend in (u * u, u * v, v * v)]
+    degrees = max(sum(bend.degrees for bend in bends), 1)
+    usual = max(sum(bend.chi2 for bend in bends) / degrees, 1.0)
+    own = max(by_row.degrees, 1)
+    ratio = by_row.chi2 / own / usual
+    drift = float(np.sqrt(np.mean(np.sum(by_row.value**2, axis=1))))
+    return RollingShutter(drift, ratio, float(fdtrc(own, degrees, ratio)))
+
+
+def _along_both(shape: Floats) -> Floats:
+    """(M, n, 2, 2) derivatives of pixels by a pattern (M, n) along u, and by one along v."""
+    extra = np.zeros((*shape.shape, 2, 2))
+    extra[..., 0, 0] = extra[..., 1, 1] = shape
+    return extra
+
+
+class FocusDrift(NamedTuple):
+    """Whether the focal length differs from photo to photo.
+
+    Attributes
+    ----------
+    relative
+        (M,) each photo's own focal length over the common one, less 1.
+    probability
+        Of such differences by chance.
+    """
+
+    relative: Floats
+    probability: float
+
+
+def focus_drift(fit: Fit, photo_factor: float) -> FocusDrift:
+    """Give each photo a focal length of its own: autofocus, zoom or two cameras show.
+
+    Parameters
+    ----------
+    fit
+        The adjustment with one focal length.
+    photo_factor
+        How much more the photos scatter than their corners' noise explains, for other reasons.
+    """
+    principal = fit.state.parameters[2:4]
+    extra = (fit.corners.pixel_px - principal)[..., None]
+    found = trend(fit, extra)
+    chance = chdtrc(found.degrees, found.chi2 / photo_factor) if found.degrees else np.nan
+    return FocusDrift(found.value[:, 0], float(chance))
+
+
+class ResidualMap(NamedTuple):
+    """Mean residual vectors (predicted minus observed) over the image; R rows of C cells.
+
+    Attributes
+    ----------
+    mean_px
+        (R, C, 2); NaN where there is no corner.
+    corners
+        (R, C) how many corners.
+    probability
+        (R, C) of so long a mean vector by chance; 1 where there is no corner.
+    """
+
+    mean_px: Floats
+    corners: Ints
+    probability: Floats
+
+
+def residual_map(fit: Fit, size_px: tuple[int, int], cells: tuple[int, int]) -> ResidualMap:
+    """Mean residuals by cell of the image.
+
+    Parameters
+    ----------
+    fit, size_px
+        The adjustment; width and height of the image.
+    cells
+        Columns and rows.
+    """
+    columns, rows = cells
+    factor = fit.corner_cost / max(fit.corner_redundancy, 1.0)
+    there = fit.corners.weight > 0
+    pixel, weight = fit.corners.pixel_px[there], fit.corners.weight[there]
+    residual = fit.linear.residual.reshape(*there.shape, 2)[there]
+    cell = np.clip((pixel + 0.5) / size_px * cells, 0, np.array(cells) - 1).astype(np.int64)
+    index = cell[:, 1] * columns + cell[:, 0]
+    count = np.bincount(index, minlength=rows * columns)
+    mean = _by_cell(index, residual / weight[:, None], count)
+    whitened = _by_cell(index, residual, count)
+    squared = np.nansum(whitened**2, axis=1) * count / factor
+    probability = np.where(count > 0, chdtrc(2, squared), 1.0)
+    return ResidualMap(
+        mean.reshape(rows, columns, 2),
+        count.reshape(rows, columns),
+        probability.reshape(rows, columns),
+    )
+
+
+def _by_cell(index: Ints, value: Floats, count: Ints) -> Floats:
+    total = np.stack([np.bincount(index, v, minlength=len(count)) for v in value.T], axis=1)
+    return np.asarray(
+        np.divide(total, count[:, None], out=np.full(total.shape, np.nan), where=count[:, None] > 0)
+    )

@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.estimation.calibration.adjustment import Fit, adjust
-from uavgram.estimation.calibration.normals import Normals
+from uavgram.estimation.calibration.adjustment import Fit, Normals, adjust
 from uavgram.estimation.calibration.problem import Corners, Lens, Linear, State
 from uavgram.estimation.calibration.reliability import corner_tests, photo_tests
 from uavgram.estimation.calibration.start import FEWEST_CORNERS
+from uavgram.estimation.reliability.variance_components import Component, of_one_group
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.board import CalibrationOptions
 
@@ -26,8 +26,8 @@ against the corners' noise alone would throw out half of any good set."""
 
 FEWEST_PHOTOS = 3
 
-SCALED = 1e-6
-"""Relative change of the corners' variance factor at which its estimate has settled."""
+SCALED = 5e-7
+"""Relative change of the corners' sigmas at which its estimate has settled."""
 
 _SCALINGS = 20
 
@@ -124,10 +124,11 @@ def adjust_scaled(
     if options.corner_sigma == "given":
         return fit, scale
     for _ in range(_SCALINGS):
-        factor = fit.corner_cost / max(fit.corner_redundancy, 1.0)
-        if factor <= 0 or abs(factor - 1) < SCALED:  # exact observations have no scale
+        redundancy = max(fit.corner_redundancy, 1.0)
+        factor = of_one_group(fit.corner_cost, redundancy, Component("corners")).factor.item()
+        if fit.corner_cost <= 0 or abs(factor - 1) < SCALED:  # exact observations have no scale
             break
-        scale *= float(np.sqrt(factor))
+        scale *= factor
         fit = adjust(lens, corners.weighted(corners.weight / scale), fit.state)
     return fit, scale
 

@@ -8,6 +8,7 @@ its middle, in the camera's frame [rad]). About the middle the two hardly depend
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,9 @@ from uavgram.model.camera.calibration import (
 
 POSE = 6
 """Unknowns of a photo."""
+
+RANK = 1e-14
+"""Share of the largest eigenvalue of a prior's information from which on a direction is known."""
 
 _ESTIMATED: dict[tuple[LensModel, int], tuple[str, ...]] = {
     ("brown", 3): ("k1", "k2", "k3"),
@@ -173,6 +177,14 @@ class Lens:
         full[p:, f:] = np.eye(k)
         return full
 
+    @cached_property
+    def prior_root(self) -> Floats:
+        """(r, P + k) whitening of the prior: its transpose times itself is the information."""
+        scale = np.sqrt(np.maximum(np.diag(self.prior_information), np.finfo(float).tiny))
+        values, vectors = np.linalg.eigh(self.prior_information / np.outer(scale, scale))
+        known = values > RANK * max(values.max(initial=0.0), np.finfo(float).tiny)
+        return np.asarray((vectors[:, known] * np.sqrt(values[known])).T * scale)
+
     def without_border(self) -> Lens:
         """The same lens held fixed: only poses are left to estimate."""
         p = len(self.basis)
@@ -274,15 +286,22 @@ class Linear(NamedTuple):
     ----------
     residual
         (M, 2 n).
-    pose
-        (M, 2 n, 6).
-    border
-        (M, 2 n, q).
+    jacobian
+        (M, 2 n, 6 + q) by the photo's pose, then by the border.
     """
 
     residual: Floats
-    pose: Floats
-    border: Floats
+    jacobian: Floats
+
+    @property
+    def pose(self) -> Floats:
+        """(M, 2 n, 6) Jacobian by each photo's pose."""
+        return self.jacobian[:, :, :POSE]
+
+    @property
+    def border(self) -> Floats:
+        """(M, 2 n, q) Jacobian by the border."""
+        return self.jacobian[:, :, POSE:]
 
 
 def linearise(
@@ -313,10 +332,10 @@ def linearise(
     weight = corners.weight[:, :, None]
     d_camera *= weight[..., None]
     f = lens.basis.shape[1]
-    pose = np.empty((photos, n, 2, POSE))
-    pose[..., :3] = d_camera
-    np.matmul(d_camera, -hat(arm), out=pose[..., 3:])
-    border = np.zeros((photos, n, 2, lens.size))
+    jacobian = np.empty((photos, n, 2, POSE + lens.size))
+    jacobian[..., :3] = d_camera
+    np.matmul(d_camera, -hat(arm), out=jacobian[..., 3:POSE])
+    border = jacobian[..., POSE:]
     np.matmul(d_parameters, lens.basis, out=border[..., :f])
     border[..., :f] *= weight[..., None]
     if lens.size > f:
@@ -325,6 +344,5 @@ def linearise(
         border[..., f:] = along[..., None] * corners.bow[:, :, None, :]
     return Linear(
         ((pixel - corners.pixel_px) * weight).reshape(photos, 2 * n),
-        pose.reshape(photos, 2 * n, POSE),
-        border.reshape(photos, 2 * n, lens.size),
+        jacobian.reshape(photos, 2 * n, POSE + lens.size),
     )

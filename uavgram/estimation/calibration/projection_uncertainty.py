@@ -18,7 +18,7 @@ from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.calibration_account import LengthUncertainty
+from uavgram.model.camera.calibration_result import LengthUncertainty
 
 _REWEIGHTINGS = 5
 

@@ -1,4 +1,10 @@
-"""Which corner or photo does not fit the others: w-tests, and what each photo does to the camera.
+"""Reliability of a calibration: tests of corners and photos, and the error that all corners share.
+
+Sigmas that a detector states come from the noise of the grey values. Where residuals are several
+times as large, what dominates is the same for a sharp corner and a blurred one; a common factor
+would trust sharp corners far too much. So a variance common to all is added instead (a model of
+two variance components, of which one is known; Koch 1999, Parameter estimation and hypothesis
+testing in linear models, sec. 3.6).
 
 After Baarda 1968, "A testing procedure for use in geodetic networks", for the two coordinates of a
 corner together (Kok 1984, "On data snooping and multiple outlier testing", sec. 3), and with the
@@ -11,12 +17,42 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.special import chdtrc, fdtrc
 
 from uavgram.estimation.calibration.adjustment import Fit
-from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
+from uavgram.estimation.reliability.redundancy import reliability
+from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import CornerSigma
+
+
+def common_error(residual_px: Floats, sigma_px: Floats, redundancy: float) -> float:
+    """Standard deviation per coordinate that all corners have in common.
+
+    Parameters
+    ----------
+    residual_px
+        (N, 2) of an adjustment.
+    sigma_px
+        (N,) own standard deviations.
+    redundancy
+        Of these residuals: their expected sum of squares, in sigmas.
+
+    Returns
+    -------
+    float
+        With which the squares sum up as expected [px]; 0 where the own sigmas are large enough.
+    """
+    squares, variance = np.sum(residual_px**2, axis=1), sigma_px**2
+
+    def excess(common: float) -> float:
+        return float(np.sum(squares / (variance + common))) - redundancy
+
+    if not len(squares) or redundancy <= 0 or excess(0.0) <= 0:
+        return 0.0
+    most = float(squares.sum()) / redundancy  # alone it would make the sum right
+    return float(np.sqrt(brentq(excess, 0.0, most, xtol=1e-9 * most)))
 
 
 class CornerTests(NamedTuple):
@@ -69,24 +105,15 @@ def reduced_border(fit: Fit) -> Floats:
 
 def corner_tests(fit: Fit, sigma: CornerSigma) -> CornerTests:
     """Test every corner against all the others."""
-    photos, n = fit.corners.weight.shape
     there = fit.corners.weight > 0
-    reduced = reduced_border(fit).reshape(photos, n, 2, -1)
-    pose = fit.linear.pose.reshape(photos, n, 2, -1)
-    leverage = reduced @ fit.border_covariance @ np.swapaxes(reduced, 2, 3)
-    leverage += pose @ fit.normals.pose_inverse[:, None] @ np.swapaxes(pose, 2, 3)
-    cofactor = np.eye(2) - leverage
-    determinant = np.linalg.det(cofactor)
-    checked = there & (determinant > NO_REDUNDANCY)
-    cofactor[~checked] = np.eye(2)
-    v = fit.linear.residual.reshape(photos, n, 2)
-    squared = np.einsum("mni,mnij,mnj->mn", v, np.linalg.inv(cofactor), v)
-    squared = np.where(checked, squared, 0.0)
+    block = fit.corner_block
+    squared = np.where(there, falls_without(block, fit.covariance).reshape(there.shape), 0.0)
+    redundancy = reliability(block, fit.covariance).redundancy.mean(axis=1).reshape(there.shape)
     scale, probability = _judge(squared, np.full(squared.shape, 2.0), fit, sigma)
     return CornerTests(
         np.sqrt(squared / scale),
-        np.where(checked, probability, 1.0),
-        np.where(there, 1 - np.einsum("mnii->mn", leverage) / 2, 0.0),
+        np.where(squared > 0, probability, 1.0),
+        np.where(there, redundancy, 0.0),
     )
 
 

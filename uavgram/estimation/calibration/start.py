@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.calibration.adjustment import fit_poses
-from uavgram.estimation.calibration.normals import UndeterminedError
+from uavgram.estimation.calibration.adjustment import UndeterminedError, fit_poses
 from uavgram.estimation.calibration.problem import Corners, Lens, State, linearise
 from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.motion.rotation import nearest_rotation

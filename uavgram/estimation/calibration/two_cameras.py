@@ -11,8 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.calibration.adjustment import Fit
-from uavgram.estimation.calibration.normals import prior_normal
+from uavgram.estimation.calibration.adjustment import Fit, prior_normal
 from uavgram.estimation.calibration.reliability import reduced_border
 from uavgram.model.arrays import Bools, Floats, Ints
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.estimation.calibration.adjustment import Fit, adjust, fit_poses
-from uavgram.estimation.calibration.normals import UndeterminedError
+from uavgram.estimation.calibration.adjustment import Fit, UndeterminedError, adjust, fit_poses
 from uavgram.estimation.calibration.problem import POSE
 from uavgram.model.arrays import Floats
 

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtrc
 
-from uavgram.estimation.first_poses.known_height import known_height
-from uavgram.estimation.first_poses.network import placing
+from uavgram.estimation.first_poses.network import known_height, placing
 from uavgram.estimation.first_poses.pose_problem import LineRows
 from uavgram.estimation.solver.batched import Ends, minimise_each
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian

@@ -19,7 +19,7 @@ from uavgram.estimation.reliability.test_statistics import Observed, cofactors
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.kinds import READINGS, kind_of
-from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 
 INSEPARABLE = 0.99

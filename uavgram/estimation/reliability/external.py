@@ -18,7 +18,7 @@ import numpy as np
 from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.reliability.redundancy import level_of_each, noncentrality
 from uavgram.estimation.reliability.test_statistics import Observed
-from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Floats, Ints
 
 UNCHECKED = 0.01

@@ -1,7 +1,10 @@
-"""Is it honest? Redundancy, standardised residuals, minimal detectable bias, variance factors.
+"""Redundancy, standardised residuals, minimal detectable bias and variance factors.
 
 After Baarda 1968, "A testing procedure for use in geodetic networks". All inputs are whitened:
 residuals and Jacobian rows in units of the observation's own standard deviation.
+
+A robust estimate follows the majority (Hampel 1971, "A general qualitative definition of
+robustness"): with about half of the readings wrong, these may be the ones that it follows.
 """
 
 from __future__ import annotations
@@ -12,6 +15,8 @@ import numpy as np
 from scipy.special import chdtrc, ndtr, ndtri
 
 from uavgram.estimation.solver.normal_equations import AT_ONCE, Block, Covariance, Factor
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.observations.kinds import kind_of
 from uavgram.model.arrays import Floats
 
 POWER = 0.80
@@ -178,3 +183,50 @@ def _cofactor(block: Block, covariance: Covariance) -> Floats:
 def upper_tail(squares: float, degrees: float) -> float:
     """Probability that chi-square with `degrees` exceeds `squares` (1 without redundancy)."""
     return float(chdtrc(degrees, squares)) if degrees > NO_REDUNDANCY else 1.0
+
+
+def redundancy_of(adjustment: Adjustment, name: str) -> float:
+    """Share of the degrees of freedom that a group of observations has."""
+    block = adjustment.minimum.blocks[name]
+    return block.residual.size - float(adjustment.covariance.leverage(block).sum())
+
+
+class CoreFit(NamedTuple):
+    """How picks, lengths, ground and camera fit together, telemetry left aside.
+
+    Attributes
+    ----------
+    squares, degrees
+        Weighted sum of squares, and redundancy, of these groups.
+    probability
+        Of so large a sum by chance. Degrees of freedom of a part of the observations are spread
+        over more directions, none of larger variance: a chi-square with as many is on the safe
+        side.
+    """
+
+    squares: float
+    degrees: float
+    probability: float
+
+
+def core_fit(adjustment: Adjustment) -> CoreFit:
+    """Sum of squares of the groups that show whether the model holds.
+
+    Those of picks and ground: priors of the telemetry are meant to be generous, and ties say
+    nothing of the ground.
+    """
+    blocks = adjustment.minimum.blocks
+    core = [name for name in blocks if kind_of(name).is_core]
+    squares = sum(float(np.sum(blocks[name].residual ** 2)) for name in core)
+    degrees = sum(redundancy_of(adjustment, name) for name in core)
+    return CoreFit(squares, degrees, upper_tail(squares, degrees))
+
+
+MOST_OF_A_KIND = 0.4
+"""Share of a kind's observations, or of the frames, that may be gross errors: were there more, the
+kind would be less exact than stated, or nothing would show which of them are right."""
+
+
+def most_gross(count: int) -> int:
+    """Count how many of so many observations may be gross errors: a few, and one in any case."""
+    return max(1, int(MOST_OF_A_KIND * count))

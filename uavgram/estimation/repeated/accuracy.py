@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import betaincinv, chdtri, stdtrit
 
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.simulation.repetitions import SIGMAS, Accuracy, Repetitions
+from uavgram.model.simulation import SIGMAS, Accuracy, Repetitions
 
 TAIL = 0.025
 """On each side of a range."""

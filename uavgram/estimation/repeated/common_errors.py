@@ -11,7 +11,7 @@ import numpy as np
 
 from uavgram.geometry.camera.lens import distort, write_parameter_derivative
 from uavgram.model.arrays import Floats
-from uavgram.model.simulation.photo import PhotoDesign
+from uavgram.model.simulation import PhotoDesign
 
 
 def common_count(design: PhotoDesign) -> int:
@@ -77,7 +77,7 @@ def parameters_at(design: PhotoDesign, common: Floats) -> Floats:
 
 
 def tape_scale(design: PhotoDesign, common: Floats) -> Floats:
-    """What the tape reads of a metre, as `estimation/survey/observations/tapes.py` has it: (B,).
+    """What the tape reads of a metre, as `estimation/survey/observations/lengths.py` has it: (B,).
 
     Parameters
     ----------

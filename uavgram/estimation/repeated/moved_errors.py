@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.measuring.quadratic import (
+from uavgram.estimation.measuring.second_order import (
     SecondOrderTerms,
     moves,
     second_order_terms,
@@ -17,7 +17,7 @@ from uavgram.estimation.repeated.common_errors import of_ground
 from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
+from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
 FLAT = 1e-9
 """Variance, as a share of the largest, of directions that move no length."""

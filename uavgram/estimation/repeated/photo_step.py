@@ -23,10 +23,10 @@ from uavgram.estimation.repeated.common_errors import (
     tape_scale,
 )
 from uavgram.estimation.repeated.turns import turned
-from uavgram.estimation.solver.small_systems import backward, cholesky, forward
+from uavgram.estimation.solver.batched import backward, cholesky, forward
 from uavgram.geometry.camera.lens import distort, each
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
+from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
 
 class Draws(NamedTuple):

@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.measuring.quadratic import SecondOrderTerms
+from uavgram.estimation.measuring.second_order import SecondOrderTerms
 from uavgram.estimation.repeated.common_errors import common_count, of_ground
 from uavgram.estimation.repeated.moved_errors import root_of, second_order
 from uavgram.estimation.repeated.photo_step import State, draws_last, linearise
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
+from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
 
 class PredictedLengths(NamedTuple):

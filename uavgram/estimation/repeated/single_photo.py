@@ -27,13 +27,19 @@ from uavgram.estimation.repeated.photo_step import (
     places_of,
 )
 from uavgram.estimation.repeated.turns import turned
-from uavgram.estimation.solver.batched import Ends, Linear, minimise_each
+from uavgram.estimation.solver.batched import (
+    Ends,
+    Linear,
+    backward,
+    cholesky,
+    forward,
+    minimise_each,
+)
 from uavgram.estimation.solver.batched import State as Unknowns
-from uavgram.estimation.solver.small_systems import backward, cholesky, forward
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.motion.rotation import log_so3
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws, PhotoPosesFound
+from uavgram.model.simulation import PhotoDesign, PhotoDraws, PhotoPosesFound
 
 BLOCK = 2000
 """Draws at a time: so many that Python does not count, so few that the cache holds them."""

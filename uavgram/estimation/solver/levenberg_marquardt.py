@@ -43,12 +43,17 @@ changes: its factor serves the steps that follow too, as long as they keep their
 KEPT = 0.5
 """Share of the predicted fall that must come true for a factor to serve once more."""
 
+SHRINKS = 0.5
+"""Predicted fall of a step with a kept factor, in that of the step before, from which on the next
+step needs a factor of its own: along weakly determined directions a kept one crawls."""
+
 UNDAMPED = 1e-8
 """Damping up to which a factor serves more than one step: they are as good as Newton's."""
 
 REFUSED_EACH = 5e-9
 """Predicted fall by unknown up to which a step that hardly comes true is the last: kinks of the
-interpolated flight refuse it, and in large systems each try costs a factorisation."""
+interpolated flight refuse it, and in large systems each try costs a factorisation. Less where a
+sharper minimum is asked for than `CONVERGED`."""
 
 MAX_ITERATIONS = 80
 MAX_DAMPING = 1e12
@@ -85,7 +90,7 @@ def minimise(
     size: int,
     structure: Structure | None = None,
     most: int = MAX_ITERATIONS,
-    at_rest: float = 0.0,
+    at_rest: float = CONVERGED,
     slack: float = 0.0,
     first: dict[str, Block] | None = None,
 ) -> Minimum[State]:
@@ -107,10 +112,11 @@ def minimise(
     most
         Iterations after which it ends wherever it is.
     at_rest
-        Predicted fall below which the rest is not worth a step, where that is more than usual.
+        Predicted fall below which the rest is not worth a step.
     slack
-        Damping of the last factor too: what nothing determines is then an end like any other, with
-        sigmas that are large, but mean nothing.
+        Damping where the normal matrix is singular, and damping of the last factor: what
+        nothing determines is then an end like any other, with sigmas that are large, but mean
+        nothing.
     first
         What `evaluate` says of the first values, where that is known already.
 
@@ -122,7 +128,7 @@ def minimise(
     Raises
     ------
     SingularError
-        An unknown is not determined.
+        An unknown is not determined, and there is no slack.
     ValueError
         The first values are impossible.
 
@@ -137,14 +143,16 @@ def minimise(
     if blocks is None:
         raise ValueError("the first values are impossible")
     normal, cost = NormalEquations(list(blocks.values()), size, structure), cost_of(blocks.values())
-    at_rest = max(at_rest, CONVERGED, CONVERGED_EACH * size)
+    refused = REFUSED_EACH * size * min(1.0, at_rest / CONVERGED)
+    at_rest = max(at_rest, CONVERGED_EACH * size)
     damping, growth = 1e-9, 2.0
     iteration = 0
     factor: Factor | None = None
+    before = np.inf
     while iteration < most:
         iteration += 1
         fresh = factor is None
-        factor = factor or normal.factor(damping)
+        factor = factor or normal.factor(damping, slack)
         step = -factor.solve(normal.gradient)
         predicted = factor.predicted_fall(step, normal.gradient)
         if predicted < max(at_rest, ROUNDING * cost) or damping > MAX_DAMPING:
@@ -163,10 +171,12 @@ def minimise(
             # The step that was refused would come again, and cost a large system a factorisation.
             while size > MANY and damping < UNDAMPED:
                 damping, growth = damping * growth, 2.0 * growth
-        if fresh and gain < KEPT and predicted < REFUSED_EACH * size:
+        if fresh and gain < KEPT and predicted < refused:
             break
-        if predicted > CLOSE * size or gain < KEPT or damping > UNDAMPED:
+        crawls = not fresh and predicted > SHRINKS * before
+        if predicted > CLOSE * size or gain < KEPT or damping > UNDAMPED or crawls:
             factor = None
+        before = predicted
     factor = normal.factor(slack)
     # Newton's decrement without damping: how far below the minimum of the model still lies.
     decrement = float(normal.gradient @ factor.solve(normal.gradient))

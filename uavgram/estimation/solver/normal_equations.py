@@ -1,4 +1,7 @@
-"""Normal equations of a sparse least-squares problem: factorisation and covariance.
+"""Normal equations of a least-squares problem: factorisation and covariance.
+
+LAPACK's own functions, on matrices in its own order: the wrappers of scipy.linalg look at every
+number and copy each matrix, which takes as long again as factoring some hundred unknowns.
 
 Small systems are dense; larger ones stay sparse, and of their inverse only what is asked for is
 ever computed: the part on the pattern of the normal matrix (each unknown with those it shares an
@@ -9,21 +12,101 @@ of one kind at once, O(rows * k^2) for rows of k unknowns: no library assembles 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, cast
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
+from scipy.linalg import lapack
 from scipy.sparse import csc_array, csr_array
 
-from uavgram.estimation.solver.dense import DenseFactor, DenseStack
 from uavgram.estimation.solver.sparse.block_matrix import Assembly, BlockMatrix
-from uavgram.estimation.solver.sparse.multifrontal import NotPositiveError
-from uavgram.estimation.solver.sparse.schur import SparseFactor, Symbolic
+from uavgram.estimation.solver.sparse.cholesky import NotPositiveError, SparseFactor, Symbolic
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.model.arrays import Floats, Ints
+
+
+class DenseFactor:
+    """L L^T of a symmetric matrix with a unit diagonal, or one a little larger.
+
+    Parameters
+    ----------
+    matrix
+        (n, n) in C order; it is used up.
+    smallest
+        Pivot below which an unknown is not determined.
+
+    Raises
+    ------
+    NotPositiveError
+        An unknown is not determined; `index` is the first one found.
+    """
+
+    def __init__(self, matrix: Floats, smallest: float) -> None:
+        # The transpose of a symmetric matrix is the matrix, in the order that LAPACK wants.
+        lower, fault = lapack.dpotrf(matrix.T, lower=1, clean=1)
+        if fault:
+            _, vectors = np.linalg.eigh(matrix)
+            raise NotPositiveError(int(np.argmax(np.abs(vectors[:, 0]))))
+        self._lower = cast("Floats", lower)
+        self._pivot = lower.diagonal()
+        if self._pivot.min() ** 2 < smallest:
+            raise NotPositiveError(int(np.argmin(self._pivot)))
+
+    def log_determinant(self) -> float:
+        """Natural logarithm of the determinant of the matrix."""
+        return 2.0 * float(np.log(self._pivot).sum())
+
+    def solve(self, right: Floats) -> Floats:
+        """Solve for one (n,) or several (n, m) right-hand sides."""
+        return cast("Floats", lapack.dpotrs(self._lower, right, lower=1)[0])
+
+    def inverse(self) -> Floats:
+        """(n, n), exactly symmetric."""
+        half = cast("Floats", lapack.dpotri(self._lower, lower=1)[0])
+        whole = half + half.T  # above the diagonal of `half` stand the zeros of the factor
+        np.fill_diagonal(whole, half.diagonal())
+        return whole
+
+
+class DenseStack:
+    """Where the entries of groups of rows stand in one dense Jacobian.
+
+    Parameters
+    ----------
+    columns
+        (n, k) unknowns of the rows of each group.
+    jacobians
+        (n, r, k) of each group.
+    size
+        Number of unknowns.
+    """
+
+    def __init__(self, columns: Sequence[Ints], jacobians: Sequence[Floats], size: int) -> None:
+        self._columns, self._shapes = columns, [one.shape for one in jacobians]
+        entry, first = [np.zeros(0, dtype=np.int64)], 0
+        for own, (n, r, _) in zip(columns, self._shapes, strict=True):
+            row = first + np.arange(n * r).reshape(n, r, 1)
+            entry.append((row * size + own[:, None, :]).ravel())
+            first += n * r
+        self._entry, self._shape = np.concatenate(entry), (first, size)
+
+    def serves(self, columns: Sequence[Ints], jacobians: Sequence[Floats]) -> bool:
+        """Whether these groups are like those that it was made for."""
+        return self._shapes == [one.shape for one in jacobians] and all(
+            mine is theirs or np.array_equal(mine, theirs)
+            for mine, theirs in zip(self._columns, columns, strict=True)
+        )
+
+    def jacobian(self, jacobians: Sequence[Floats]) -> Floats:
+        """(rows, size) the whitened Jacobian of all groups; duplicate entries are added."""
+        entries = np.concatenate([np.zeros(0), *(one.ravel() for one in jacobians)])
+        rows, size = self._shape
+        flat = np.bincount(self._entry, entries, minlength=rows * size)
+        return np.asarray(flat, dtype=np.float64).reshape(rows, size)
+
 
 DENSE_ENTRIES = 250_000
 """Entries of a Jacobian up to which a dense one costs less than the upkeep of sparse matrices."""
@@ -142,8 +225,15 @@ class NormalEquations:
             self.plan = Plan.of(columns, self._structure)
         return self.plan.assembly.normal(jacobians)
 
-    def factor(self, damping: float = 0.0) -> Factor:
+    def factor(self, damping: float = 0.0, slack: float = 0.0) -> Factor:
         """Factor J^T J + damping * diag(J^T J).
+
+        Parameters
+        ----------
+        damping
+            In shares of the diagonal.
+        slack
+            Added to the damping where the matrix is singular.
 
         Raises
         ------
@@ -155,7 +245,12 @@ class NormalEquations:
         if empty.size:
             raise SingularError(int(empty[0]))
         plan = self.plan if isinstance(self.plan, Plan) else None
-        return Factor(self.normal, plan, diagonal, damping)
+        try:
+            return Factor(self.normal, plan, diagonal, damping)
+        except SingularError:
+            if not slack:
+                raise
+            return Factor(self.normal, plan, diagonal, damping + slack)
 
 
 class Plan:

@@ -11,8 +11,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.solver.dense import DenseStack
-from uavgram.estimation.solver.normal_equations import Block, Factor, NormalEquations, Plan
+from uavgram.estimation.solver.normal_equations import (
+    Block,
+    DenseStack,
+    Factor,
+    NormalEquations,
+    Plan,
+)
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.model.arrays import Floats
 

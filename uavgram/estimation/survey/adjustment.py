@@ -1,4 +1,4 @@
-"""The adjusted survey: estimates, their joint covariance, and how each observation fits."""
+"""Adjusted survey: estimates, their joint covariance, and how each observation fits."""
 
 from __future__ import annotations
 
@@ -10,19 +10,83 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
-from uavgram.estimation.solver.normal_equations import Covariance
+from uavgram.estimation.solver.normal_equations import Covariance, Factor
 from uavgram.estimation.survey.ground_planes import relief_basis
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.observations.lengths import Taped, unlearnt
+from uavgram.estimation.survey.observations.observation import Suspicion
 from uavgram.estimation.survey.observations.sightings import sweep_of
-from uavgram.estimation.survey.observations.tapes import Taped, unlearnt
-from uavgram.estimation.survey.suspicion import Suspicion
 from uavgram.estimation.survey.unknowns import State
-from uavgram.estimation.survey.within_survey import Placed, within_survey
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.result.noise import Noise
+from uavgram.model.result.reliability import Noise
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
+
+# A motion that moves the points by less than this part of another is none: a turn about the line
+# on which all points lie, or about the only one.
+_NO_MOTION = 1e-6
+
+
+class Placed(NamedTuple):
+    """K points of D coordinates, how they depend on unknowns, and which unknowns these are.
+
+    `position` (K, D); `gradient` (K, D, k); `columns` (K, k).
+    """
+
+    position: Floats
+    gradient: Floats
+    columns: Ints
+
+
+def within_survey(factor: Factor, points: Placed, rows: Ints, own: Floats) -> Floats:
+    """Covariances (n, D, D) of some of the points, without the shift and the turn of all points.
+
+    Where receivers and headings put the whole scene says nothing about its shape.
+
+    Parameters
+    ----------
+    factor
+        Of the normal matrix.
+    points
+        All points, in the plane or in space.
+    rows
+        (n,) which of them are asked for.
+    own
+        (n, D, D) their covariances.
+
+    Notes
+    -----
+    S-transformation to the datum of all points (Baarda 1973, "S-transformations and criterion
+    matrices"; inner constraints): with U an orthonormal basis of the shifts and turns of all
+    points, and Q their covariance, the blocks of (I - U U^T) Q (I - U U^T). A single point has no
+    shape: 0.
+    """
+    count, size = points.position.shape
+    basis = _motions(points.position)
+    if basis.shape[2] == count * size:
+        return np.zeros_like(own)
+    right = np.zeros((factor.size, basis.shape[2]))
+    np.add.at(right, points.columns, np.einsum("kdi,kdm->kim", points.gradient, basis))
+    solved = factor.solve(right)
+    cross = np.einsum("ndi,nim->ndm", points.gradient[rows], solved[points.columns[rows]])
+    mixed = np.einsum("nim,njm->nij", cross, basis[rows])
+    spread = np.einsum("nim,ml,njl->nij", basis[rows], right.T @ solved, basis[rows])
+    return np.asarray(own - mixed - np.swapaxes(mixed, 1, 2) + spread)
+
+
+def _motions(position: Floats) -> Floats:
+    """(K, D, m) orthonormal basis of how all points (K, D) can shift and turn together."""
+    count, size = position.shape
+    shifts = np.tile(np.eye(size), (count, 1, 1))
+    off = position - position.mean(axis=0)
+    if size == 2:
+        turns = np.stack([-off[:, 1], off[:, 0]], axis=1)[:, :, None]
+    else:
+        turns = -np.cross(off[:, None, :], np.eye(3)).swapaxes(1, 2)  # e x r, of each axis e
+    free = np.concatenate([shifts, turns], axis=2).reshape(count * size, -1)
+    basis, reach, _ = np.linalg.svd(free, full_matrices=False)
+    return np.asarray(basis[:, reach > _NO_MOTION * reach[0]]).reshape(count, size, -1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.ground.relief import Basis, correlated_basis, quadratic_basis
+from uavgram.geometry.ground.plane import Basis, correlated_basis, quadratic_basis
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Ground, Relief, Survey
 

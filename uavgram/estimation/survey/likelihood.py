@@ -17,7 +17,7 @@ from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.ground import ThirdCoordinate
 from uavgram.estimation.survey.observations.kinds import observations_of
 from uavgram.estimation.survey.observations.known import things_of_rows
-from uavgram.estimation.survey.observations.tapes import Taped, tape_rows, tapes_of
+from uavgram.estimation.survey.observations.lengths import Taped, tape_rows, tapes_of
 from uavgram.estimation.survey.observations.telemetry import telemetry_prior
 from uavgram.estimation.survey.unknowns import Layout, State, layout_of
 from uavgram.geometry.lengths import lengths_of

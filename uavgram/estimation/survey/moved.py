@@ -1,4 +1,8 @@
-"""The adjustment of observations that moved a little: where it ends near some points.
+"""Readjust observations that moved a little, by kept factors or in full.
+
+Gauss-Newton steps with the normal matrix of the first adjustment ("simplified Newton") cost an
+evaluation and a back substitution each. Where they do not come to rest fast, because the normal
+matrix has turned too far, the full iteration goes on from there.
 
 Gauss-Newton steps with the factor of the first adjustment ("simplified Newton"), of many such
 movements at once. Near by the likelihood is evaluated at every step; of what lies farther away the
@@ -19,12 +23,95 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from uavgram.estimation.solver.normal_equations import Block, Factor, gathered
+from uavgram.estimation.solver.levenberg_marquardt import AT_REST, CONVERGED, minimise
+from uavgram.estimation.solver.normal_equations import (
+    Block,
+    Factor,
+    SingularError,
+    gathered,
+    gradient_of,
+)
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.neighbourhood import Neighbourhood
-from uavgram.estimation.survey.refit import refit
+from uavgram.estimation.survey.neighbours import Neighbourhood
 from uavgram.estimation.survey.unknowns import State, advance, some
 from uavgram.model.arrays import Bools, Floats, Ints
+
+FAST = 0.5
+"""Ratio of the squared lengths of successive steps above which a new normal matrix pays."""
+
+
+def refit(
+    adjustment: Adjustment,
+    errors: Mapping[str, Floats],
+    at_rest: float = CONVERGED,
+) -> State | None:
+    """The state that fits observations with errors; None where there is none.
+
+    Parameters
+    ----------
+    adjustment
+        Of the observations as they are.
+    errors
+        (n, r) by group, in whitened units: an error e of the observations makes their residuals
+        r - e. Groups that are not named keep theirs.
+    at_rest
+        Squared length of a step, in sigmas of the unknowns, from which on it is the last.
+    """
+    layout, factor = adjustment.problem.layout, adjustment.minimum.factor
+    state, previous = adjustment.state, np.inf
+    before = state
+    blocks: Mapping[str, Block] | None = adjustment.minimum.blocks
+    while blocks is not None:
+        moved = with_errors(blocks, errors)
+        gradient = gradient_of(moved.values(), layout.size)
+        step = -factor.solve(gradient)
+        length = float(-gradient @ step)
+        if length > FAST * previous:
+            return _in_full(adjustment, state, errors, at_rest, moved)
+        before, state, previous = state, advance(layout, state, step), length
+        if length < at_rest:
+            return state
+        blocks = adjustment.problem.evaluate(state)
+    return _in_full(adjustment, before, errors, at_rest)
+
+
+def with_errors(blocks: Mapping[str, Block], errors: Mapping[str, Floats]) -> dict[str, Block]:
+    """The blocks as they would be, had the observations these errors."""
+    return {
+        name: Block(block.residual - errors[name], block.columns, block.jacobian)
+        if name in errors
+        else block
+        for name, block in blocks.items()
+    }
+
+
+def _in_full(
+    adjustment: Adjustment,
+    start: State,
+    errors: Mapping[str, Floats],
+    at_rest: float,
+    first: dict[str, Block] | None = None,
+) -> State | None:
+    problem, layout = adjustment.problem, adjustment.problem.layout
+
+    def evaluate(state: State) -> dict[str, Block] | None:
+        blocks = problem.evaluate(state)
+        return None if blocks is None else with_errors(blocks, errors)
+
+    try:
+        minimum = minimise(
+            start,
+            evaluate,
+            lambda state, step: advance(layout, state, step),
+            layout.size,
+            layout.structure,
+            at_rest=min(at_rest, 0.1 * AT_REST),
+            first=first,
+        )
+    except SingularError:
+        return None
+    return minimum.state if minimum.converged else None
+
 
 STRAIGHT = 0.005
 """Squared length, in sigmas, of what observations depart from the linear model, up to which the
@@ -36,7 +123,7 @@ UNFELT = 0.005
 NEAR = 0.01
 """Squared length, in sigmas, of a step that may be the last."""
 
-AT_REST = 1e-3
+MOVED_AT_REST = 1e-3
 """Squared length, in sigmas, of the last step of the whole survey's adjustment anew."""
 
 CROOKED = 2.0
@@ -271,4 +358,4 @@ def moved_alone(adjustment: Adjustment, step: Floats) -> State | None:
         for name, block in adjustment.minimum.blocks.items()
         if name != "gauge"
     }
-    return refit(adjustment, errors, AT_REST)
+    return refit(adjustment, errors, MOVED_AT_REST)

@@ -5,9 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.observation import Observation, Subjects
+from uavgram.estimation.survey.observations.observation import (
+    Member,
+    Observation,
+    Subjects,
+    Suspicion,
+)
 from uavgram.estimation.survey.observations.pixels import Pixels
-from uavgram.estimation.survey.suspicion import Member, Suspicion
 from uavgram.model.naming import listed
 
 COUNTS = ("none", "one", "both", "all three", "all four", "all five", "all six")

@@ -14,7 +14,7 @@ from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.telemetry import Telemetry
+from uavgram.model.flight.pose import Telemetry
 from uavgram.model.options import GroundOptions, TapeOptions
 from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks

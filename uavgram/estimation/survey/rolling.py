@@ -8,10 +8,9 @@ import numpy as np
 
 from uavgram.geometry.motion.camera_motion import camera_motion
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.readout import UNKNOWN_READOUT, Readout
+from uavgram.model.camera.tags import UNKNOWN_READOUT, Readout
 from uavgram.model.flight.log import Track
-from uavgram.model.survey.rolling_shutter import RollingShutter
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey.survey import RollingShutter, Survey
 
 FELT_PX = 0.05
 """By which rows at the edge must move in some photo, lest the readout time be left out: a tenth of

@@ -45,7 +45,7 @@ class Layout:
     telemetry
         12 (see geometry/motion/telemetry_pose.py), or 0 without a log.
     tape
-        Number of tapes with a scale to find (see estimation/survey/observations/tapes.py).
+        Number of tapes with a scale to find (see estimation/survey/observations/lengths.py).
     readout
         1 where the readout time of a rolling shutter is an unknown, else 0.
     free_gauge

@@ -1,9 +1,13 @@
-"""What a calibration means in words that a person can check: angles, millimetres, pixels."""
+"""Facts of a camera: angles of view, focal length by EXIF, and the same camera rescaled.
+
+Pixels are counted from the centre of the top-left one, so a resized image keeps its edges, not its
+pixel centres: u' + 1/2 = s (u + 1/2).
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -12,6 +16,127 @@ from uavgram.geometry.camera.back_projection import back_project, share_without_
 from uavgram.geometry.camera.lens import largest_radius
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera.tags import CameraTags
+
+_SAME_SHAPE = 0.01  # of width / height: else a part was cut off, and nobody says how much
+_SAME_STEP = 0.05  # of both resolutions: pixels are square
+_SENSORS_MM = (1.0, 100.0)  # of the long side: others are a wrong unit
+
+_LARGEST_SHAPE = 1.51  # wider than 3:2: a strip of some sensor
+
+
+def focal_plane_px(tags: CameraTags) -> tuple[float, float]:
+    """Focal length in pixels of this photo, and what its two axes leave unsure, as a share.
+
+    The resolution counts pixels of the photo as it was taken (CIPA DC-008): a copy of another size
+    has another focal length, by the ratio of the sizes. Where EXIF does not state the original's
+    size, this photo is taken for the original.
+
+    Returns
+    -------
+    NaN, NaN where EXIF states no such resolution, an impossible one, or one for another shape.
+    """
+    unknown = math.nan, math.nan
+    across, down = tags.focal_plane_per_mm
+    long, short = sorted((tags.width_px, tags.height_px), reverse=True)
+    first, second = sorted(_original(tags), reverse=True)
+    if not all(map(math.isfinite, (across, down, tags.focal_mm))) or tags.digital_zoom > 1:
+        return unknown
+    apart = abs(across / down - 1)
+    is_whole = abs(long / short / (first / second) - 1) <= _SAME_SHAPE
+    per_mm = math.sqrt(across * down)
+    if apart > _SAME_STEP or not is_whole or not _SENSORS_MM[0] <= first / per_mm <= _SENSORS_MM[1]:
+        return unknown
+    return tags.focal_mm * per_mm * long / first, apart / 2
+
+
+def _original(tags: CameraTags) -> tuple[float, float]:
+    width, height = tags.original_px
+    if math.isfinite(width) and math.isfinite(height):
+        return width, height
+    return float(tags.width_px), float(tags.height_px)
+
+
+def equivalent_focal_px(tags: CameraTags, equivalent_mm: float) -> float:
+    """Focal length in pixels, its 35 mm equivalent being over the diagonal of such a frame.
+
+    CIPA DC-008, FocalLengthIn35mmFilm. A photo wider than 3:2 is taken for a strip of a 4:3 sensor
+    of its width: so it is in both such cameras at hand.
+    """
+    width, height = sorted((tags.width_px, tags.height_px), reverse=True)
+    diagonal_px = math.hypot(width, width * 3 / 4 if is_strip(tags) else height)
+    return equivalent_mm / FRAME_35MM_DIAGONAL_MM * diagonal_px
+
+
+def is_strip(tags: CameraTags) -> bool:
+    """Whether the photo is too wide to be a whole frame of a sensor."""
+    width, height = sorted((tags.width_px, tags.height_px), reverse=True)
+    return width / height > _LARGEST_SHAPE
+
+
+def scaled(calibration: Calibration, width_px: int, height_px: int) -> Calibration:
+    """Calibration of the same image at another resolution.
+
+    Width and height may be scaled by (slightly) different factors, as rounding to whole pixels
+    does.
+
+    Parameters
+    ----------
+    calibration
+        Of the image as it was calibrated.
+    width_px, height_px
+        Size of the image at the other resolution.
+    """
+    factor = np.array([width_px / calibration.width_px, height_px / calibration.height_px])
+    slope = np.ones(len(calibration.parameters))
+    slope[:2], slope[2:4] = factor, factor
+    shift = np.zeros(len(slope))
+    shift[2:4] = (factor - 1) / 2  # s (c + 1/2) - 1/2 = s c + (s - 1) / 2
+    return _linear(calibration, slope, shift, (width_px, height_px))
+
+
+def cropped(
+    calibration: Calibration, left_px: int, top_px: int, width_px: int, height_px: int
+) -> Calibration:
+    """Calibration of a part of the image.
+
+    Parameters
+    ----------
+    calibration
+        Of the whole.
+    left_px, top_px
+        Pixel of the whole that becomes (0, 0).
+    width_px, height_px
+        Size of the part.
+
+    Raises
+    ------
+    ValueError
+        The part does not lie inside the image.
+    """
+    right, bottom = left_px + width_px, top_px + height_px
+    if min(left_px, top_px) < 0 or right > calibration.width_px or bottom > calibration.height_px:
+        raise ValueError(
+            f"the part from ({left_px}, {top_px}) of {width_px} x {height_px} px does not lie "
+            f"inside {calibration.width_px} x {calibration.height_px} px"
+        )
+    shift = np.zeros(len(calibration.parameters))
+    shift[2:4] = -left_px, -top_px
+    return _linear(calibration, np.ones(len(shift)), shift, (width_px, height_px))
+
+
+def _linear(
+    calibration: Calibration, slope: Floats, shift: Floats, size_px: tuple[int, int]
+) -> Calibration:
+    """Parameters' = slope * parameters + shift, element by element: J = diag(slope)."""
+    return replace(
+        calibration,
+        width_px=size_px[0],
+        height_px=size_px[1],
+        parameters=slope * calibration.parameters + shift,
+        covariance=slope[:, None] * calibration.covariance * slope,
+    )
+
 
 FRAME_35MM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 

@@ -1,4 +1,4 @@
-"""WGS 84 latitude, longitude and ellipsoidal height to local east-north-up, and back (PROJ)."""
+"""Geodetic, local and projected coordinates."""
 
 from __future__ import annotations
 
@@ -6,9 +6,11 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pyproj import Transformer
+from pyproj import CRS, Proj, Transformer
 from pyproj.enums import TransformDirection
+from pyproj.exceptions import CRSError
 
+from uavgram.errors import GeometryError
 from uavgram.model.arrays import Bools, Floats
 
 Origin = tuple[float, float, float]
@@ -117,3 +119,162 @@ def _finite_or_nan(values: Floats) -> Floats:
     """PROJ marks a failure by infinity."""
     values = np.asarray(values, np.float64)
     return np.asarray(np.where(np.isfinite(values), values, np.nan))
+
+
+# UTM covers these latitudes; beyond them maps use the polar stereographic pair.
+_UTM_SOUTH_DEG, _UTM_NORTH_DEG = -80.0, 84.0
+MOST_SCALE = 0.01
+"""By which a map may be larger or smaller than the ground: zones of surveyors stay below 0.001."""
+
+
+def utm_crs(latitude_deg: float, longitude_deg: float) -> str:
+    """EPSG code of the UTM zone of a place, WGS 84; polar stereographic (UPS) near the poles.
+
+    The zones of Norway and Svalbard are the widened ones of the UTM standard (DMA TM 8358.2,
+    1989, section 2-3).
+    """
+    longitude = (longitude_deg + 180.0) % 360.0 - 180.0
+    if latitude_deg >= _UTM_NORTH_DEG:
+        return "EPSG:32661"
+    if latitude_deg < _UTM_SOUTH_DEG:
+        return "EPSG:32761"
+    zone = int((longitude + 180.0) // 6.0) + 1
+    if 56.0 <= latitude_deg < 64.0 and 3.0 <= longitude < 12.0:
+        zone = 32
+    elif latitude_deg >= 72.0 and 0.0 <= longitude < 42.0:
+        zone = 31 + 2 * int((longitude + 3.0) // 12.0)
+    return f"EPSG:{32600 + zone if latitude_deg >= 0 else 32700 + zone}"
+
+
+def checked_crs(text: str) -> str:
+    """Return the coordinate system's name as PROJ understands it, if maps in metres can use it.
+
+    Raises
+    ------
+    GeometryError
+        PROJ does not know it, or it is not a projected one in metres.
+    """
+    try:
+        crs = CRS.from_user_input(text)
+    except CRSError as fault:
+        raise GeometryError(f"unknown coordinate system {text!r}: {fault}") from fault
+    if not crs.is_projected or any(axis.unit_name != "metre" for axis in crs.axis_info[:2]):
+        raise GeometryError(
+            f"{text!r} ({crs.name}) is no projected coordinate system in metres; take such as "
+            "EPSG:25832, or auto for the UTM zone"
+        )
+    return str(crs.to_string())
+
+
+def misfit(text: str, latitude_deg: float, longitude_deg: float) -> str:
+    """Say why maps in a coordinate system would not fit a place; nothing where they do.
+
+    Parameters
+    ----------
+    text
+        A coordinate system that `checked_crs` accepts.
+    latitude_deg, longitude_deg
+        The place, on WGS 84.
+
+    Returns
+    -------
+    str
+        That the place is outside the system's area of use, or that a metre there is shown more
+        than `MOST_SCALE` too long or too short; and a system that fits.
+    """
+    crs, fitting = CRS.from_user_input(text), utm_crs(latitude_deg, longitude_deg)
+    area = crs.area_of_use
+    found = Proj(crs).get_factors(longitude_deg, latitude_deg)
+    scale = max(found.tissot_semimajor, found.tissot_semiminor, key=lambda axis: abs(axis - 1.0))
+    if area is not None and not _is_within(area.bounds, latitude_deg, longitude_deg):
+        why = (
+            f"is made for latitude {area.south:.2f} to {area.north:.2f}, longitude {area.west:.2f} "
+            f"to {area.east:.2f} (where your agency uses it beyond, give its definition, such as "
+            '"+proj=utm +zone=32 +ellps=GRS80")'
+        )
+    elif not abs(scale - 1.0) <= MOST_SCALE:  # infinite where the projection ends
+        why = f"shows a metre on the ground as {scale:.3f} m at the site"
+    else:
+        return ""
+    return (
+        f"crs: {text!r} ({crs.name}) {why}; the site is at {latitude_deg:.2f}, "
+        f"{longitude_deg:.2f}. Take {fitting} ({CRS.from_user_input(fitting).name}), or "
+        "`crs: auto`, which finds it"
+    )
+
+
+def _is_within(bounds: tuple[float, ...], latitude_deg: float, longitude_deg: float) -> bool:
+    """Whether a place is in an area, which may reach over the 180th meridian or round the earth."""
+    west, south, east, north = bounds
+    width = (east - west) % 360.0 or 360.0
+    return south <= latitude_deg <= north and (longitude_deg - west) % 360.0 <= width
+
+
+def within_area(crs: CRS, latitude_deg: Floats, longitude_deg: Floats) -> Bools:
+    """Tell which places (N,) are in a coordinate system's area of use; all where it names none."""
+    area = crs.area_of_use
+    places = zip(latitude_deg.tolist(), longitude_deg.tolist(), strict=True)
+    return np.array([area is None or _is_within(area.bounds, *place) for place in places])
+
+
+def with_axes_exchanged(
+    latitude_deg: Floats, longitude_deg: Floats, crs: str
+) -> tuple[Floats, Floats]:
+    """Find the places (N,) [deg] whose easting is the northing of others, and the reverse.
+
+    Parameters
+    ----------
+    latitude_deg, longitude_deg
+        (N,) the others, on WGS 84.
+    crs
+        A projected coordinate system.
+    """
+    easting, northing = _to_map(crs).transform(longitude_deg, latitude_deg)
+    longitude, latitude = geographic_from_projected(np.stack([northing, easting], axis=-1), crs)
+    return latitude, longitude
+
+
+def projected_from_enu(enu_m: Floats, origin: Origin, crs: str) -> Floats:
+    """Project local coordinates.
+
+    Parameters
+    ----------
+    enu_m
+        (N, 3) east, north, up [m] about `origin`.
+    origin
+        Latitude [deg], longitude [deg], height [m] of the local zero.
+    crs
+        A projected coordinate system.
+
+    Returns
+    -------
+    (N, 3)
+        Easting, northing [m] whatever the axis order of `crs`, height in the origin's datum.
+        Distances on the map are ground distances times the scale of the projection (in UTM 0.9996
+        at the central meridian).
+    """
+    latitude, longitude, height = geodetic_from_enu(enu_m, origin)
+    easting, northing = _to_map(crs).transform(longitude, latitude)
+    return np.stack([easting, northing, height], axis=-1).reshape(-1, 3)
+
+
+def geographic_from_projected(projected_m: Floats, crs: str) -> tuple[Floats, Floats]:
+    """Longitudes and latitudes (N,) [deg] of places on the map (N, 2) [m]."""
+    east, north = projected_m.T
+    longitude, latitude = _to_map(crs).transform(east, north, direction="INVERSE")
+    return longitude, latitude
+
+
+def map_scale(origin: Origin, crs: str) -> float:
+    """Map distance over ground distance at the origin: scale of the projection there."""
+    step = 1.0
+    around = np.array([[0.0, 0.0, 0.0], [step, 0.0, 0.0], [0.0, step, 0.0]])
+    placed = projected_from_enu(around, origin, crs)[:, :2]
+    lengths = np.linalg.norm(placed[1:] - placed[0], axis=1)
+    return float(np.sqrt(lengths[0] * lengths[1])) / step
+
+
+@lru_cache(maxsize=16)
+def _to_map(crs: str) -> Transformer:
+    """Longitude and latitude on WGS 84 to easting and northing."""
+    return Transformer.from_crs("EPSG:4326", crs, always_xy=True)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.ground.line_axes import line_axes, unit_vectors
+from uavgram.geometry.ground.line_of_position import line_axes, unit_vectors
 from uavgram.model.arrays import Floats
 
 

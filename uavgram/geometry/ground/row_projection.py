@@ -8,8 +8,8 @@ import numpy as np
 
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.camera.projection import project
+from uavgram.geometry.motion.camera_motion import row_share, turned_vector
 from uavgram.geometry.motion.rotation import hat
-from uavgram.geometry.motion.row_poses import row_share, turned_vector
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.result.result import Result

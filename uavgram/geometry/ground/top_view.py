@@ -8,14 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
-from uavgram.geometry.earth.geodesy import Origin, enu_from_geodetic
-from uavgram.geometry.earth.map_projection import geographic_from_projected
+from uavgram.geometry.earth.geodesy import Origin, enu_from_geodetic, geographic_from_projected
 from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
 from uavgram.geometry.ground.row_projection import project_rows, row_poses
+from uavgram.geometry.motion.camera_motion import row_share, turned_vector
 from uavgram.geometry.motion.rotation import exp_so3, hat
-from uavgram.geometry.motion.row_poses import row_share, turned_vector
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 from uavgram.model.result.result import Result
 
 Numbers = NDArray[np.floating]

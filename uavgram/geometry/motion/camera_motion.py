@@ -1,4 +1,22 @@
-"""How a camera moved at its exposures, by the flight."""
+"""Motion of a camera at its exposures, while it reads its rows, and its angle to the nadir.
+
+Row v of a photo of height h is exposed at time + readout * share(v), with share(v) =
+(v - (h - 1) / 2) / h: the stated instant is that of the middle row. Within one photo the camera is
+taken to move steadily (Hedborg et al. 2012, "Rolling shutter bundle adjustment")::
+
+    centre(v)            = centre + share sweep[:3]
+    world_from_camera(v) = world_from_camera exp(share sweep[3:])
+
+with the sweep readout * (velocity in the world, angular rate in camera axes).
+
+Gimbal angles (DJI, MAVLink, this program): yaw, pitch, roll of a frame whose x is the optical axis
+and whose -z is image up; pitch -90 degrees looks straight down.
+
+Nadir angles (Pix4D, OpenDroneMap): yaw, pitch, roll of a body under which the camera looks down,
+the top of the image to the front; pitch 0 looks straight down, 90 degrees forward (Pix4D, "Yaw,
+Pitch, Roll and Omega, Phi, Kappa angles"; OpenDroneMap, opendm/photo.py: "Pitch: 0 --> nadir
+camera"). Both turn Z-Y-X from north-east-down.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +24,48 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from uavgram.geometry.motion.rotation import log_so3
+from uavgram.geometry.motion.rotation import log_so3, matrix_from_ypr, ypr_from_matrix
 from uavgram.geometry.motion.telemetry_pose import corrected_time, exposures_by_time, predict_pose
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Track
 from uavgram.model.flight.pose import TelemetryPrior
+
+
+def row_share(row_px: Floats, height_px: int) -> Floats:
+    """(...) when rows are exposed, from the middle row, in readout times: about -1/2 to 1/2."""
+    return np.asarray((row_px - (height_px - 1) / 2) / height_px)
+
+
+def turned_vector(turn: Floats, vector: Floats) -> Floats:
+    """(..., 3) exp(turn) vector, without a matrix for each (Rodrigues' formula)."""
+    angle = np.linalg.norm(turn, axis=-1)[..., None]
+    across = np.cross(turn, vector)
+    once = np.sinc(angle / np.pi)
+    twice = 0.5 * np.sinc(angle / (2 * np.pi)) ** 2  # (1 - cos a) / a^2
+    return np.asarray(vector + once * across + twice * np.cross(turn, across))
+
+
+BODY_FROM_GIMBAL: Floats = matrix_from_ypr(0.0, -np.pi / 2, 0.0)
+"""A gimbal that looks down from a level body, image up to its front."""
+
+
+def gimbal_from_nadir(ypr_rad: Floats) -> Floats:
+    """Turn nadir angles (N, 3) into gimbal angles (N, 3), yaw-pitch-roll [rad]; NaN stays."""
+    ned_from_body = matrix_from_ypr(*np.asarray(ypr_rad, np.float64).T)
+    return _angles(ned_from_body @ BODY_FROM_GIMBAL, ypr_rad)
+
+
+def nadir_from_gimbal(ypr_rad: Floats) -> Floats:
+    """Turn gimbal angles (N, 3) into nadir angles (N, 3), yaw-pitch-roll [rad]; NaN stays."""
+    ned_from_gimbal = matrix_from_ypr(*np.asarray(ypr_rad, np.float64).T)
+    return _angles(ned_from_gimbal @ BODY_FROM_GIMBAL.T, ypr_rad)
+
+
+def _angles(rotation: Floats, given: Floats) -> Floats:
+    known = np.asarray(np.isfinite(given).all(axis=1))
+    angles = np.stack(ypr_from_matrix(rotation), axis=1)
+    return np.asarray(np.where(known[:, None], angles, np.nan))
+
 
 HALF_SPAN_S = 0.015
 """Between the poses that are compared: a usual readout of 30 ms, over which rates are means."""

@@ -8,7 +8,7 @@ from uavgram.imaging.plates.picture import UNIT_SQUARE, homography, mapped
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.charuco import sight_charuco
 from uavgram.model.camera.board import Board
-from uavgram.model.survey.plates import LeftOut, SeenPlate
+from uavgram.model.survey.observations import LeftOut, SeenPlate
 
 BOARD = 0
 """Its number as a plate."""

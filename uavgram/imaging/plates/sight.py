@@ -15,7 +15,7 @@ from uavgram.imaging.plates.fit import PlateFit, fit_with_shadows
 from uavgram.imaging.plates.picture import UNIT_SQUARE, Window, homography, mapped
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.plates import LeftOut, SeenPlate
+from uavgram.model.survey.observations import LeftOut, SeenPlate
 
 LEAST_SIDE_PX = 8.0
 """Plates with a shorter side are left alone: their cells are hardly a pixel wide."""

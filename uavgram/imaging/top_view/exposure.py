@@ -8,7 +8,7 @@ from uavgram.geometry.ground.top_view import View
 from uavgram.imaging.top_view.gains import Light, gains_between, light_at
 from uavgram.imaging.top_view.photo_cache import PhotoCache
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 
 NODES = 96
 """Along the longer side of the ground where photos are compared."""

@@ -9,7 +9,7 @@ from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.top_view.photo_cache import Map, PhotoCache
 from uavgram.imaging.top_view.warp_maps import EDGE_PX, Maps, Sight, Window, look_from
 from uavgram.model.arrays import Ints
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 
 FEATHER = 0.01
 """Photos fade into each other where the tangents of their angles from the vertical differ by about

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from uavgram.geometry.ground.top_view import MOST_OFF_NADIR, View
 from uavgram.imaging.top_view.photo_cache import Map
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 
 NODE_STEP_PX = 32
 """Most pixels of the top view from one node to the next."""

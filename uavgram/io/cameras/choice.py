@@ -1,17 +1,28 @@
-"""What readers of other programs' cameras share: one camera of several, and assumed errors."""
+"""One camera of several in another program's file, and the table of drone cameras.
+
+Copyright 2025 Theta Informatics LLC, Apache License 2.0; see the folder `drone_cameras`.
+"""
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.resources import files
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
-from uavgram.model.camera.assumed_errors import CALIBRATION_FILE, assumed_covariance
-from uavgram.model.camera.calibration import Calibration, LensModel
+from uavgram.model.camera.calibration import (
+    CALIBRATION_FILE,
+    Calibration,
+    LensModel,
+    assumed_covariance,
+)
+from uavgram.model.camera.tags import DroneCamera
 from uavgram.model.message import Message
 
 Entry = TypeVar("Entry")
@@ -108,3 +119,34 @@ def assumed_errors_message(path: Path) -> Message:
         "camera.yaml with 'sigma' if you know better."
     )
     return Message("warning", "camera-sigma-assumed", text)
+
+
+_DISTORTION = ("radialR1", "radialR2", "tangentialT1", "tangentialT2", "radialR3")
+
+
+@cache
+def drone_cameras() -> tuple[DroneCamera, ...]:
+    """Read every camera of the table."""
+    text = files("uavgram.io.cameras").joinpath("drone_cameras/droneModels.json").read_text("utf-8")
+    return tuple(_camera(entry) for entry in json.loads(text)["droneCCDParams"])
+
+
+def _camera(entry: dict[str, Any]) -> DroneCamera:
+    pitch = tuple(_quotient(entry[f"ccd{side}MMPerPixel"]) for side in ("Width", "Height"))
+    return DroneCamera(
+        make_model=entry["makeModel"],
+        comment=entry["comment"].split(",")[0],
+        is_thermal=entry["isThermal"],
+        width_px=entry["widthPixels"],
+        height_px=entry["heightPixels"],
+        pitch_mm=(pitch[0], pitch[1]),
+        focal_mm=float(entry.get("focalLength", math.nan)),
+        is_perspective=entry["lensType"] == "perspective",
+        distortion=np.array([entry.get(key, 0.0) for key in _DISTORTION]),
+    )
+
+
+def _quotient(text: str) -> float:
+    """``6.32692/4000.0``: millimetres over pixels; some carry Java's suffix, ``7.68d``."""
+    over, _, under = text.partition("/")
+    return float(over.rstrip("d")) / float(under.rstrip("d"))

@@ -1,4 +1,4 @@
-"""OpenCV's own calibration files (YAML, JSON, XML) -> `Calibration`.
+"""OpenCV's own calibration files (YAML, JSON, XML), in both directions.
 
 OpenCV fixes no names. Read here are those of its samples and tools (calibration.cpp, the camera
 calibration tutorial of 2.4 and later, interactive-calibration), of ROS camera_info, and K and D.
@@ -18,10 +18,11 @@ from uavgram.errors import InputError
 from uavgram.input_files import read_text
 from uavgram.io.cameras.choice import assumed_errors_message
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.assumed_errors import CALIBRATION_FILE, assumed_covariance
 from uavgram.model.camera.calibration import (
+    CALIBRATION_FILE,
     Calibration,
     LensModel,
+    assumed_covariance,
     correlation_of,
     parameter_counts,
     parameter_names,
@@ -311,3 +312,28 @@ def _covariance(sigma: Floats, parameters: Floats, keys: Mapping[str, Any]) -> F
         covariance[0, 0] = (ratio * sigma[1]) ** 2
         covariance[0, 1] = covariance[1, 0] = ratio * sigma[1] ** 2
     return covariance
+
+
+def opencv_text(calibration: Calibration, created_utc: str) -> str:
+    """Text of a calibration file in OpenCV's YAML, every digit.
+
+    The keys are those of OpenCV's samples (calibration.cpp); std_deviation_intrinsics in the order
+    of calibrateCameraExtended. ``intrinsics_covariance`` is this program's own addition, which
+    others pass over.
+    """
+    fx, fy, cx, cy = calibration.parameters[:4].tolist()
+    storage = cv2.FileStorage(
+        "calibration.yml",
+        cv2.FileStorage_WRITE | cv2.FileStorage_MEMORY | cv2.FileStorage_FORMAT_YAML,
+    )
+    storage.write("calibration_time", created_utc)
+    storage.write("camera_name", calibration.name)
+    storage.write("image_width", calibration.width_px)
+    storage.write("image_height", calibration.height_px)
+    storage.write("fisheye_model", int(calibration.model == "fisheye"))
+    storage.write("camera_matrix", np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1.0]]))
+    storage.write("distortion_coefficients", calibration.parameters[4:, None].copy())
+    sigma = np.sqrt(calibration.covariance.diagonal())
+    storage.write("std_deviation_intrinsics", sigma[:, None])
+    storage.write("intrinsics_covariance", calibration.covariance.copy())
+    return storage.releaseAndGetString()

@@ -10,8 +10,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from uavgram.io.outputs import replace_text
-from uavgram.io.tables.csv_rows import csv_text
-from uavgram.io.tables.spreadsheet_cells import guarded
+from uavgram.io.tables.csv_tables import csv_text, guarded
 from uavgram.model.batch import Batch, Fit, SurveyRow
 
 _TEXT, _NUMBER, _COUNT = pa.string(), pa.float64(), pa.int64()

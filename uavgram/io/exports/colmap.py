@@ -13,7 +13,7 @@ import numpy as np
 
 from uavgram.geometry.motion.rotation import xyzw_from_matrix
 from uavgram.io.cameras.colmap import colmap_text
-from uavgram.io.tables.csv_rows import csv_text
+from uavgram.io.tables.csv_tables import csv_text
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 

@@ -15,7 +15,7 @@ from ezdxf import const, units
 from ezdxf.document import Drawing
 from ezdxf.filemanagement import new
 
-from uavgram.geometry.earth.map_projection import map_scale, projected_from_enu
+from uavgram.geometry.earth.geodesy import map_scale, projected_from_enu
 from uavgram.io.exports.dxf_points import add_point_block, draw_points, texts_of_points
 from uavgram.io.exports.dxf_profiles import draw_profiles
 from uavgram.io.exports.dxf_sheet import (
@@ -33,7 +33,7 @@ from uavgram.io.exports.dxf_sheet import (
     text_beside,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.layers import HIDDEN, Features, Layer, placed
+from uavgram.model.maps import HIDDEN, Features, Layer, placed
 from uavgram.stages.products.text_places import Label, Placed, place_labels
 
 METRIC = Words()

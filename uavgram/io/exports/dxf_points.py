@@ -15,7 +15,7 @@ from uavgram.io.exports.dxf_sheet import (
     as_text,
     text_beside,
 )
-from uavgram.model.maps.layers import Layer
+from uavgram.model.maps import Layer
 
 POINT_BLOCK = "SURVEY_POINT"
 _HEIGHT_SHARE = 0.6  # of the labels' letters are those of heights

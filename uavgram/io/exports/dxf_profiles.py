@@ -16,8 +16,8 @@ from ezdxf.layouts.blocklayout import BlockLayout
 
 from uavgram.io.exports.dxf_sheet import ALIGNED, Words, as_text, half_size
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.profile_sheet import ProfileSheet
-from uavgram.stages.products.profile_sheets import TWO_SIDED_95
+from uavgram.model.maps import ProfileSheet
+from uavgram.stages.products.map_layers import TWO_SIDED_95
 from uavgram.stages.products.text_places import Label, place_labels
 
 # Name in the drawing, and colour of AutoCAD's index.

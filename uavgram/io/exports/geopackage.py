@@ -16,11 +16,11 @@ import numpy as np
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
-from uavgram.geometry.earth.map_projection import projected_from_enu
+from uavgram.geometry.earth.geodesy import projected_from_enu
 from uavgram.io.exports.geopackage_index import quoted, write_index
 from uavgram.io.exports.qgis_styles import Look, style_of
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.layers import Attribute, Features, Layer, placed
+from uavgram.model.maps import Attribute, Features, Layer, placed
 
 # OGC 12-128r18 (GeoPackage 1.3), annex C; no more than its core and what layers of shapes need.
 # GDAL before 3.7, which long-lived systems have, warns of newer versions.

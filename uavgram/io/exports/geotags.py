@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.geotag import GeoTags
+from uavgram.model.flight.pose import GeoTags
 
 DATUM_WORDS = {"msl": "above mean sea level", "ellipsoid": "above the WGS 84 ellipsoid"}
 _GEO_COLUMNS = "image longitude latitude height yaw pitch roll sigma_horizontal sigma_vertical"

@@ -19,7 +19,7 @@ from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.top_view.pyramid import halved
 from uavgram.io.exports.geotiff_overviews import mark_overviews
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 
 WINDOW_PX = 768
 """Side of the windows in which a picture is best written: whole tiles."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.geometry.earth.geodesy import Origin, geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.layers import HIDDEN, Features, Layer, placed
+from uavgram.model.maps import HIDDEN, Features, Layer, placed
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
 # Title, and colour as aabbggrr, the order of KML; polygons are filled with a tenth of it.

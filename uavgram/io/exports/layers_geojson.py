@@ -12,7 +12,7 @@ from uavgram.geometry.earth.geodesy import Origin, geodetic_from_enu
 from uavgram.io.outputs import replace_text
 from uavgram.io.results.codec import Record
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.layers import Features, Layer, placed
+from uavgram.model.maps import Features, Layer, placed
 
 DECIMALS = 9
 """Of degrees: a tenth of a millimetre."""

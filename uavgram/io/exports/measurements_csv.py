@@ -6,8 +6,7 @@ import math
 from pathlib import Path
 
 from uavgram.io.outputs import replace_text
-from uavgram.io.tables.csv_rows import csv_text
-from uavgram.io.tables.spreadsheet_cells import guarded
+from uavgram.io.tables.csv_tables import csv_text, guarded
 from uavgram.model.result.result import Result
 from uavgram.stages.products.columns import MEASUREMENTS
 

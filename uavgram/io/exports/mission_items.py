@@ -24,7 +24,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from uavgram.model.maps.mission import HeightFrame, Mission
+from uavgram.model.maps import HeightFrame, Mission
 
 ACCEPTED_M = 1.0
 """How near a stop counts as reached, where the autopilot does not stop by itself."""

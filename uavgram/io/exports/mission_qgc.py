@@ -13,7 +13,7 @@ import numpy as np
 from uavgram.io.exports.mission_items import Command, MissionItem, mission_items
 from uavgram.io.results.codec import Record
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.mission import Autopilot, HeightFrame, Mission
+from uavgram.model.maps import Autopilot, HeightFrame, Mission
 
 _FIRMWARE: dict[Autopilot, int] = {"ardupilot": 3, "px4": 12}  # MAV_AUTOPILOT
 _QUADROTOR = 2  # MAV_TYPE

@@ -7,7 +7,7 @@ longitude, height, autocontinue (https://mavlink.io/en/file_formats/#mission_pla
 from __future__ import annotations
 
 from uavgram.io.exports.mission_items import Command, Frame, MissionItem, mission_items
-from uavgram.model.maps.mission import Mission
+from uavgram.model.maps import Mission
 
 _HEAD = "QGC WPL 110"
 

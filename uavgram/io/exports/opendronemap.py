@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from uavgram.geometry.earth.map_projection import projected_from_enu
-from uavgram.model.maps.layers import Features
+from uavgram.geometry.earth.geodesy import projected_from_enu
+from uavgram.model.maps import Features
 from uavgram.model.result.result import Result
 
 

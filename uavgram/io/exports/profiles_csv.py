@@ -7,10 +7,9 @@ from pathlib import Path
 
 from uavgram.io.exports.measurements_csv import rounded
 from uavgram.io.outputs import replace_text
-from uavgram.io.tables.csv_rows import csv_text
-from uavgram.io.tables.spreadsheet_cells import guarded
-from uavgram.model.result.profiles import PLACE_KEYS, SIGMA_KEYS
+from uavgram.io.tables.csv_tables import csv_text, guarded
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import PLACE_KEYS, SIGMA_KEYS
 
 HEADER = (
     "profile",

@@ -9,9 +9,9 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 import numpy as np
 from pyproj import CRS
 
-from uavgram.geometry.earth.map_projection import projected_from_enu
+from uavgram.geometry.earth.geodesy import projected_from_enu
 from uavgram.io.exports.qgis_styles import Look, fill_style
-from uavgram.model.maps.layers import Features, Layer
+from uavgram.model.maps import Features, Layer
 
 GEOPACKAGE, GROUND = "survey.gpkg", "ground.tif"
 ROOM_SHARE, LEAST_ROOM_M = 0.1, 1.0

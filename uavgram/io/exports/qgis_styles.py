@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element, SubElement
 
-from uavgram.model.maps.layers import ShapeKind
+from uavgram.model.maps import ShapeKind
 
 _DASHES_MM = "3;2"
 _LABEL_PT = "8"

@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from uavgram.io.logs.quality.boots import consistent, disagreements
+from uavgram.io.logs.quality.boots import StatedResets, consistent, disagreements, stated_resets
 from uavgram.io.logs.quality.camera import event_samples, gimbal_samples
-from uavgram.io.logs.quality.resets import StatedResets, stated_resets
 from uavgram.io.logs.quality.samples import (
     attitude_samples,
     clock_samples,

@@ -10,9 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from uavgram.errors import InputError
-from uavgram.io.photos.exif import exif_numbers, exif_text, read_exif_tags
+from uavgram.io.photos.metadata import (
+    DJI,
+    XmpTags,
+    exif_numbers,
+    exif_text,
+    read_exif_tags,
+    read_xmp,
+)
 from uavgram.io.photos.size import image_size
-from uavgram.io.photos.xmp import DJI, XmpTags, read_xmp
 from uavgram.model.camera.tags import CameraTags
 
 _BROWN, _RATIONAL = 9, 12

@@ -11,8 +11,7 @@ import numpy as np
 
 from uavgram.errors import InputError, no_file
 from uavgram.input_files import refuse_unread
-from uavgram.io.photos.exif import read_exif_tags
-from uavgram.io.photos.jpeg_segments import START, read_segments
+from uavgram.io.photos.metadata import START, read_exif_tags, read_segments
 
 _TIFF = (b"II*\0", b"MM\0*")
 _PNG = b"\x89PNG\r\n\x1a\n"

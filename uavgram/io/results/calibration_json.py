@@ -13,8 +13,13 @@ import numpy as np
 from uavgram.io.outputs import replace_text
 from uavgram.io.results.codec import Record, Table, encode, joined, records
 from uavgram.io.results.results_json import dump_inputs, one_record_a_line
-from uavgram.model.camera.calibration_account import CalibrationAccount, LengthUncertainty
-from uavgram.model.camera.calibration_result import CalibrationResult, CornerResults, PhotoResults
+from uavgram.model.camera.calibration_result import (
+    CalibrationAccount,
+    CalibrationResult,
+    CornerResults,
+    LengthUncertainty,
+    PhotoResults,
+)
 
 SCHEMA = 1
 

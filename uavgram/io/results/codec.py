@@ -16,7 +16,7 @@ from typing import Any, Generic, TypeVar, Union, cast, get_args, get_origin, get
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.columns import Column, columns_of, row_shapes
+from uavgram.model.naming import Column, columns_of, row_shapes
 
 Json = Any
 Record = dict[str, Json]

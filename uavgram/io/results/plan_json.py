@@ -13,8 +13,13 @@ from uavgram.io.json_text import parse_json
 from uavgram.io.outputs import replace_text
 from uavgram.io.results.codec import Record, encode, from_record
 from uavgram.io.results.results_json import load_message, one_record_a_line
-from uavgram.model.planned.parts import AccuracyGrid, PlannedLines, PlannedPlates, PlannedPoints
-from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.planned import (
+    AccuracyGrid,
+    FlightPlanned,
+    PlannedLines,
+    PlannedPlates,
+    PlannedPoints,
+)
 
 SCHEMA = 1
 _MARK, _BEGINNING = '"plan_schema"', 200

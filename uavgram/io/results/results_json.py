@@ -24,16 +24,25 @@ from uavgram.io.results.verdict_json import dump_verdict, load_verdict
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import NUMBERS, SUBJECTS, Message
 from uavgram.model.provenance import InputDigest, Provenance
-from uavgram.model.result.error_budget import ErrorBudget
-from uavgram.model.result.learnt_camera import learnt_camera
-from uavgram.model.result.noise import AreaNoise, LearntSigma, Noise, PickNoise
-from uavgram.model.result.orientation import OrientationCorrelation
-from uavgram.model.result.reliability import ChecksOverall, RemovalRecord
+from uavgram.model.result.reliability import (
+    AreaNoise,
+    ChecksOverall,
+    ErrorBudget,
+    LearntSigma,
+    Noise,
+    PickNoise,
+    RemovalRecord,
+)
 from uavgram.model.result.result import Result, SolutionSummary
-from uavgram.model.result.shared import AreaPlane, Estimate, SharedResult
-from uavgram.model.result.tables import MonteCarloResults
-from uavgram.model.result.ties import TieSummary
-from uavgram.model.survey.world import Geodetic, World
+from uavgram.model.result.shared import (
+    AreaPlane,
+    Estimate,
+    OrientationCorrelation,
+    SharedResult,
+    learnt_camera,
+)
+from uavgram.model.result.tables import MonteCarloResults, TieSummary
+from uavgram.model.survey.survey import Geodetic, World
 
 SCHEMA = 1
 

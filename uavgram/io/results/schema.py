@@ -28,18 +28,20 @@ from uavgram.io.results.codec import Record, Table
 from uavgram.io.results.results_json import LEARNT_KEYS, SCHEMA
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, Ints
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.message import NUMBERS, SUBJECTS, Message
+from uavgram.model.message import NUMBERS, SUBJECTS, Correction, Message, Remedy
 from uavgram.model.provenance import Provenance
-from uavgram.model.remedy import Correction, Remedy
-from uavgram.model.result.learnt_camera import LearntCamera
-from uavgram.model.result.noise import AreaNoise, LearntSigma, PickNoise
-from uavgram.model.result.orientation import OrientationCorrelation
-from uavgram.model.result.reliability import ChecksOverall, RemovalRecord
+from uavgram.model.result.reliability import (
+    AreaNoise,
+    ChecksOverall,
+    LearntSigma,
+    PickNoise,
+    RemovalRecord,
+)
 from uavgram.model.result.result import SolutionSummary
-from uavgram.model.result.tables import MonteCarloResults
-from uavgram.model.result.ties import TieSummary
+from uavgram.model.result.shared import LearntCamera, OrientationCorrelation
+from uavgram.model.result.tables import MonteCarloResults, TieSummary
 from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.model.survey.world import Geodetic, World
+from uavgram.model.survey.survey import Geodetic, World
 
 SIGMA_KEY = re.compile(r"(.*_)?sigma(_.*)?")
 NOT_NEGATIVE = {

@@ -7,7 +7,7 @@ from collections import Counter
 from pathlib import Path
 
 from uavgram.io.results.codec import Record, encode
-from uavgram.model.simulation.repetitions import Accuracy, Repetitions, Simulation
+from uavgram.model.simulation import Accuracy, Repetitions, Simulation
 
 SCHEMA = 1
 SHARES = ("68", "95", "99.7")

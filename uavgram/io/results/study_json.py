@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 
 from uavgram.io.results.codec import Json, encode
-from uavgram.model.study.study import SOURCES, Study
+from uavgram.model.simulation import SOURCES, Study
 
 SCHEMA = 1
 

@@ -7,10 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from uavgram.io.results.codec import Json, Record, Table, encode, joined, numbers
-from uavgram.model.columns import row_shapes
-from uavgram.model.result.control_lines import ControlLineResults
-from uavgram.model.result.known import KnownResults
-from uavgram.model.result.profiles import ProfileResults
+from uavgram.model.naming import row_shapes
+from uavgram.model.result.known import ControlLineResults, KnownResults
 from uavgram.model.result.reliability import (
     Effects,
     Evidence,
@@ -29,6 +27,7 @@ from uavgram.model.result.tables import (
     PointChecks,
     PointResults,
     PoseTable,
+    ProfileResults,
 )
 
 _ELLIPSE = ("ellipse_95_m", "ellipse_azimuth_rad")

@@ -6,7 +6,7 @@ from dataclasses import fields
 from typing import Any
 
 from uavgram.io.results.codec import Record, encode, from_record
-from uavgram.model.remedy import Correction, Remedy
+from uavgram.model.message import Correction, Remedy
 from uavgram.model.result.verdict import Reason, Verdict
 
 _ADDED: Record = {"plain": "", "mend": None, "instead": []}

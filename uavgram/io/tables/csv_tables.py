@@ -1,31 +1,205 @@
-"""CSV tables that people write: strict, with the line of every cell and all mistakes at once."""
+"""CSV tables that people write: strict, with the line of every cell.
+
+A spreadsheet runs what a cell begins with ``=``, ``+``, ``-`` or ``@`` (also in their full-width
+forms, and behind a tab or a line break), so ``=cmd|...`` as the name of a measurement would start a
+program (owasp.org, "CSV Injection"). An apostrophe before it makes it text. Where a semicolon
+separates cells, as in half of Europe, what follows one begins a cell too. A number stays a number.
+
+``readable(guarded(text)) == text`` for every text, and what was never guarded is read as it is,
+but for text that begins with an apostrophe and a formula: that one apostrophe is taken for ours.
+"""
 
 from __future__ import annotations
 
+import csv
+import io
+import itertools
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
+from uavgram import input_files
 from uavgram.errors import InputError, near_miss
-from uavgram.io.tables.csv_rows import may_hold_commas, read_blocks, read_header
-from uavgram.io.tables.spreadsheet_cells import readable
-from uavgram.model import typed_numbers
+from uavgram.model import limits
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.limits import (
     LARGEST_NUMBER,
     LARGEST_SIGMA,
     SMALLEST_SIGMA,
     UNSHOWABLE,
+    has_decimal_comma,
     length_fault,
     name_fault,
     sigma_fault,
     unshowable,
+    with_point,
 )
-from uavgram.model.typed_numbers import has_decimal_comma, with_point
+
+_LINE = re.compile(r"[^\r\n]+")
+_BLOCK = 10_000  # rows at a time
+_LONGEST_LINE = 100_000  # a cell may be as long for the csv module
+_BYTE_ORDER_MARKS_16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+class Block(NamedTuple):
+    """Rows of a file: the line of each, and the cells of each column (not stripped).
+
+    Attributes
+    ----------
+    line
+        (N,) numbers.
+    columns
+        As many as the header has, (N,) cells each; none where a row is torn.
+    torn
+        Line and number of cells of rows that have more or fewer cells than the header.
+    """
+
+    line: Sequence[int]
+    columns: Sequence[Sequence[str]]
+    torn: Sequence[tuple[int, int]]
+
+
+def read_header(path: Path) -> tuple[int, list[str]] | None:
+    """Line and stripped cells of the first line that is not blank; None where all are."""
+    return next(((line, _stripped(cells)) for line, cells in _records(path, read_text(path))), None)
+
+
+def read_blocks(path: Path) -> Iterator[Block]:
+    """All that follows the header, blank lines left out.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or is no CSV.
+    """
+    text = read_text(path)
+    if '"' in text:
+        records = _records(path, text)
+        width = len(next(records)[1])
+        while rows := list(itertools.islice(records, _BLOCK)):
+            yield _block(rows, width)
+        return
+    mark = separator_of(text)
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    at, header = next(_records(path, text))
+    width = len(header)
+    for first in range(at, len(lines), _BLOCK):
+        block = lines[first : first + _BLOCK]
+        yield _plain_block(block, first + 1, width, mark) or _block(
+            [(first + line, cells) for line, cells in _records(path, "\n".join(block), mark)], width
+        )
+
+
+def _plain_block(lines: Sequence[str], first: int, width: int, mark: str) -> Block | None:
+    """Lines without quotes, none of them blank or torn; None where they are not that."""
+    if {line.count(mark) for line in lines} != {width - 1} or max(map(len, lines)) > _LONGEST_LINE:
+        return None
+    cells = mark.join(lines).split(mark)
+    columns = [cells[k::width] for k in range(width)]
+    if not all(map(str.strip, columns[0])):
+        return None  # it may be blank
+    return Block(range(first, first + len(lines)), columns, ())
+
+
+def _block(rows: Sequence[tuple[int, list[str]]], width: int) -> Block:
+    torn = [(line, len(cells)) for line, cells in rows if len(cells) != width]
+    if torn or not rows:
+        return Block([], [[] for _ in range(width)], torn)
+    lines, cells = zip(*rows, strict=True)
+    return Block(lines, list(zip(*cells, strict=True)), ())
+
+
+def csv_text(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Text of a new table with commas, quotes where cells need them."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(header)
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def separator_of(text: str) -> str:
+    """What separates the cells of a table: a semicolon where its header knows no comma."""
+    lines = (match[0] for match in _LINE.finditer(text))
+    header = next((line for line in lines if line.strip(" ,;")), "")
+    return ";" if ";" in header and "," not in header else ","
+
+
+def may_hold_commas(path: Path) -> bool:
+    """Whether cells of a table can hold commas: in quotes, or between semicolons."""
+    text = read_text(path)
+    return '"' in text or separator_of(text) == ";"
+
+
+def _records(path: Path, text: str, mark: str = "") -> Iterator[tuple[int, list[str]]]:
+    """Line and cells of each row that is not blank; `mark` separates cells, if it is known."""
+    mark = mark or separator_of(text)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=mark, strict=True)
+    line = 1
+    try:
+        for cells in reader:
+            if any(map(str.strip, cells)):  # spreadsheets write blank lines as ,,,
+                yield line, cells
+            line = reader.line_num + 1  # a quoted cell may hold line breaks
+    except csv.Error as fault:
+        raise InputError(
+            path, f'is not valid CSV: {fault}; is a quote (") missing?', line
+        ) from fault
+
+
+def _stripped(cells: Sequence[str]) -> list[str]:
+    return list(map(str.strip, cells))
+
+
+def read_text(path: Path) -> str:
+    """Text of a file in UTF-8, without byte order mark."""
+    if _looks_like_utf_16(input_files.read_bytes(path)[:64]):
+        raise InputError(path, "is UTF-16 text: save it as CSV UTF-8", 1)
+    return input_files.read_text(path, "save it as CSV UTF-8")
+
+
+def _looks_like_utf_16(start: bytes) -> bool:
+    """Whether a mark says so, or every other byte is 0, as in Latin text of two bytes each."""
+    is_half_empty = b"\0" in start and not (any(start[::2]) and any(start[1::2]))
+    return start.startswith(_BYTE_ORDER_MARKS_16) or is_half_empty
+
+
+_PLAIN_NUMBER = re.compile(r"[-+]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][-+]?[0-9]+)?")
+_RUNS = re.compile(r"[\s'\0]*[=+\-@\uff1d\uff0b\uff0d\uff20]|[ ']*[\t\r\n]")
+"""The beginning of what runs, behind any apostrophes, so that one more changes nothing in it."""
+
+
+def runs(text: str) -> bool:
+    """Whether a cell, or what follows a semicolon in it, begins as a formula does."""
+    parts = text.split(";")
+    return any(_begins_a_formula(part) and not part.startswith("'") for part in parts)
+
+
+def guarded(text: str) -> str:
+    """Text as a cell that no spreadsheet runs."""
+    if not _RUNS.match(text) and ";" not in text:
+        return text
+    return ";".join("'" + part if _begins_a_formula(part) else part for part in text.split(";"))
+
+
+def readable(cell: str) -> str:
+    """Text of a cell as it was before it was guarded."""
+    if "'" not in cell:
+        return cell
+    parts = cell.split(";")
+    return ";".join(
+        part[1:] if part.startswith("'") and _begins_a_formula(part) else part for part in parts
+    )
+
+
+def _begins_a_formula(part: str) -> bool:
+    return _RUNS.match(part) is not None and not _PLAIN_NUMBER.fullmatch(part.lstrip("'"))
+
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 _NOT_DECIMAL = re.compile(r"[^0-9eE+.\-]")
@@ -338,4 +512,4 @@ def number_hint(text: str) -> str:
     """Say why some text that looks like a number is none."""
     if _NUMBER.fullmatch(text):
         return ": it is far too large"
-    return typed_numbers.number_hint(text, "the column")
+    return limits.number_hint(text, "the column")

@@ -1,17 +1,137 @@
-"""known.csv -> `KnownThings`."""
+"""Tables of known things: lines.csv, known.csv, control.csv, check.csv, control_lines.csv."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
-from uavgram.errors import near_miss
+from uavgram.errors import InputError, near_miss
 from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
 from uavgram.io.tables.measure import POINT_COUNTS, parameters_of, points_of, request_fault
-from uavgram.model.survey.known import NOT_KNOWN, KnownThings
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.arrays import Floats
+from uavgram.model.survey.known import NOT_KNOWN, ON_LINE, STRAIGHTNESS_M, ControlLines, KnownThings
+from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest
+
+LINES_COLUMNS = Columns(
+    text=("name", "from", "to"),
+    numbers=("length_m", "sigma_m"),
+    optional_text=("use", "tape", "along", "note"),
+    others=True,
+)
+_WORDS = {"use": ("adjust", "check"), "along": ("slope", "horizontal")}
+"""Of columns that hold one of a few words; the first one is meant where a cell is empty."""
+
+
+def read_lines(path: str | Path) -> KnownLines:
+    """Read known lengths.
+
+    Raises
+    ------
+    InputError
+        Names file and line of every mistake: those of any table, a length or sigma that is not
+        greater than 0, a line from a label to itself, a name used twice, an unknown
+        `use` or `along`.
+    """
+    table = read_table(path, LINES_COLUMNS)
+    table.require_length("length_m")
+    table.require_short("name", "from", "to", "tape")
+    table.require_sigma("sigma_m")
+    table.require_unique("name", "line")
+    for row, (start, end) in enumerate(zip(table.text["from"], table.text["to"], strict=True)):
+        if start and start == end:
+            table.blame(row, f"goes from {start!r} to itself: 'to' must be another label")
+    for column, words in _WORDS.items():
+        for row, word in enumerate(table.text[column]):
+            if word and word not in words:
+                hint = f": {guess}" if (guess := near_miss(word, words)) else ""
+                table.blame(row, f"{column} must be {' or '.join(words)} (got {word!r}){hint}")
+    table.raise_faults()
+    return KnownLines(
+        name=table.text["name"],
+        start=table.text["from"],
+        end=table.text["to"],
+        length_m=table.numbers["length_m"],
+        sigma_m=table.numbers["sigma_m"],
+        adjust=np.array([use != "check" for use in table.text["use"]], dtype=np.bool_),
+        tape=table.text["tape"],
+        # Where nothing is written in the whole column, how the tape was held is not known.
+        along=tuple(
+            "horizontal" if word == "horizontal" else "slope" for word in table.text["along"]
+        )
+        if any(table.text["along"])
+        else (),
+    )
+
+
+GEODETIC = ("latitude_deg", "longitude_deg", "height_m")
+_COORDINATES: dict[Literal["geodetic", "local"], tuple[str, str, str]] = {
+    "geodetic": GEODETIC,
+    "local": ("east_m", "north_m", "up_m"),
+}
+_ONE_SIGMA = ("sigma_m",)
+THREE_SIGMAS = ("sigma_east_m", "sigma_north_m", "sigma_up_m")
+_ALL = (*_COORDINATES["geodetic"], *_COORDINATES["local"], *_ONE_SIGMA, *THREE_SIGMAS)
+
+
+def read_known_points(path: str | Path) -> KnownPoints:
+    """Read points with known coordinates.
+
+    Raises
+    ------
+    InputError
+        Names file and line of every mistake: those of any table, geodetic and local columns (or
+        one sigma and three) side by side, an empty cell, a label used twice, a latitude or
+        longitude out of range, a sigma that is not greater than 0.
+    """
+    table = read_table(path, Columns(text=("label",), optional_numbers=_ALL))
+    kind: Literal["geodetic", "local"] = (
+        "geodetic" if _chosen(table, *_COORDINATES.values()) == 0 else "local"
+    )
+    sigmas = (_ONE_SIGMA, THREE_SIGMAS)[_chosen(table, _ONE_SIGMA, THREE_SIGMAS)]
+    names = _COORDINATES[kind]
+    _check_cells(table, (*names, *sigmas))
+    for name in sigmas:
+        table.require_sigma(name)
+    table.require_unique("label", "label")
+    if kind == "geodetic":
+        table.require_range("latitude_deg", 90.0)
+        table.require_range("longitude_deg", 360.0)
+    table.raise_faults()
+    sigma_m = np.stack([table.numbers[name] for name in sigmas], axis=1)
+    return KnownPoints(
+        label=table.text["label"],
+        kind=kind,
+        coordinates=np.stack([table.numbers[name] for name in names], axis=1),
+        sigma_m=np.broadcast_to(sigma_m, (len(table.line), 3)),
+    )
+
+
+def _chosen(table: Table, *choices: tuple[str, ...]) -> int:
+    """Which of two sets of columns the header has: exactly one, complete, or an error."""
+    present = [[name for name in choice if name in table.header] for choice in choices]
+    written = " or ".join(", ".join(choice) for choice in choices)
+    if all(present):
+        mixed = " and ".join(names[0] for names in present)
+        raise InputError(table.path, f"has both {mixed}: give either {written}", 1)
+    for i, (have, choice) in enumerate(zip(present, choices, strict=True)):
+        missing = [name for name in choice if name not in have]
+        if have and missing:
+            raise InputError(table.path, f"column {missing[0]!r} is missing beside {have[0]}", 1)
+        if have:
+            return i
+    raise InputError(table.path, f"columns are missing: give either {written}", 1)
+
+
+def _check_cells(table: Table, names: tuple[str, ...]) -> None:
+    blamed = {line for line, _ in table.faults}  # a wrong number is NaN too: one message is enough
+    for name in names:
+        for row in np.flatnonzero(np.isnan(table.numbers[name])):
+            if int(table.line[row]) not in blamed:
+                table.blame(int(row), f"{name} is empty")
+
 
 KNOWN_COLUMNS = Columns(
     text=("name", "kind", "points"),
@@ -112,3 +232,128 @@ def _blamed(table: Table, row: int) -> bool:
     """Whether what stands in the cell of the value is no number, as was said already."""
     line = int(table.line[row])
     return any(where == line and text.startswith("value ") for where, text in table.faults)
+
+
+_ENDS = ("start", "end")
+_AXES: dict[Literal["geodetic", "local"], tuple[str, str, str]] = {
+    "geodetic": ("latitude_deg", "longitude_deg", "height_m"),
+    "local": ("east_m", "north_m", "up_m"),
+}
+_SIGMAS = ("sigma_m", "sigma_up_m", "straightness_m")
+
+CONTROL_LINES_COLUMNS = Columns(
+    text=("name", "points"),
+    numbers=("sigma_m",),
+    optional_text=("use", "note"),
+    optional_numbers=(
+        *(f"{end}_{axis}" for axes in _AXES.values() for end in _ENDS for axis in axes),
+        *_SIGMAS[1:],
+    ),
+    others=True,
+)
+
+SHORTEST_M = 0.5
+"""Ends closer than this in plan give no direction that is worth anything."""
+_DEGREE_M = 111_000.0
+
+
+def read_control_lines(path: str | Path) -> ControlLines:
+    """Read lines with known coordinates.
+
+    Raises
+    ------
+    InputError
+        Names file and line of every mistake: those of any table, geodetic and local columns side
+        by side, an empty coordinate, a height at one end alone, ends that are one place seen from
+        above, no label, a label or name used twice, a latitude or longitude out of range, a sigma
+        that is not greater than 0, an unknown `use`.
+    """
+    table = read_table(path, CONTROL_LINES_COLUMNS)
+    kind = _kind(table)
+    names = [[f"{end}_{axis}" for axis in _AXES[kind]] for end in _ENDS]
+    table.require_unique("name", "line")
+    table.require_short("name")
+    for name in _SIGMAS:
+        table.require_sigma(name)
+    if kind == "geodetic":
+        for end in _ENDS:
+            table.require_range(f"{end}_latitude_deg", 90.0)
+            table.require_range(f"{end}_longitude_deg", 360.0)
+    ends = np.stack([np.stack([table.numbers[n] for n in of], axis=1) for of in names], axis=1)
+    _check_ends(table, names, ends, kind)
+    points = tuple(_line_points(table, row) for row in range(len(table.line)))
+    for row, word in enumerate(table.text["use"]):
+        if word and word not in _USES:
+            hint = f": {guess}" if (guess := near_miss(word, _USES)) else ""
+            table.blame(row, f"use must be {' or '.join(_USES)} (got {word!r}){hint}")
+    table.raise_faults()
+    plan, up, own = (table.numbers[name] for name in _SIGMAS)
+    up = np.where(np.isnan(up), plan, up)
+    sigma = np.broadcast_to(np.stack([plan, plan, up], axis=1)[:, None], ends.shape)
+    return ControlLines(
+        name=table.text["name"],
+        points=points,
+        kind=kind,
+        coordinates=ends,
+        sigma_m=np.where(np.isnan(ends), np.nan, sigma),
+        straightness_m=np.where(np.isnan(own), STRAIGHTNESS_M, own),
+        adjust=np.array([use != "check" for use in table.text["use"]], dtype=np.bool_),
+    )
+
+
+def _kind(table: Table) -> Literal["geodetic", "local"]:
+    """Which coordinates the header has: of one kind, plan at both ends, or an error."""
+    found: list[Literal["geodetic", "local"]] = []
+    for kind, axes in _AXES.items():
+        plan = [f"{end}_{axis}" for end in _ENDS for axis in axes[:2]]
+        have = [name for name in plan if name in table.header]
+        if have and len(have) < len(plan):
+            missing = next(name for name in plan if name not in have)
+            raise InputError(table.path, f"column {missing!r} is missing beside {have[0]}", 1)
+        if have:
+            found.append(kind)
+    if len(found) == 1:
+        return found[0]
+    written = " or ".join(
+        ", ".join(f"{end}_{axis}" for end in _ENDS for axis in axes[:2]) for axes in _AXES.values()
+    )
+    what = "has both" if found else "columns are missing"
+    raise InputError(table.path, f"{what}: give either {written}", 1)
+
+
+def _check_ends(
+    table: Table, names: list[list[str]], ends: Floats, kind: Literal["geodetic", "local"]
+) -> None:
+    """Note ends (L, 2, 3) that are not there, half of a height, and lines without a direction."""
+    blamed = {line for line, _ in table.faults}
+    for row in range(len(ends)):
+        if int(table.line[row]) in blamed:
+            continue
+        empty = [name for of in names for name in of[:2] if np.isnan(table.numbers[name][row])]
+        for name in empty:
+            table.blame(row, f"{name} is empty")
+        if empty:
+            continue
+        heights = np.isnan(ends[row, :, 2])
+        if heights.any() and not heights.all():
+            lacks = names[int(np.flatnonzero(heights)[0])][2]
+            table.blame(
+                row,
+                f"{lacks} is empty, but the other end has a height: give both heights or none",
+            )
+        ahead = ends[row, 1, :2] - ends[row, 0, :2]
+        if kind == "geodetic":
+            ahead = ahead * _DEGREE_M * np.array([1.0, np.cos(np.deg2rad(ends[row, 0, 0]))])
+        if np.hypot(*ahead) < SHORTEST_M:
+            table.blame(
+                row,
+                f"start and end are {np.hypot(*ahead):.2f} m apart seen from above, which gives "
+                f"the line no direction: give two points at least {SHORTEST_M:g} m apart",
+            )
+
+
+def _line_points(table: Table, row: int) -> tuple[str, ...]:
+    points = points_of(table, row, ON_LINE, (1, None))
+    if len(set(points)) < len(points):
+        table.blame(row, f"points names a label twice (got {table.text['points'][row]!r})")
+    return points

@@ -7,12 +7,11 @@ from pathlib import Path
 
 from uavgram.errors import InputError
 from uavgram.input_files import read_bytes
-from uavgram.io.tables.csv_rows import read_blocks, read_header
-from uavgram.io.tables.known_points import GEODETIC, THREE_SIGMAS
+from uavgram.io.tables.csv_tables import read_blocks, read_header
+from uavgram.io.tables.known import GEODETIC, THREE_SIGMAS
 from uavgram.io.tables.picked import PICKS_HEADER
 from uavgram.io.tables.rewrite import new_table, rewritten_table
-from uavgram.model.survey.imported import ImportedPicks
-from uavgram.model.survey.observations import KnownPoints
+from uavgram.model.survey.observations import ImportedPicks, KnownPoints
 
 CONTROL_HEADER = ("label", *GEODETIC, *THREE_SIGMAS)
 

@@ -11,8 +11,7 @@ from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
 from uavgram.errors import InputError
-from uavgram.geometry.earth.geodesy import EXCHANGED, Origin, are_exchanged
-from uavgram.geometry.earth.map_projection import within_area
+from uavgram.geometry.earth.geodesy import EXCHANGED, Origin, are_exchanged, within_area
 from uavgram.input_files import read_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import HeightDatum

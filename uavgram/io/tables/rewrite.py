@@ -14,8 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
 
-from uavgram.io.tables.csv_rows import separator_of
-from uavgram.io.tables.spreadsheet_cells import guarded
+from uavgram.io.tables.csv_tables import guarded, separator_of
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 # A quoted cell may hold anything; one without quotes ends at a separator or at the end of its line.

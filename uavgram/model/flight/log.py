@@ -1,14 +1,151 @@
-"""What a flight log says: neutral tables, one set per boot of the autopilot, and the track."""
+"""Flight log: neutral tables for each boot, second opinions, and a summary."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints
-from uavgram.model.flight.second_opinions import EstimatorReset, TurnRateSamples, VelocitySamples
+from uavgram.model.message import Message
+
+FaultKind = Literal[
+    "position-jump",
+    "attitude-jump",
+    "position-frozen",
+    "attitude-frozen",
+    "position-gap",
+    "attitude-gap",
+    "gimbal-gap",
+    "receiver-apart",
+]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class VelocitySamples(FrozenArrays):
+    """N velocities of the vehicle.
+
+    Attributes
+    ----------
+    time_boot_s
+        (N,) increasing.
+    ned_m_s
+        (N, 3) north, east, down.
+    source
+        The message they come from.
+    """
+
+    time_boot_s: Annotated[Floats, "n"]
+    ned_m_s: Annotated[Floats, "n", 3]
+    source: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TurnRateSamples(FrozenArrays):
+    """N rates at which the vehicle turns, by its gyroscopes: no reset of an estimator moves them.
+
+    Attributes
+    ----------
+    time_boot_s
+        (N,) increasing.
+    body_rad_s
+        (N, 3) about the body's axes forward, right, down.
+    source
+        The message they come from.
+    """
+
+    time_boot_s: Annotated[Floats, "n"]
+    body_rad_s: Annotated[Floats, "n", 3]
+    source: str
+
+
+@dataclass(frozen=True)
+class EstimatorReset:
+    """The autopilot's own word that its estimator began anew.
+
+    Attributes
+    ----------
+    time_boot_s
+        When.
+    what
+        In plain words, such as ``reset of the heading``.
+    """
+
+    time_boot_s: float
+    what: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FlightEvidence(FrozenArrays):
+    """What a track can be held against, on its clock and in its world.
+
+    Attributes
+    ----------
+    velocity_time_s, velocity_world_m_s
+        (V,) strictly increasing UTC, (V, 3); V = 0 where the log states no velocity.
+    receiver_time_s, receiver_world_m
+        (R,), (R, 3) places by the receiver alone; R = 0 where the log has none beside the track's.
+    turn_time_s, turn_body_rad_s
+        (T,), (T, 3) rates of the vehicle's turn about its own axes; T = 0 where it states none.
+    resets
+        (UTC, what) of every stated reset, in the order of time.
+    """
+
+    velocity_time_s: Annotated[Floats, "v"]
+    velocity_world_m_s: Annotated[Floats, "v", 3]
+    receiver_time_s: Annotated[Floats, "r"]
+    receiver_world_m: Annotated[Floats, "r", 3]
+    turn_time_s: Annotated[Floats, "t"]
+    turn_body_rad_s: Annotated[Floats, "t", 3]
+    resets: tuple[tuple[float, str], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogFault:
+    """One place where a log contradicts itself.
+
+    Attributes
+    ----------
+    kind
+        Of fault.
+    start_s, end_s
+        UTC; of a jump the two samples between which it lies.
+    change
+        East, north, up: of a jump what no movement explains [m], or the turn about these axes
+        [rad]; of other faults how wrong the log may be from `start_s` to `end_s`, in the same
+        units.
+    resets
+        What the autopilot itself noted then; empty where it is silent.
+    """
+
+    kind: FaultKind
+    start_s: float
+    end_s: float
+    change: tuple[float, float, float]
+    resets: tuple[str, ...] = ()
+
+    @property
+    def is_jump(self) -> bool:
+        """Whether the log is right before and behind it, but for what lies between the two."""
+        return self.kind in ("position-jump", "attitude-jump")
+
+    @property
+    def is_of_attitude(self) -> bool:
+        """Whether it leaves directions in doubt, and not places."""
+        return self.kind.startswith(("attitude", "gimbal"))
+
+    @property
+    def horizontal(self) -> float:
+        """Size of the change in east and north, or of the tilt."""
+        return math.hypot(*self.change[:2])
+
+    @property
+    def size(self) -> float:
+        """Size of the whole change."""
+        return math.hypot(*self.change)
+
 
 HeightDatum = Literal["msl", "ellipsoid"]
 LogKind = Literal["dataflash", "tlog", "ulog"]
@@ -340,3 +477,50 @@ class Track(FrozenArrays):
     sigma_position_m: Annotated[Floats, "s", 2]
     sigma_attitude_rad: Annotated[Floats, "s", 2]
     source: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BootSummary(FrozenArrays):
+    """One boot, judged.
+
+    Attributes
+    ----------
+    boot
+        Its tables.
+    clock
+        Its line to UTC; None where the log has none.
+    span_utc
+        First and last position, for people; empty without a clock.
+    track_m
+        (N, 2) positions, metres east and north of the first.
+    path_m
+        Length of the way over ground.
+    clock_time_s, clock_residual_s
+        (C,) boot times of the readings that the clock was made of, and by how much each is ahead
+        of its line.
+    event_track_m
+        (E, 2) where the camera events lie on the track; NaN outside of it.
+    home_moves_m
+        The furthest that home moves from where it first was.
+    messages
+        What is odd about the clock, the track, the events.
+    """
+
+    boot: Boot
+    clock: BootClock | None
+    span_utc: tuple[str, str]
+    track_m: Annotated[Floats, "n", 2]
+    path_m: float
+    clock_time_s: Annotated[Floats, "c"]
+    clock_residual_s: Annotated[Floats, "c"]
+    event_track_m: Annotated[Floats, "e", 2, NAN_IS_NONE]
+    home_moves_m: float
+    messages: tuple[Message, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LogSummary:
+    """A flight log and its judged boots."""
+
+    log: FlightLog
+    boots: tuple[BootSummary, ...]

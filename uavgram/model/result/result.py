@@ -13,15 +13,23 @@ from uavgram.model.arrays import Bools
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message
 from uavgram.model.provenance import Provenance
-from uavgram.model.result.control_lines import NO_LINES_OF_POSITION, ControlLineResults
-from uavgram.model.result.error_budget import ErrorBudget
-from uavgram.model.result.known import NOTHING_KNOWN, KnownResults
-from uavgram.model.result.noise import Noise
-from uavgram.model.result.orientation import OrientationCorrelation
-from uavgram.model.result.profiles import NO_PROFILES, ProfileResults
-from uavgram.model.result.reliability import ChecksOverall, Evidence, RemovalRecord, SecondOrder
-from uavgram.model.result.shared import AreaPlane, SharedResult
+from uavgram.model.result.known import (
+    NO_LINES_OF_POSITION,
+    NOTHING_KNOWN,
+    ControlLineResults,
+    KnownResults,
+)
+from uavgram.model.result.reliability import (
+    ChecksOverall,
+    ErrorBudget,
+    Evidence,
+    Noise,
+    RemovalRecord,
+    SecondOrder,
+)
+from uavgram.model.result.shared import AreaPlane, OrientationCorrelation, SharedResult
 from uavgram.model.result.tables import (
+    NO_PROFILES,
     FrameResults,
     LineChecks,
     LineResults,
@@ -30,10 +38,11 @@ from uavgram.model.result.tables import (
     PickResults,
     PointChecks,
     PointResults,
+    ProfileResults,
+    TieSummary,
 )
-from uavgram.model.result.ties import TieSummary
 from uavgram.model.result.verdict import Verdict
-from uavgram.model.survey.world import World
+from uavgram.model.survey.survey import World
 
 
 @dataclass(frozen=True, kw_only=True)

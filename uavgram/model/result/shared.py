@@ -1,4 +1,4 @@
-"""The unknowns that all frames share, as a run reports them."""
+"""Unknowns that all frames share, and what the survey says of its camera."""
 
 from __future__ import annotations
 
@@ -8,8 +8,97 @@ from typing import Annotated
 
 import numpy as np
 
-from uavgram.model.arrays import Floats, FrozenArrays
-from uavgram.model.columns import Column
+from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.naming import Column
+
+POSE_NAMES = ("east", "north", "up", "turn about right", "turn about down", "turn about forward")
+"""Of the six unknowns of a pose: centre in the world, and small turns about the camera's axes."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class OrientationCorrelation(FrozenArrays):
+    """Correlations of the adjusted poses with what all photos share, to four decimals.
+
+    Those within one pose follow from its covariance. NaN stands where something is known exactly.
+
+    Attributes
+    ----------
+    parameters
+        (P,) names of what is shared: the lens model's parameters, height and slopes of the ground
+        plane, and the readout time where that is an unknown.
+    shared
+        (P, P) among these.
+    frame_id
+        (F,) adjusted photos.
+    with_pose
+        (F, 6, P) of each pose with them.
+    """
+
+    parameters: tuple[str, ...]
+    shared: Annotated[Floats, "p", "p", NAN_IS_NONE]
+    frame_id: Annotated[tuple[str, ...], "n"]
+    with_pose: Annotated[Floats, "n", 6, "p", NAN_IS_NONE]
+
+
+LEARNT_BELOW = 0.9
+"""Of the ratio of sigmas: what the survey shrinks by less than a tenth, it does not know."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LearntCamera(FrozenArrays):
+    """The camera before and after the survey, parameter by parameter.
+
+    Attributes
+    ----------
+    names
+        (P,) of the parameters.
+    prior_value, prior_sigma
+        (P,) the calibration.
+    value, sigma
+        (P,) with the survey's own observations.
+    ratio
+        (P,) sigma over prior sigma: 1 where nothing was learnt; NaN where the calibration holds
+        the parameter fixed.
+    shift
+        (P,) of the value, in prior sigmas; NaN likewise.
+    learnt
+        (P,) whether the survey determines the parameter: its ratio is below `LEARNT_BELOW`.
+    """
+
+    names: Annotated[tuple[str, ...], "n"]
+    prior_value: Annotated[Floats, "n"]
+    prior_sigma: Annotated[Floats, "n"]
+    value: Annotated[Floats, "n"]
+    sigma: Annotated[Floats, "n"]
+    ratio: Annotated[Floats, "n", NAN_IS_NONE]
+    shift: Annotated[Floats, "n", NAN_IS_NONE]
+    learnt: Annotated[Bools, "n"]
+
+
+def learnt_camera(prior: Calibration, refined: Estimate) -> LearntCamera:
+    """Compare a calibration with what the survey made of it.
+
+    Parameters
+    ----------
+    prior
+        The calibration that the survey began with.
+    refined
+        Its parameters in the adjustment, (P,).
+    """
+    sigma = np.sqrt(np.maximum(prior.covariance.diagonal(), 0.0))  # rounded below zero is none
+    free = np.where(sigma > 0, sigma, np.nan)
+    ratio = refined.sigma / free
+    return LearntCamera(
+        names=prior.parameter_names,
+        prior_value=prior.parameters,
+        prior_sigma=sigma,
+        value=refined.value,
+        sigma=refined.sigma,
+        ratio=ratio,
+        shift=(refined.value - prior.parameters) / free,
+        learnt=ratio < LEARNT_BELOW,  # False for NaN
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,20 +1,138 @@
-"""The tables of a result: a row for each frame, point, line, pick, measurement and check.
+"""Tables of a result: a row for each frame, point, line, pick, measurement, profile and tie.
 
 NaN stands for "there is none" (null in the file).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints, freeze
-from uavgram.model.columns import POSE_AXES, Column
+from uavgram.model.naming import POSE_AXES, Column
 from uavgram.model.result.verdict import MeasurementStatus
 from uavgram.model.survey.observations import Source
+
+SOURCES: tuple[Source, ...] = get_args(Source)
+
+
+def picks_by_source(picks: PickResults) -> dict[str, dict[Source, int]]:
+    """How many picks of each label took part, by who made them."""
+    found: dict[str, dict[Source, int]] = {}
+    for label, source, status in zip(picks.label, picks.source, picks.status, strict=True):
+        if status in ("used", "suspect"):
+            counts = found.setdefault(label, {})
+            counts[source] = counts.get(source, 0) + 1
+    return {label: {s: n[s] for s in SOURCES if s in n} for label, n in found.items()}
+
+
+def sources_behind(
+    picks: PickResults, points: Sequence[Sequence[str]]
+) -> tuple[tuple[Source, ...], ...]:
+    """Who made the picks behind each of some groups of labels.
+
+    Parameters
+    ----------
+    picks
+        All of the project.
+    points
+        (M,) groups of labels, such as those of measurements.
+    """
+    by_label = picks_by_source(picks)
+    made = [{source for label in labels for source in by_label.get(label, {})} for labels in points]
+    return tuple(tuple(source for source in SOURCES if source in one) for one in made)
+
+
+def only_by_program(picks: PickResults, points: Sequence[Sequence[str]]) -> Bools:
+    """(M,) which groups of labels rest on picks, but on none that a person made.
+
+    Parameters
+    ----------
+    picks, points
+        As for `sources_behind`.
+    """
+    behind = sources_behind(picks, points)
+    return np.array([bool(one) and "hand" not in one for one in behind], dtype=np.bool_)
+
+
+COLUMNS = ("station", "offset", "height", "ground")
+"""What is told of each point of a profile."""
+PLACE_KEYS = tuple(f"{name}_m" for name in COLUMNS)
+SIGMA_KEYS = tuple(f"{name}_sigma_m" for name in COLUMNS)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ProfileResults(FrozenArrays):
+    """N points of profiles, one profile after the other.
+
+    A profile runs from its first point to its last, seen from above.
+
+    Attributes
+    ----------
+    profile
+        (N,) name of the profile.
+    label
+        (N,) name of the point.
+    place_m
+        (N, 4) station from the first point; offset, to the right of the line positive; height over
+        the first point; height of the ground below over the first point.
+    sigma_m
+        (N, 4) their standard deviations; 0 where that is so by definition.
+    """
+
+    profile: Annotated[tuple[str, ...], "n"]
+    label: tuple[str, ...]
+    place_m: Annotated[Floats, "n", 4, Column(keys=PLACE_KEYS, axes=COLUMNS, stem="")]
+    sigma_m: Annotated[Floats, "n", 4, Column(keys=SIGMA_KEYS, axes=COLUMNS)]
+
+    def each(self) -> Iterator[tuple[str, Ints]]:
+        """Name of every profile, and the rows of its points."""
+        for name in dict.fromkeys(self.profile):
+            yield name, np.array([i for i, one in enumerate(self.profile) if one == name])
+
+
+NO_PROFILES = ProfileResults(
+    profile=(), label=(), place_m=np.zeros((0, 4)), sigma_m=np.zeros((0, 4))
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TieSummary:
+    """All tie points together; how many sightings each photo has stands with the frames.
+
+    Attributes
+    ----------
+    points, sightings
+        How many tie points took part, and how often they were seen in photos.
+    rms_px
+        Root mean square of the residuals of each coordinate [px].
+    """
+
+    points: int
+    sightings: int
+    rms_px: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TieCloud(FrozenArrays):
+    """Tie points to look at; they are too many for results.json.
+
+    Attributes
+    ----------
+    position_world_m
+        (T, 3) east, north, up, as adjusted.
+    frame, pixel_px
+        (N,), (N, 2) photos that show them (among all frames of the project), and where.
+    """
+
+    position_world_m: Annotated[Floats, "t", 3]
+    frame: Annotated[Ints, "n"]
+    pixel_px: Annotated[Floats, "n", 2]
+
 
 FrameStatus = Literal["refined", "seeded", "unmatched", "rejected"]
 LineStatus = Literal["used", "suspect", "removed", "checked", "unseen"]

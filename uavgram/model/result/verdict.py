@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from uavgram.model.remedy import Remedy
+from uavgram.model.message import Remedy
 
 VerdictLevel = Literal["green", "amber", "red"]
 """Red: the observations contradict each other, do not use the numbers. Amber: something does not

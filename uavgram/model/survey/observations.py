@@ -1,14 +1,16 @@
-"""What people observed: picked pixels, taped lengths, points with known coordinates."""
+"""Observations of people and of the program: picks, lengths, points, targets, imports."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
+from enum import Enum
 from typing import Annotated, Any, Literal
 
 import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, freeze
+from uavgram.model.message import Message
 
 
 def _none() -> Floats:
@@ -273,3 +275,74 @@ class MeasurementRequest:
     def parameters_text(self) -> str:
         """The parameters as measure.csv has them."""
         return ";".join(f"{name}={value!r}" for name, value in self.parameters)
+
+
+class LeftOut(Enum):
+    """Why a plate that was recognised is not measured; what a message says of it."""
+
+    NO = ""
+    COVERED = "something lies across it, such as the edge of a shadow, dirt, or a wheel"
+    DOUBTFUL = "what was seen there does not look enough like it: too small, or half hidden"
+    TWICE = "its number is there twice in this photo, so nothing says which one is meant"
+    FAINT = "it is too small or too faint there to be measured"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SeenPlate(FrozenArrays):
+    """A plate in one photo.
+
+    Attributes
+    ----------
+    plate
+        Its id.
+    corner_px, sigma_px
+        (4, 2), (4,) of its black square, from the first corner on, as its rows of cells run; the
+        standard deviation of each coordinate. NaN where a corner was not seen.
+    center_px, center_sigma_px
+        (2,) the place where its diagonals meet, and its standard deviation.
+    score
+        Correlation of a plate's picture with the photo.
+    shadows
+        Number of shadow edges across it.
+    left_out
+        Why it is not to be used.
+    """
+
+    plate: int
+    corner_px: Annotated[Floats, 4, 2, NAN_IS_NONE]
+    sigma_px: Annotated[Floats, 4, NAN_IS_NONE]
+    center_px: Annotated[Floats, 2, NAN_IS_NONE]
+    center_sigma_px: float
+    score: float
+    shadows: int = 0
+    left_out: LeftOut = LeftOut.NO
+
+    @property
+    def side_px(self) -> float:
+        """Length of its shortest side; NaN where a corner was not seen."""
+        sides = np.roll(self.corner_px, -1, axis=0) - self.corner_px
+        return float(np.linalg.norm(sides, axis=1).min())
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ImportedPicks(FrozenArrays):
+    """P picks in this program's convention.
+
+    Attributes
+    ----------
+    image, label
+        (P,) file name of the photo, and name of the point.
+    pixel_px
+        (P, 2) u right, v down of the original, unrotated file; (0, 0) is the centre of the
+        top-left pixel.
+    known
+        Coordinates that the file holds of its points, with the sigma that was stated for them.
+    messages
+        What was left out, or had to be assumed.
+    """
+
+    image: Annotated[tuple[str, ...], "n"]
+    label: tuple[str, ...]
+    pixel_px: Annotated[Floats, "n", 2]
+    known: KnownPoints | None
+    messages: tuple[Message, ...]

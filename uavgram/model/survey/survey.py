@@ -4,18 +4,97 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Annotated, Literal
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints, freeze
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.photo_poses import Flight
-from uavgram.model.flight.pose import CandidatePoses, Poses, TelemetryPrior
+from uavgram.model.camera.tags import Readout
+from uavgram.model.flight.log import HeightDatum
+from uavgram.model.flight.pose import CandidatePoses, Flight, Poses, TelemetryPrior
 from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.observations import Along
-from uavgram.model.survey.rolling_shutter import RollingShutter
 from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
+
+LOGGED_RATE_RAD_S = 0.03
+"""How well a log says how fast a camera turns, 1.7 degrees a second: attitudes good to 0.1 degree,
+ten times a second, and a mount that shakes in between."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RollingShutter(FrozenArrays):
+    """What an adjustment needs to find the readout time.
+
+    Attributes
+    ----------
+    readout
+        What is known of it beforehand.
+    motion
+        (F, 6) of each frame at its exposure: velocity [m/s], in the world or, where the survey's
+        gauge is free, in camera axes; angular rate in camera axes [rad/s].
+    rate_sigma_rad_s
+        How well `motion` says how fast a camera turns.
+    by_photos
+        Whether no log says how the camera moved: `motion` is then the way from photo to photo, in
+        the time between them or at a usual speed, and the unknown is a readout time at that speed.
+    """
+
+    readout: Readout
+    motion: Annotated[Floats, "f", 6]
+    rate_sigma_rad_s: float = LOGGED_RATE_RAD_S
+    by_photos: bool = False
+
+    @property
+    def first_value(self) -> Floats:
+        """(1,) the readout time beforehand [s]."""
+        return np.array([self.readout.value_s])
+
+
+class Geodetic(NamedTuple):
+    """A place on the earth: WGS 84, and its height above the datum that is said beside it."""
+
+    latitude_deg: float
+    longitude_deg: float
+    height_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """Origin of the local east-north-up world.
+
+    Attributes
+    ----------
+    origin
+        Its place; None where nothing ties the world to the earth.
+    height_datum
+        ``msl`` or ``ellipsoid``.
+    gauge
+        ``world``: positions and headings mean something; ``plane``: only shape does (no
+        telemetry, no control): z = 0 is the plane, the first frame stands above x = y = 0 and its
+        image up is north.
+    crs
+        Projected coordinate system of maps and drawings, such as ``EPSG:32756``; None where
+        nothing ties the world to the earth.
+    undulation_m
+        How high mean sea level lies above the ellipsoid there, as the flight log says; None where
+        nothing says it.
+    """
+
+    origin: Geodetic | None
+    height_datum: HeightDatum
+    gauge: Literal["world", "plane"]
+    crs: str | None = None
+    undulation_m: float | None = None
+
+    @property
+    def ellipsoid_shift_m(self) -> float | None:
+        """What to add to a height above the datum to have it above the WGS 84 ellipsoid [m].
+
+        None where nobody knows: sea level is up to a hundred metres off the ellipsoid.
+        """
+        return 0.0 if self.height_datum == "ellipsoid" else self.undulation_m
+
 
 DEFAULT_AREA = "default"
 """Of labels that name no area."""
@@ -29,7 +108,7 @@ class Relief(FrozenArrays):
     ----------
     kind
         ``quadratic`` (three functions) or ``correlated`` (one for each knot): see
-        geometry/ground/relief.py.
+        geometry/ground/plane.py.
     sigma_m
         Prior of each function's coefficient, a height, about 0.
     scale_m
@@ -121,7 +200,7 @@ class Survey:
         (L,) name of the tape of each known length, and what was measured; empty: one tape (as is
         the tape without a name), and the straight 3-D distance, for all.
     tape_scale_sigma
-        Prior of the scale of each tape (see estimation/survey/observations/tapes.py); 0: exact.
+        Prior of the scale of each tape (see estimation/survey/observations/lengths.py); 0: exact.
     own_scale_sigma
         Pairs of a tape's name and the prior of its scale, of tapes with another one.
     known

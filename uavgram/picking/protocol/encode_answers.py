@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
 from uavgram.imaging.snap_region import Region, Unclear, snap_within
-from uavgram.model.result.profiles import COLUMNS
+from uavgram.model.result.tables import COLUMNS
 from uavgram.model.survey.ties import TiePicks
 from uavgram.picking.document.commands import Place, SameGround, SideView, Snap, Ties
 from uavgram.picking.protocol.encode_places import Json, number

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from uavgram.model.remedy import Correction, Remedy
+from uavgram.model.message import Correction, Remedy
 from uavgram.model.survey.observations import KnownLines
 
 Json = dict[str, Any]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.naming import Units
+from uavgram.model.planned import FlightPlanned
 from uavgram.model.target_families import CORNERS
-from uavgram.model.units import Units
 from uavgram.picking.protocol.encode_places import Json
 from uavgram.views.planned.tables import LineRow, PlateRow, line_rows, plate_rows
 from uavgram.views.planned.words import plate_side

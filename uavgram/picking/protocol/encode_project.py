@@ -10,8 +10,7 @@ import numpy as np
 from uavgram.errors import UavgramError
 from uavgram.geometry.camera.facts import camera_facts
 from uavgram.imaging.photos.tiles import level_count
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.provenance import CameraProvenance
+from uavgram.model.camera.calibration import Calibration, CameraProvenance
 from uavgram.model.catalogue.camera import CAMERA
 from uavgram.model.catalogue.catalogue import entry_of
 from uavgram.model.message import Message
@@ -22,7 +21,7 @@ from uavgram.pipeline.cameras.read import read_camera
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import Posed
 from uavgram.pipeline.pick.live import LiveSurvey
-from uavgram.stages.camera.assume import UNKNOWN_CAMERA
+from uavgram.stages.camera import UNKNOWN_CAMERA
 from uavgram.synthetic.accident_scene import PAINTED, TAPED, is_sample
 from uavgram.views.calibration.camera_text import fact_lines, parameter_cells, provenance_lines
 from uavgram.views.calibration.verdict import GOOD_FOCAL, focal_share, percent

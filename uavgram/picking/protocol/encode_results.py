@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uavgram.model.case import case_from_options
+from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.views.survey.verdict import (

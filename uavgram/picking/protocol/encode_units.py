@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import Any
 
-from uavgram.model.units import Units
+from uavgram.model.naming import Units
 from uavgram.picking.document.state import State
 from uavgram.views.unit_words import in_units, like_lengths, rising
 

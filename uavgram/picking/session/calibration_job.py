@@ -14,13 +14,18 @@ from typing import TypeVar
 
 from uavgram.config.board_text import parse_board
 from uavgram.errors import UavgramError
-from uavgram.io.discovery.photo_folders import PhotoFolder
+from uavgram.io.discovery import PhotoFolder
 from uavgram.model.camera.board import CalibrationOptions
 from uavgram.picking.document.commands import Calibrate
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
-from uavgram.pipeline.cameras.calibrate import CAMERA, REPORT, Calibrated
-from uavgram.pipeline.cameras.nearby import board_folders, calibrate_folder
+from uavgram.pipeline.cameras.calibrate import (
+    CAMERA,
+    REPORT,
+    Calibrated,
+    board_folders,
+    calibrate_folder,
+)
 from uavgram.views.calibration.verdict import calibration_facts, judge_calibration
 
 log = logging.getLogger(__name__)

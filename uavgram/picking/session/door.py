@@ -15,15 +15,15 @@ from typing import Any, NoReturn
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos.preview import read_preview
-from uavgram.io.discovery.browse import Browsable, Listed, home_and_drives, look_into
+from uavgram.io.browse import Browsable, Listed, home_and_drives, look_into
 from uavgram.io.own_files import check_inside
 from uavgram.model.limits import LONGEST_NAME, sigma_fault, unshowable
+from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
-from uavgram.model.units import SHORT_FORMS
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
-from uavgram.pipeline.new.choices import PROJECT, Choices
-from uavgram.pipeline.new.set_up import CASE, FoundInFolder, Setup, Wanted, look_through, set_up
+from uavgram.pipeline.new import PROJECT, Choices
+from uavgram.pipeline.set_up import CASE, FoundInFolder, Setup, Wanted, look_through, set_up
 
 LONGEST_REQUEST = 100_000
 MOST_RECENT = 8

@@ -14,8 +14,8 @@ from uavgram.imaging.targets.uncoded import Uncoded
 from uavgram.model.arrays import Floats
 from uavgram.picking.document import commands as c
 from uavgram.pipeline.pick.live import LiveSurvey
-from uavgram.pipeline.uncoded_targets import measured_row, picked_target, same_target
-from uavgram.stages.match.found import Pair
+from uavgram.pipeline.targets import measured_row, picked_target, same_target
+from uavgram.stages.match import Pair
 
 
 class PickedTargets:

@@ -16,7 +16,7 @@ from uavgram.imaging.plates.board import sight_board_plate
 from uavgram.imaging.plates.sight import sight_large_plates
 from uavgram.imaging.raster import Image
 from uavgram.model.options import TargetOptions
-from uavgram.model.survey.plates import LeftOut, SeenPlate
+from uavgram.model.survey.observations import LeftOut, SeenPlate
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.proposals import Outcome, Pair
 from uavgram.picking.document.state import State, observations_of

@@ -21,7 +21,7 @@ from uavgram.picking.session.session import PickSession
 from uavgram.picking.storage.outside import Outside
 from uavgram.picking.storage.set_aside import Changes, SetAside, changes_of, oldest_set_aside
 from uavgram.picking.storage.tables import Tables
-from uavgram.pipeline.cameras.nearby import use_camera
+from uavgram.pipeline.cameras.calibrate import use_camera
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.pick.live import LiveSurvey
 

@@ -26,8 +26,7 @@ from uavgram.picking.session.proposed import Proposed
 from uavgram.pipeline.match.looking import look, reason, tasks
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.places import Places, places_in_other_photos
-from uavgram.stages.match.found import CONTRADICTED, pick_sigmas
-from uavgram.stages.match.plan import NARROWED
+from uavgram.stages.match import CONTRADICTED, NARROWED, pick_sigmas
 
 log = logging.getLogger(__name__)
 

@@ -21,7 +21,7 @@ from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.io.locks import ProjectLock
 from uavgram.io.outputs import replace_bytes
 from uavgram.io.own_files import check_inside, check_own
-from uavgram.io.tables.lines import read_lines
+from uavgram.io.tables.known import read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picked import lines_content, measure_content, picks_content
 from uavgram.io.tables.picks import read_picks

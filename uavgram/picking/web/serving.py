@@ -11,7 +11,7 @@ import uvicorn
 from starlette.types import ASGIApp
 
 from uavgram.errors import UavgramError
-from uavgram.io.discovery.browse import PROJECT
+from uavgram.io.browse import PROJECT
 from uavgram.picking.protocol.parse import LONGEST_MESSAGE
 from uavgram.picking.session.door import Door
 from uavgram.picking.web import running

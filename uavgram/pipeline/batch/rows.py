@@ -13,8 +13,8 @@ from uavgram.io.digest import photo_files
 from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.model.arrays import Floats
 from uavgram.model.batch import Fit, SeenParameter, SurveyRow
-from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.result import Result
+from uavgram.model.result.shared import learnt_camera
 from uavgram.views.survey.verdict import verdict_sentence
 
 POOLED_GROUPS = ("pixels", "lengths", "telemetry")

@@ -22,7 +22,7 @@ from uavgram.io.results.batch_state import (
     state_of,
 )
 from uavgram.model.batch import FileState, SurveyRecord, SurveyRow
-from uavgram.model.maps.plan import Paper
+from uavgram.model.maps import Paper
 from uavgram.model.options import Project
 from uavgram.model.result.result import Result
 from uavgram.pipeline.batch.rows import row_of

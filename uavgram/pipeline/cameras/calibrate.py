@@ -1,8 +1,10 @@
-"""Calibrate a camera: read photos of a board, find the board, estimate, write every output."""
+"""Calibrate a camera from photos of a board: those named, or a folder near a project."""
 
 from __future__ import annotations
 
+import glob
 import os
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,8 +13,10 @@ from typing import Literal
 import numpy as np
 
 from uavgram.config.board_text import parse_board
-from uavgram.config.camera_text import camera_text
-from uavgram.errors import InputError
+from uavgram.config.camera import camera_text
+from uavgram.config.project import load_project
+from uavgram.config.project_text import with_settings
+from uavgram.errors import InputError, UavgramError
 from uavgram.estimation.calibration.problem import focal_and_center_prior
 from uavgram.imaging.photos.preview import Preview, preview_of
 from uavgram.imaging.raster import Image
@@ -20,18 +24,26 @@ from uavgram.imaging.targets.detect import detect_in_photos
 from uavgram.imaging.targets.draw_board import draw_board
 from uavgram.imaging.targets.observations import collect_observations
 from uavgram.imaging.targets.sighting import Sighting
-from uavgram.io.cameras.drone_table import drone_cameras
-from uavgram.io.cameras.opencv_writer import opencv_text
-from uavgram.io.outputs import staged_output
+from uavgram.io.cameras.choice import drone_cameras
+from uavgram.io.cameras.opencv import opencv_text
+from uavgram.io.discovery import PhotoFolder, folders_with_photos
+from uavgram.io.outputs import replace_text, staged_output
 from uavgram.io.own_files import check_no_originals
-from uavgram.io.photos.board_photos import CalibrationFiles, find_calibration_photos, read_grey
+from uavgram.io.photos.board_photos import (
+    LEAST_PHOTOS,
+    CalibrationFiles,
+    find_calibration_photos,
+    read_grey,
+)
 from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.io.results.calibration_json import write_calibration
 from uavgram.model.camera.board import Board, BoardPhoto, CalibrationOptions, LensSetting
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.calibration_account import CalibrationAccount, PhotoReason
-from uavgram.model.camera.calibration_result import CalibrationResult
-from uavgram.model.camera.provenance import CameraProvenance, OptionValue
+from uavgram.model.camera.calibration import Calibration, CameraProvenance, OptionValue
+from uavgram.model.camera.calibration_result import (
+    CalibrationAccount,
+    CalibrationResult,
+    PhotoReason,
+)
 from uavgram.model.camera.tags import CameraTags
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
@@ -43,7 +55,7 @@ from uavgram.stages.calibrate.account import (
     with_common_error,
 )
 from uavgram.stages.calibrate.calibrate import calibrate as estimate
-from uavgram.stages.camera.assume import assume_camera
+from uavgram.stages.camera import assume_camera
 from uavgram.stages.messages import in_order
 from uavgram.views.calibration.drawing import residual_factor, rows_by_photo
 from uavgram.views.calibration.report import write_calibration_report
@@ -315,3 +327,75 @@ def _pictures(result: CalibrationResult, seen: _Seen) -> dict[str, bytes]:
 def _picture_name(photo: str) -> str:
     flat = photo.replace("/", "_")
     return flat if flat.lower().endswith((".jpg", ".jpeg")) else f"{flat}.jpg"
+
+
+_NUMBERED = re.compile(rf"{FOLDER}(?:-(\d+))?")
+
+
+def board_folders(project: Path) -> tuple[PhotoFolder, ...]:
+    """Folders near a project that hold enough photos for a calibration."""
+    return folders_with_photos(project.absolute().parent, LEAST_PHOTOS)
+
+
+def calibrate_folder(
+    project: Path,
+    folder: PhotoFolder,
+    board: str,
+    options: CalibrationOptions,
+    progress: Progress = silent,
+) -> Calibrated:
+    """Calibrate a camera from a folder's photos, into a new folder beside the project file.
+
+    Parameters
+    ----------
+    project
+        The project file.
+    folder
+        Holds the photos of the board.
+    board, options, progress
+        As of `uavgram.pipeline.cameras.calibrate.calibrate`.
+
+    Raises
+    ------
+    UavgramError
+        A problem that the user can solve.
+    """
+    images = [glob.escape(str(file)) for file in folder.files]
+    output = _free_folder(project.absolute().parent)
+    return calibrate(images, board, output, options, progress=progress)
+
+
+def use_camera(project: Path, camera: Path) -> None:
+    """Name another camera file in a project; everything else in it stays as it is.
+
+    Raises
+    ------
+    UavgramError
+        The file does not name its camera in a line of its own, or it cannot be written.
+    """
+    try:
+        before = project.read_bytes().decode()  # as it is: line ends stay
+    except OSError as fault:
+        raise InputError(project, f"cannot be read: {fault.strerror}") from fault
+    beside = project.absolute().parent
+    name = camera.relative_to(beside).as_posix() if camera.is_relative_to(beside) else str(camera)
+    after = with_settings(before, {"camera": name})
+    if after is None:
+        raise InputError(project, f"does not name its camera in one line: write `camera: {name}`")
+    replace_text(project, after)
+    try:
+        load_project(project, unfinished=True)
+    except UavgramError:
+        replace_text(project, before)
+        raise
+
+
+def _free_folder(beside: Path) -> Path:
+    """A folder that is not there yet: earlier calibrations are never written over."""
+    numbers = [0]
+    for path in beside.iterdir():
+        match = _NUMBERED.fullmatch(path.name)
+        if match:
+            numbers.append(int(match[1] or 1))
+    last = max(numbers)
+    return beside / (f"{FOLDER}-{last + 1}" if last else FOLDER)

@@ -1,4 +1,4 @@
-"""Cameras from files of any program, from photos, and back into files."""
+"""Cameras from files of any program, by name, from photos, and back into files."""
 
 from __future__ import annotations
 
@@ -9,25 +9,63 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.config.camera import load_camera_file
-from uavgram.config.camera_text import camera_text
+from uavgram.config.camera import camera_text, load_camera_file
 from uavgram.errors import InputError
 from uavgram.input_files import read_bytes
+from uavgram.io.cameras.choice import drone_cameras
 from uavgram.io.cameras.colmap import colmap_text, is_colmap_cameras, read_colmap_camera
-from uavgram.io.cameras.drone_table import drone_cameras
 from uavgram.io.cameras.odm import is_odm_cameras, read_odm_camera
-from uavgram.io.cameras.opencv import is_opencv_calibration, read_opencv_calibration
-from uavgram.io.cameras.opencv_writer import opencv_text
+from uavgram.io.cameras.opencv import is_opencv_calibration, opencv_text, read_opencv_calibration
 from uavgram.io.digest import digest_file
 from uavgram.io.outputs import replace_text
 from uavgram.io.photos.camera_tags import read_all_camera_tags, read_camera_tags
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.provenance import CameraProvenance, OptionValue
+from uavgram.model.camera.calibration import (
+    ORDINARY_EQUIVALENTS_MM,
+    Calibration,
+    CameraProvenance,
+    OptionValue,
+)
 from uavgram.model.camera.tags import CameraTags
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.pipeline.versions import stamp
-from uavgram.stages.camera.assume import WAY_OUT, assume_camera, find_camera
+from uavgram.stages.camera import WAY_OUT, assume_camera, find_camera
+
+
+def camera_of_drone(name: str) -> Calibration | None:
+    """The calibration to assume of a drone's main camera; None where nobody knows it.
+
+    Parameters
+    ----------
+    name
+        Of the drone (``DJI Mavic 2 Pro``) or of its camera (``L1D-20c``), as the table has them.
+    """
+    known = [
+        camera
+        for camera in drone_cameras()
+        if camera.make_model in ORDINARY_EQUIVALENTS_MM and not camera.is_thermal
+    ]
+    wanted = _key(name)
+    named = [one for one in known if wanted == _key(one.make_model)] or [
+        one for one in known if wanted and wanted in _key(one.comment)
+    ]
+    if not named:
+        return None
+    # The plainest of several, such as a Phantom 4 Pro beside its second version.
+    camera = min(named, key=lambda one: len(one.comment))
+    tags = CameraTags(
+        path=name,
+        width_px=camera.width_px,
+        height_px=camera.height_px,
+        model=camera.make_model,
+        focal_35mm_mm=ORDINARY_EQUIVALENTS_MM[camera.make_model],
+    )
+    return assume_camera(tags, drone_cameras())[0]
+
+
+def _key(name: str) -> str:
+    return "".join(name.split()).casefold()
+
 
 CameraFormat = Literal["uavgram", "opencv", "colmap"]
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.tie_points import seen_labels
+from uavgram.estimation.first_poses.first_points import seen_labels
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
 from uavgram.estimation.survey.departures import heights_at
@@ -23,7 +23,7 @@ from uavgram.pipeline.match.rows import with_found
 from uavgram.pipeline.measure.compute import assembled_survey, refined_survey
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import Posed
-from uavgram.stages.match.found import CONTRADICTED, Found, Pair
+from uavgram.stages.match import CONTRADICTED, Found, Pair
 from uavgram.stages.refine.minima import Participants, best_minima
 from uavgram.stages.refine.off_ground.heights import with_free
 from uavgram.stages.refine.sound_ties import with_sound_ties

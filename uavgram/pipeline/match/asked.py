@@ -13,7 +13,7 @@ from uavgram.model.arrays import Bools
 from uavgram.model.naming import listed
 from uavgram.model.survey.observations import SAME_PLACE_PX, Picks
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.stages.match.found import Pair
+from uavgram.stages.match import Pair
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.match.adjusting import LEAST_HEIGHT_M
 from uavgram.pipeline.match.looking import Photos
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.stages.match.found import Found, Missed, Pair, pick_sigmas
-from uavgram.stages.match.plan import Candidates, radii
+from uavgram.stages.match import Candidates, Found, Missed, Pair, pick_sigmas, radii
 
 HEIGHTS_M = -0.5, LEAST_HEIGHT_M, 10.0
 """Above the ground: looked at from, up to which a find would be the ground beside an edge, and up

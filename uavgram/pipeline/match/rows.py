@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.survey.observations import Picks, Source
-from uavgram.stages.match.found import Found, Pair
+from uavgram.stages.match import Found, Pair
 
 
 def with_found(picks: Picks, found: Mapping[Pair, Found], keep: Bools | None = None) -> Picks:

@@ -29,9 +29,7 @@ from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.saved_picks import save_picks, sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.match.agreement import turned_rad
-from uavgram.stages.match.found import Pair
-from uavgram.stages.match.outcome import Matches
+from uavgram.stages.match import Matches, Pair, turned_rad
 
 
 @dataclass(frozen=True)

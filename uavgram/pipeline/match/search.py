@@ -17,9 +17,20 @@ from uavgram.pipeline.match.asked import EVEN_ODDS, may_be_raised, without_heigh
 from uavgram.pipeline.match.looking import Photos, look, reason, tasks
 from uavgram.pipeline.match.raised import look_up
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.stages.match.agreement import contradicted
-from uavgram.stages.match.found import CONTRADICTED, Found, Missed, Pair, Record, pick_sigmas
-from uavgram.stages.match.plan import REGION, Candidates, lines_left, next_places, radii
+from uavgram.stages.match import (
+    CONTRADICTED,
+    REGION,
+    Candidates,
+    Found,
+    Missed,
+    Pair,
+    Record,
+    contradicted,
+    lines_left,
+    next_places,
+    pick_sigmas,
+    radii,
+)
 
 MOST_ROUNDS = 11
 """Rounds of looking and adjusting."""

@@ -18,59 +18,61 @@ import numpy as np
 from uavgram.config.project import relative_paths
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.known_lines import line_poses
-from uavgram.estimation.measuring.error_budget import error_budget, shares
+from uavgram.estimation.measuring.error_budget import error_budget, shares, shifts
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
-from uavgram.estimation.measuring.shifts import shifts
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observed import Observations
-from uavgram.geometry.earth.map_projection import checked_crs, utm_crs
+from uavgram.geometry.earth.geodesy import checked_crs, utm_crs
 from uavgram.imaging.known_point_pose import known_point_poses
 from uavgram.io.digest import name_inside
 from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message
 from uavgram.model.options import Project, SolveOptions, option_pairs
 from uavgram.model.provenance import Provenance
-from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.reliability import SecondOrder
 from uavgram.model.result.result import Result
-from uavgram.model.result.shared import SharedResult
+from uavgram.model.result.shared import SharedResult, learnt_camera
 from uavgram.model.result.tables import FrameResults, MeasurementResults, MonteCarloResults
 from uavgram.model.survey.known import KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints
-from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.world import World
+from uavgram.model.survey.survey import Survey, World
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of
 from uavgram.pipeline.measure.judge import judge_survey
-from uavgram.pipeline.measure.mended import with_mends
-from uavgram.pipeline.measure.plates import plate_scale, with_sides
+from uavgram.pipeline.measure.observations import (
+    plate_scale,
+    with_mends,
+    with_position_lines,
+    with_sides,
+)
 from uavgram.pipeline.measure.pose import Posed, known_in_world, pose_frames
-from uavgram.pipeline.measure.position_lines import with_position_lines
 from uavgram.pipeline.versions import package_versions, stamp
 from uavgram.stages.assemble import Assembled, assemble
-from uavgram.stages.camera.assume import ASSUMED_CAMERA, UNKNOWN_CAMERA
-from uavgram.stages.camera.learn import what_was_learnt
+from uavgram.stages.camera import ASSUMED_CAMERA, UNKNOWN_CAMERA, what_was_learnt
 from uavgram.stages.duplicates import Duplicates
 from uavgram.stages.judge import judge_makers, pass_verdict
-from uavgram.stages.measure import measure, measurement_results
+from uavgram.stages.measure import (
+    measure,
+    measurement_results,
+    profiles,
+    scale_basis,
+    second_order,
+    with_alternatives,
+)
 from uavgram.stages.messages import in_order, without_the_innocent
 from uavgram.stages.monte_carlo import compare, sample
-from uavgram.stages.other_solutions import with_alternatives
-from uavgram.stages.profiles import profiles
 from uavgram.stages.reading_steps import with_reading_step
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
-from uavgram.stages.scale_basis import scale_basis
-from uavgram.stages.second_order import second_order
 from uavgram.stages.seed.headings import find_headings
 from uavgram.stages.seed.mount import turned_mount
 from uavgram.stages.summarise import (
     summarise_areas,
     summarise_frames,
+    summarise_orientation,
     summarise_shared,
     summarise_solution,
+    summarise_ties,
 )
-from uavgram.stages.summarise_orientation import summarise_orientation
-from uavgram.stages.summarise_ties import summarise_ties
 
 _GUESSED = (ASSUMED_CAMERA, UNKNOWN_CAMERA)
 PACKAGES = ("numpy", "scipy", "opencv-python-headless", "pymavlink", "pyproj", "rerun-sdk")

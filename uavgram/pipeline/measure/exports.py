@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.geometry.earth.map_projection import projected_from_enu
+from uavgram.geometry.earth.geodesy import projected_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.io.digest import photo_files
 from uavgram.io.exports.colmap import write_colmap_model
@@ -25,9 +25,9 @@ from uavgram.io.exports.profiles_csv import write_profiles_csv
 from uavgram.io.exports.qgis_project import GROUND, write_qgis_project
 from uavgram.io.exports.qgis_styles import Look
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.geotag import GeoTags, PoseChoice
+from uavgram.model.flight.pose import GeoTags, PoseChoice
+from uavgram.model.naming import Units
 from uavgram.model.result.result import Result
-from uavgram.model.units import Units
 from uavgram.stages.products.geotags import geotag
 from uavgram.stages.products.map_layers import features_of, shown_poses
 from uavgram.views.style import REFINED, hex_colour

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.config.project_text import AssumedOrigin
 from uavgram.errors import InputError
-from uavgram.io.photos.exif_gps import read_exif_place
+from uavgram.io.photos.metadata import read_exif_place
 from uavgram.io.photos.poses.read import read_photo_poses
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import HeightDatum

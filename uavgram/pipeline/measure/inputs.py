@@ -1,53 +1,135 @@
-"""Every input of a project, read and checked against the others."""
+"""Every input of a project, read and checked against the others and the photos."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
+from unicodedata import normalize
 
 import numpy as np
 
 from uavgram.config.project import load_project, project_file
-from uavgram.errors import InputError
+from uavgram.errors import InputError, near_miss
 from uavgram.geometry.camera.back_projection import share_without_rays
 from uavgram.imaging.photos.alike import shows_the_same
 from uavgram.io.digest import digest_inputs
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.io.photos.catalogue import read_photos
-from uavgram.io.photos.exif import exif_text, read_exif_tags
+from uavgram.io.photos.metadata import exif_text, read_exif_tags
 from uavgram.io.photos.poses.read import FROM_PHOTOS
 from uavgram.io.photos.poses.sources import read_pose_sources
 from uavgram.io.photos.poses.tags import first_maker
-from uavgram.io.tables.control_lines import CONTROL_LINES_COLUMNS, read_control_lines
 from uavgram.io.tables.csv_tables import own_columns
-from uavgram.io.tables.known import KNOWN_COLUMNS, read_known
-from uavgram.io.tables.known_points import read_known_points
-from uavgram.io.tables.lines import LINES_COLUMNS, read_lines
+from uavgram.io.tables.known import (
+    CONTROL_LINES_COLUMNS,
+    KNOWN_COLUMNS,
+    LINES_COLUMNS,
+    read_control_lines,
+    read_known,
+    read_known_points,
+    read_lines,
+)
 from uavgram.io.tables.measure import MEASURE_COLUMNS, read_measure
 from uavgram.io.tables.picks import PICKS_COLUMNS, read_picks
 from uavgram.io.tables.ties import TIES_COLUMNS, read_ties
+from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.readout import Readout, published_readout
+from uavgram.model.camera.tags import Readout, published_readout
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import FlightLog
-from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.flight.pose import PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_UNKNOWN, TIES_FILE, TIES_FOUND, Project
 from uavgram.model.provenance import InputDigest
-from uavgram.model.survey.control_lines import NO_CONTROL_LINES, ControlLines
-from uavgram.model.survey.known import NO_KNOWN, KnownThings
+from uavgram.model.survey.known import NO_CONTROL_LINES, NO_KNOWN, ControlLines, KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 from uavgram.model.survey.ties import NO_TIES, TiePicks
 from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
-from uavgram.pipeline.measure.in_photos import check_picks, check_ties
 from uavgram.stages.duplicates import Duplicates, find_duplicates
 
+ANEW = "or take the tie points out by `uavgram picks ties --undo`, and look for them anew"
+
+
+def check_picks(project: Project, picks: Picks, photos: Photos) -> None:
+    """Refuse the first pick in a photo that is not there, or outside its photo.
+
+    Parameters
+    ----------
+    project
+        It names the table.
+    picks, photos
+        Of the project.
+
+    Raises
+    ------
+    InputError
+        Names file and line.
+    """
+    for i, why in _misplaced(picks.image, picks.pixel_px, photos):
+        what = f"the pick of {picks.label[i]!r}"
+        raise InputError(project.picks, f"{what} {why}", picks.line_of(i))
+
+
+def check_ties(path: str, ties: TiePicks, photos: Photos) -> None:
+    """Refuse the first sighting of a tie point in a photo that is not there, or outside its photo.
+
+    Parameters
+    ----------
+    path
+        The table.
+    ties, photos
+        Of the project.
+
+    Raises
+    ------
+    InputError
+        Names file and line.
+    """
+    for i, why in _misplaced(ties.image, ties.pixel_px, photos):
+        text = f"the sighting of tie point {ties.tie[i]!r} {why}; {ANEW}"
+        raise InputError(path, text, ties.line[i] if ties.line else None)
+
+
+def _misplaced(
+    images: Sequence[str], pixel_px: Floats, photos: Photos
+) -> Iterator[tuple[int, str]]:
+    """The first pixel that lies in no photo of the project, and why."""
+    at = {name: k for k, name in enumerate(photos.frame_id)}
+    photo = np.array([at.get(image, -1) for image in images], dtype=np.int64)
+    size = np.stack([photos.width_px, photos.height_px], axis=1)[photo]
+    inside = ((pixel_px >= -0.5) & (pixel_px <= size - 0.5)).all(axis=1)
+    for i in np.flatnonzero((photo < 0) | ~inside)[:1].tolist():
+        image, (u, v), (width, height) = images[i], pixel_px[i], size[i]
+        if photo[i] < 0:
+            yield (
+                i,
+                f"names the photo {image!r}, which is not among the project's "
+                f"images{_photo_hint(image, photos)}",
+            )
+        else:
+            yield (
+                i,
+                f"at ({u:g}, {v:g}) lies outside {image!r} "
+                f"({width:.0f} x {height:.0f} px, original and unrotated)",
+            )
+
+
+def _photo_hint(image: str, photos: Photos) -> str:
+    """Which photo may be meant."""
+    if normalize("NFC", image) in (normalize("NFC", name) for name in photos.frame_id):
+        return (
+            "; a photo's name looks the same, but its accents are stored in another way (as macOS "
+            "does): rename the photo without accents, and here too"
+        )
+    return f" ({near})" if (near := near_miss(image, photos.frame_id)) else ""
+
+
 if TYPE_CHECKING:
-    from uavgram.model.planned.plan import FlightPlanned
+    from uavgram.model.planned import FlightPlanned
 
 _CAMERA_TAGS = ("Image Make", "Image Model", "EXIF BodySerialNumber")
 

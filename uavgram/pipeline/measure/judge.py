@@ -10,8 +10,7 @@ from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message
-from uavgram.model.result.control_lines import ControlLineResults
-from uavgram.model.result.known import KnownResults
+from uavgram.model.result.known import ControlLineResults, KnownResults
 from uavgram.model.result.reliability import ChecksOverall, Evidence, RemovalRecord
 from uavgram.model.result.result import GroupFactor
 from uavgram.model.result.tables import LineChecks, LineResults, PickResults, PointChecks

@@ -1,7 +1,8 @@
-"""The pictures of a report: parts of the photos, within what a file may weigh."""
+"""Pictures of a survey: parts of photos for the report, photos for the recording."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import groupby
 from threading import Lock
 
@@ -11,6 +12,7 @@ from uavgram.imaging.photos.preview import Pixels, Preview, preview_of_whole
 from uavgram.imaging.top_view.ground_cut import cut_ground
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.io.digest import photo_files
+from uavgram.model.message import Message
 from uavgram.model.result.pictures import GroundPicture, Picture, Pictures, Region
 from uavgram.model.result.result import Result
 from uavgram.stages.products.picture_plan import picture_plan
@@ -92,3 +94,25 @@ def _frame(region: Region) -> int:
 def _name(result: Result, region: Region) -> str:
     rows = result.points.label if region.subject == "point" else result.measurements.name
     return rows[region.row]
+
+
+MOST_RECORDED = 5_000
+"""Photos in a recording: at some 0.3 MB each the viewer needs gigabytes to open more."""
+
+
+def carried(count: int) -> range:
+    """Rows of the photos that the recording of so many carries: all, or evenly some of them."""
+    return range(0, count, max(1, -(-count // MOST_RECORDED)))
+
+
+def with_thinning_told(result: Result) -> Result:
+    """The result with a note, where its recording carries only some of the photos."""
+    count = len(result.frames.frame_id)
+    rows = carried(count)
+    if len(rows) == count:
+        return result
+    text = (
+        f"The recording carries {len(rows)} of the {count} photos, one in {rows.step}: with all of "
+        "them it would be too large to open. Nothing else is left out of it."
+    )
+    return replace(result, messages=(*result.messages, Message("info", "recording-thinned", text)))

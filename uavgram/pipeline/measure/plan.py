@@ -15,8 +15,7 @@ from uavgram.imaging.top_view.photo_cache import PhotoCache
 from uavgram.io.exports.geotiff import write_turned_picture
 from uavgram.io.outputs import replace_bytes
 from uavgram.io.results.results_json import dump_results
-from uavgram.model.maps.plan import PLAN_PDF, Plan, PlanSheet, PlanWish
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import PLAN_PDF, GroundRaster, Plan, PlanSheet, PlanWish
 from uavgram.model.result.result import Result
 from uavgram.pipeline.ground_picture import photos_for, whole_picture
 from uavgram.pipeline.measure.exports import on_map

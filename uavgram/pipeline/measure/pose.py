@@ -15,27 +15,25 @@ from uavgram.geometry.earth.geodesy import (
     are_exchanged,
     curvature_drop,
     enu_from_geodetic,
+    misfit,
+    utm_crs,
+    with_axes_exchanged,
 )
-from uavgram.geometry.earth.map_projection import misfit, utm_crs, with_axes_exchanged
 from uavgram.model.arrays import Floats, rows_of
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.log import FlightLog, HeightDatum
-from uavgram.model.flight.pairing import Pairing
-from uavgram.model.flight.photo_poses import Flight, PhotoExposures, PhotoPoses
-from uavgram.model.flight.second_opinions import LogFault
-from uavgram.model.flight.telemetry import Telemetry
+from uavgram.model.flight.frames import Frames, Pairing
+from uavgram.model.flight.log import FlightLog, HeightDatum, LogFault
+from uavgram.model.flight.pose import Flight, PhotoExposures, PhotoPoses, Telemetry
 from uavgram.model.message import Message
 from uavgram.model.options import GeodeticOrigin, MountOptions
 from uavgram.model.survey.observations import KnownPoints, KnownWorldPoints
-from uavgram.model.survey.world import Geodetic, World
+from uavgram.model.survey.survey import Geodetic, World
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of
 from uavgram.stages.seed import seed
-from uavgram.stages.seed.fault_messages import fault_messages
-from uavgram.stages.seed.flight_evidence import gather_evidence
+from uavgram.stages.seed.fault_effects import fault_messages
 from uavgram.stages.seed.log_faults import find_faults
 from uavgram.stages.seed.logged_positions import positions_at
 from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
-from uavgram.stages.seed.track import build_track, find_home
+from uavgram.stages.seed.track import build_track, find_home, gather_evidence
 from uavgram.stages.synchronise import Synchronised, synchronise
 from uavgram.stages.synchronise.by_ties import poses_of
 

@@ -15,20 +15,24 @@ from uavgram.io.digest import photo_files
 from uavgram.io.outputs import replace_bytes, staged_output
 from uavgram.io.own_files import check_folder_of_project
 from uavgram.io.results.results_json import write_results
-from uavgram.model.maps.plan import PLAN_PDF, Paper, PlanWish
+from uavgram.model.maps import PLAN_PDF, Paper, PlanWish
 from uavgram.model.result.result import Result
-from uavgram.model.result.ties import TieCloud
+from uavgram.model.result.tables import TieCloud
 from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.exports import exports
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.journal import Journal
-from uavgram.pipeline.measure.pictures import ReportPictures, ground_picture
-from uavgram.pipeline.measure.thinned import carried, with_thinning_told
+from uavgram.pipeline.measure.pictures import (
+    ReportPictures,
+    carried,
+    ground_picture,
+    with_thinning_told,
+)
 from uavgram.pipeline.measure.tie_points import are_missing, pose_before_ties, with_ties_found
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.summarise_ties import tie_cloud
+from uavgram.stages.summarise import tie_cloud
 from uavgram.views.recording.write import write_recording
 from uavgram.views.report import annex_of, check_pdf, report_pdf, write_report
 

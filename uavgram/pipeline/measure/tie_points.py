@@ -19,7 +19,7 @@ from uavgram.stages.synchronise.boots import has_events
 from uavgram.stages.tie.remarks import remarks
 
 if TYPE_CHECKING:
-    from uavgram.pipeline.ties.search import Found
+    from uavgram.pipeline.ties import Found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,7 +63,7 @@ def tied(inputs: Inputs, posed: Posed, progress: Progress = silent) -> Tied:
     InputError
         A photo cannot be read.
     """
-    from uavgram.pipeline.ties.search import Scene, find_ties  # noqa: PLC0415 - slow to load
+    from uavgram.pipeline.ties import Scene, find_ties  # noqa: PLC0415 - slow to load
 
     copies = duplicates_of(inputs).photos
     rows = [k for k, name in enumerate(inputs.photos.frame_id) if name not in copies]

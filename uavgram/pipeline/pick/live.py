@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.measuring.next_length import LineAdvice, next_line
 from uavgram.estimation.measuring.predicted_pixels import (
     FlightOfPhotos,
     PredictedPixels,
@@ -22,16 +21,17 @@ from uavgram.estimation.measuring.predicted_pixels import (
     predict_unpicked,
 )
 from uavgram.estimation.measuring.propagation import values_at
+from uavgram.estimation.measuring.scale import LineAdvice, next_line
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.departures import heights_at
-from uavgram.estimation.survey.observations.tapes import taped_known
+from uavgram.estimation.survey.observations.lengths import taped_known
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import KnownLines, MeasurementRequest, Picks
 from uavgram.pipeline.measure.compute import Computed, compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
-from uavgram.pipeline.measure.plates import with_sides
+from uavgram.pipeline.measure.observations import with_sides
 from uavgram.pipeline.measure.pose import Posed, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.linear_update import linear_update

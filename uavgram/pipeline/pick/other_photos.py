@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.measuring.known_pixels import pixels_of_known_points
+from uavgram.estimation.measuring.predicted_pixels import pixels_of_known_points
 from uavgram.geometry.ground.row_projection import RowPoses
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.pose import Poses
 from uavgram.pipeline.measure.pose import known_in_world
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
-from uavgram.pipeline.pick.planned_places import planned_places
+from uavgram.pipeline.pick.places import planned_places
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.products.map_layers import shown_poses
 from uavgram.stages.same_ground import same_ground as ground_in_photos

@@ -1,4 +1,4 @@
-"""Where the other photos should show what is picked, by the last adjustment and what came since."""
+"""Places where other photos and planned lines should show what is picked."""
 
 from __future__ import annotations
 
@@ -11,16 +11,52 @@ from uavgram.errors import UavgramError
 from uavgram.estimation.measuring.transferred_pixels import Clicked, Transferred, transferred
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.observed import NO_CONTROL
+from uavgram.geometry.earth.geodesy import enu_from_geodetic, geodetic_from_enu
 from uavgram.imaging.matching.matched import Sought
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.observations import Picks
+from uavgram.model.survey.observations import KnownWorldPoints, Picks
+from uavgram.model.survey.survey import World
 from uavgram.pipeline.match.adjusting import UNEVEN_M
 from uavgram.pipeline.match.search import LEAST_PX, sought_at
+from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.match.agreement import contradicted
-from uavgram.stages.match.plan import REGION, radii, stretches
+from uavgram.stages.match import REGION, contradicted, radii, stretches
+from uavgram.stages.products.mission import planned_origin
 from uavgram.stages.refine.more_picks import MorePicks, with_more_picks
+
+LAID_SIGMA_M = 0.5
+"""Who lays something by paces and sight is off by so much: half a step, a standard deviation."""
+
+
+def planned_places(inputs: Inputs, world: World) -> KnownWorldPoints:
+    """Ends of the plan's lines and middles of its plates; none without a plan or a place on earth.
+
+    On the project's ground, whatever height the plan took it to have: a plan is made at home.
+
+    Parameters
+    ----------
+    inputs
+        The project.
+    world
+        Where its local world lies.
+    """
+    planned = inputs.planned
+    if planned is None or world.origin is None:
+        return NO_CONTROL
+    lines, plates = planned.lines, planned.plates
+    laid = np.concatenate([lines.start_world_m, lines.end_world_m, plates.center_world_m])
+    latitude, longitude, _ = geodetic_from_enu(laid, planned_origin(planned))
+    places = enu_from_geodetic(latitude, longitude, world.origin[2], world.origin)
+    ground = inputs.project.ground
+    places[:, 2] = ground.height_m
+    sigma = [LAID_SIGMA_M, LAID_SIGMA_M, ground.height_sigma_m]
+    return KnownWorldPoints(
+        label=(*lines.start_label, *lines.end_label, *plates.name),
+        world_m=places,
+        sigma_m=np.broadcast_to(sigma, places.shape),
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.result.profiles import ProfileResults
+from uavgram.model.result.tables import ProfileResults
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.pipeline.pick.live import Adjusted
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.profiles import profiles
+from uavgram.stages.measure import profiles
 
 
 @with_one_blas_thread

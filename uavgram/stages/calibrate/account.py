@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.common_error import common_error
 from uavgram.estimation.calibration.projection_uncertainty import length_uncertainty
+from uavgram.estimation.calibration.reliability import common_error
 from uavgram.model.camera.board import BoardObservations
-from uavgram.model.camera.calibration_account import LengthUncertainty, LensEffect
-from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.model.camera.calibration_result import CalibrationResult, LengthUncertainty, LensEffect
 from uavgram.model.message import Message
 from uavgram.model.naming import figures
 

@@ -11,8 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.adjustment import Fit, adjust
-from uavgram.estimation.calibration.normals import UndeterminedError
+from uavgram.estimation.calibration.adjustment import Fit, UndeterminedError, adjust
 from uavgram.estimation.calibration.outliers import Snooped, snoop
 from uavgram.estimation.calibration.problem import Corners, State, lens_of
 from uavgram.estimation.calibration.projection_uncertainty import length_uncertainty

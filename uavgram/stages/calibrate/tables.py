@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.adjustment import fit_poses
-from uavgram.estimation.calibration.network import CELLS, tilts
-from uavgram.estimation.calibration.normals import normals_at
+from uavgram.estimation.calibration.adjustment import fit_poses, normals_of
+from uavgram.estimation.calibration.network import CELLS, residual_map, tilts
 from uavgram.estimation.calibration.outliers import BAD_PHOTO
 from uavgram.estimation.calibration.problem import (
     Corners,
@@ -20,7 +19,6 @@ from uavgram.estimation.calibration.problem import (
 )
 from uavgram.estimation.calibration.projection_uncertainty import projection_covariance, worst_sigma
 from uavgram.estimation.calibration.reliability import corner_tests
-from uavgram.estimation.calibration.systematics import residual_map
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
@@ -131,7 +129,7 @@ def _poses(judged: AssessedCalibration, everything: _Everything, files: tuple[st
     used = _used_weight(judged, everything)
     linear = linearise(fit.lens, everything.corners.weighted(used), state)
     assert linear is not None  # noqa: S101  (it could be adjusted)
-    normals = normals_at(fit.lens, linear, state)
+    normals = normals_of(fit.lens, linear)
     border = fit.border_covariance * judged.factor
     covariance = normals.pose_inverse * judged.factor
     covariance += normals.gain @ border @ np.swapaxes(normals.gain, 1, 2)

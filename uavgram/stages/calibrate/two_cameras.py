@@ -8,17 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.adjustment import Fit, adjust
-from uavgram.estimation.calibration.normals import UndeterminedError
+from uavgram.estimation.calibration.adjustment import Fit, UndeterminedError, adjust
+from uavgram.estimation.calibration.network import rolling_shutter
 from uavgram.estimation.calibration.problem import lens_of, pad
-from uavgram.estimation.calibration.systematics import rolling_shutter
 from uavgram.estimation.calibration.two_cameras import Split, best_split
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
 from uavgram.stages.calibrate.assessed import PHOTO_FACTOR_SIGNIFICANCE, AssessedCalibration
 from uavgram.stages.calibrate.choice import extended
-from uavgram.stages.calibrate.remarks_on_photos import shows_rolling_shutter
+from uavgram.stages.calibrate.remarks import shows_rolling_shutter
 
 
 class _Level(NamedTuple):

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.reliability.coordinate_faults import displaced, likely_fault
 from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.reliability.stated_values import displaced, likely_fault
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.tapes import Taped, taped_known
+from uavgram.estimation.survey.observations.lengths import Taped, taped_known
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.result.reliability import ChecksOverall

@@ -9,14 +9,13 @@ import numpy as np
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground.line_of_position import beside_line
 from uavgram.model.arrays import Floats
-from uavgram.model.result.control_lines import (
+from uavgram.model.result.known import (
     NO_LINES_OF_POSITION,
     ControlLineResults,
+    KnownResults,
     LineOfPositionStatus,
 )
-from uavgram.model.result.known import KnownResults
-from uavgram.model.survey.control_lines import LinePosition
-from uavgram.model.survey.known import KnownThings
+from uavgram.model.survey.known import KnownThings, LinePosition
 
 
 def judge_control_lines(

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 from scipy.special import ndtr
 
-from uavgram.estimation.reliability.core import core_fit
-from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.reliability.redundancy import core_fit, upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.model.message import Message
 from uavgram.model.result.known import KnownResults

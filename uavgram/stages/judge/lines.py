@@ -8,15 +8,13 @@ from itertools import chain
 import numpy as np
 
 from uavgram.errors import near_miss
-from uavgram.estimation.reliability.wrong_units import mistake
+from uavgram.estimation.reliability.stated_values import mistake
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
-from uavgram.estimation.survey.observations.lengths import named_ends
-from uavgram.estimation.survey.observations.tapes import taped_known
+from uavgram.estimation.survey.observations.lengths import named_ends, taped_known
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.photo_poses import PhotoExposures
-from uavgram.model.message import Message, Several
+from uavgram.model.flight.pose import PhotoExposures
+from uavgram.model.message import Message, Several, without_lengths
 from uavgram.model.naming import figures, listed
-from uavgram.model.remedy import without_lengths
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
 from uavgram.model.survey.observations import KnownLines

@@ -8,8 +8,7 @@ import numpy as np
 
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
-from uavgram.model.result.sources import only_by_program
-from uavgram.model.result.tables import MeasurementResults, PickResults
+from uavgram.model.result.tables import MeasurementResults, PickResults, only_by_program
 
 
 def judge_makers(picks: PickResults, measured: MeasurementResults) -> Iterator[Message]:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from uavgram.estimation.reliability.majority import most_gross
-from uavgram.estimation.reliability.wrong_units import mistake
+from uavgram.estimation.reliability.redundancy import most_gross
+from uavgram.estimation.reliability.stated_values import mistake
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message

@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.test_statistics import Observed
 from uavgram.estimation.survey.observations.kinds import kind_of
-from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Floats
 from uavgram.model.result.reliability import PriorResults, WeakestLinks
 from uavgram.stages.judge.tested_survey import TestedSurvey, effects_on

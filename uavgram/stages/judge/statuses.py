@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
 from uavgram.estimation.reliability.test_statistics import Observed
 from uavgram.estimation.survey.observations.kinds import kind_of
-from uavgram.estimation.survey.suspicion import Member
+from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus

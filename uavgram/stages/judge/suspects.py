@@ -8,8 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS
-from uavgram.estimation.survey.observations.observation import Misfit
-from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.observations.observation import Member, Misfit, Suspicion
 from uavgram.model.message import Message, Several
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.remedies import read_first

@@ -11,8 +11,8 @@ from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.measuring.scale import NOTHING, scale_sigmas
 from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS, suspicions
 from uavgram.estimation.reliability.external import Weakest, Worst, external_reliability
+from uavgram.estimation.reliability.hypotheses import set_aside
 from uavgram.estimation.reliability.redundancy import critical_value
-from uavgram.estimation.reliability.set_aside import set_aside
 from uavgram.estimation.reliability.test_statistics import (
     Observed,
     cofactors,
@@ -21,7 +21,7 @@ from uavgram.estimation.reliability.test_statistics import (
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.observations.kinds import READINGS
-from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.reliability import Effects
 from uavgram.stages.judge.checks import Withheld

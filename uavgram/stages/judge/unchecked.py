@@ -11,13 +11,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from uavgram.estimation.measuring.next_length import next_line
 from uavgram.estimation.measuring.propagation import MeasuredValues
+from uavgram.estimation.measuring.scale import next_line
 from uavgram.estimation.reliability.external import LARGEST_SIGMAS, Unseen
 from uavgram.model.arrays import Bools
-from uavgram.model.message import Message
+from uavgram.model.message import Message, Remedy
 from uavgram.model.naming import figures, listed
-from uavgram.model.remedy import Remedy
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.remedies import to_tape
 

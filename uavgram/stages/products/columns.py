@@ -11,9 +11,9 @@ import numpy as np
 
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.layers import Attribute
+from uavgram.model.maps import Attribute
 from uavgram.model.result.result import Result
-from uavgram.model.result.sources import sources_behind
+from uavgram.model.result.tables import sources_behind
 
 File = Literal["csv", "geojson", "map"]
 """measurements.csv; points.geojson; the layers of survey.gpkg, survey.kml and the drawings."""

@@ -6,12 +6,11 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
-from uavgram.geometry.motion.nadir_angles import nadir_from_gimbal
+from uavgram.geometry.motion.camera_motion import nadir_from_gimbal
 from uavgram.geometry.motion.rotation import ENU_FROM_NED, GIMBAL_FROM_CAMERA, ypr_from_matrix
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.geotag import GeoTags, PoseChoice
-from uavgram.model.flight.pose import Poses
-from uavgram.model.survey.world import World
+from uavgram.model.flight.pose import GeoTags, PoseChoice, Poses
+from uavgram.model.survey.survey import World
 
 
 def geotag(

@@ -1,6 +1,8 @@
-"""Draw: what a result looks like on the ground, as layers for maps, drawings and the review."""
+"""Draw: a result on the ground as layers for maps, drawings and the review."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -8,9 +10,9 @@ from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, sight_lines
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.pose import Poses
-from uavgram.model.maps.layers import Features, Layer
+from uavgram.model.maps import Features, Layer, ProfileSheet
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import PlanarUncertainty, PointResults
+from uavgram.model.result.tables import PlanarUncertainty, PointResults, ProfileResults
 from uavgram.stages.products.columns import (
     CONTROL_LINES,
     LENGTHS,
@@ -18,13 +20,186 @@ from uavgram.stages.products.columns import (
     POINTS,
     attributes,
 )
-from uavgram.stages.products.measured_shapes import ENCLOSED, counterclockwise, shape
-from uavgram.stages.products.off_ground import (
-    ground_below,
-    over_ground,
-    verticals,
-)
-from uavgram.stages.products.profile_sheets import profile_sheets
+
+ENCLOSED = frozenset({"area", "volume"})
+"""Kinds of measurement that are drawn as what their points enclose."""
+
+
+def shape(kind: str, corners: Floats) -> list[Floats]:
+    """(n, 3) polylines of a measurement on its corners (k, 3); one point alone has none."""
+    if kind == "coordinate" or len(corners) < 2:
+        return []
+    if kind in ENCLOSED:
+        return [np.concatenate([corners, corners[:1]])]
+    if kind == "plane_distance" and len(corners) == 4:
+        return [np.stack([corners[0], _foot_on_plane(corners)])]
+    if kind == "line_distance" and len(corners) > 2:
+        start, end = corners[1], corners[-1]
+        along = end - start
+        squared = float(along @ along)
+        share = float((corners[0] - start) @ along) / squared if squared > 0 else 0.0
+        return [np.stack([corners[0], start + share * along])]
+    return [corners]
+
+
+def _foot_on_plane(corners: Floats) -> Floats:
+    """(3,) place on the plane through the last three of four points nearest to the first."""
+    across = np.cross(corners[2] - corners[1], corners[3] - corners[1])
+    squared = float(across @ across)
+    share = float((corners[0] - corners[1]) @ across) / squared if squared > 0 else 0.0
+    return np.asarray(corners[0] - share * across)
+
+
+def counterclockwise(ring: Floats) -> Floats:
+    """The ring (v, 3), seen from above against the clock (shoelace formula)."""
+    east, north = (ring[:, :2] - ring[0, :2]).T
+    doubled = float(np.sum(east * np.roll(north, -1) - np.roll(east, -1) * north))
+    return ring[::-1].copy() if doubled < 0 else ring
+
+
+HEIGHT_COLUMNS = ("height_above_ground_m", "height_sigma_m")
+"""Numbers of a point's height that maps and drawings carry."""
+
+
+def ground_below(points: PointResults) -> Floats:
+    """(K, 3) places on the ground straight below the points; their own where they stand on it."""
+    feet = np.array(points.position_world_m)
+    feet[:, 2] -= np.nan_to_num(points.height_above_ground_m)
+    return feet
+
+
+def over_ground(
+    points: PointResults, shapes: Sequence[Floats], labels: Sequence[Sequence[str]]
+) -> tuple[Floats, ...]:
+    """How high the vertices of shapes stand over the ground; empty where all lie on it.
+
+    A vertex that is no point of the shape, such as a foot, is taken to have the ground of the
+    nearest one.
+
+    Parameters
+    ----------
+    points
+        All points.
+    shapes
+        (v, 3) vertices of each shape; v = 0 where it has no place.
+    labels
+        Points of each shape.
+
+    Returns
+    -------
+    (v,)
+        For each shape [m].
+    """
+    rows = {label: k for k, label in enumerate(points.label)}
+    off, feet = points.is_off_ground, ground_below(points)
+    if not any(off[rows[label]] for names in labels for label in names if label in rows):
+        return ()
+    above = []
+    for vertices, names in zip(shapes, labels, strict=True):
+        if not len(vertices):
+            above.append(np.zeros(0))
+            continue
+        below = feet[[rows[label] for label in names]]
+        apart = np.linalg.norm(vertices[:, None, :2] - below[None, :, :2], axis=2)
+        above.append(vertices[:, 2] - below[apart.argmin(axis=1), 2])
+    return tuple(above)
+
+
+def verticals(points: PointResults) -> Layer:
+    """From the ground up to each point that stands off it."""
+    rows, feet = np.flatnonzero(points.is_off_ground), ground_below(points)
+    return Layer(
+        name="verticals",
+        kind="line",
+        vertices_m=tuple(np.stack([feet[k], points.position_world_m[k]]) for k in rows),
+        attributes={
+            "label": tuple(points.label[k] for k in rows),
+            **{name: tuple(getattr(points, name)[rows].tolist()) for name in HEIGHT_COLUMNS},
+            "height_source": tuple(points.height_source[k] for k in rows),
+        },
+        above_ground_m=tuple(np.array([0.0, points.height_above_ground_m[k]]) for k in rows),
+    )
+
+
+TWO_SIDED_95 = 1.959963984540054
+"""Sigmas to either side that hold 95 % of a normal distribution."""
+
+_EXAGGERATIONS = (1, 2, 5, 10, 20, 50, 100)
+_HEIGHT_SHARE = 0.3  # of the length is the height of a drawing, at most
+_LEAST_SHARE = 0.06  # and so much it is at least
+_STATION_TICKS, _HEIGHT_TICKS = 8, 5
+
+
+def profile_sheets(profiles: ProfileResults, unit_m: float = 1.0) -> tuple[ProfileSheet, ...]:
+    """All profiles, each with axes that show its points and the intervals of their heights.
+
+    Parameters
+    ----------
+    profiles
+        As measured.
+    unit_m
+        Length in which the numbers at the axes are round.
+    """
+    return tuple(
+        _sheet(
+            name,
+            [profiles.label[i] for i in rows],
+            profiles.place_m[rows],
+            profiles.sigma_m[rows],
+            unit_m,
+        )
+        for name, rows in profiles.each()
+    )
+
+
+def _sheet(
+    name: str, label: list[str], place_m: Floats, sigma_m: Floats, unit_m: float
+) -> ProfileSheet:
+    station, _, height, ground = place_m.T
+    station_sigma, _, height_sigma, ground_sigma = sigma_m.T
+    bounds = np.concatenate(
+        [height + side * TWO_SIDED_95 * height_sigma for side in (-1, 1)]
+        + [ground + side * TWO_SIDED_95 * ground_sigma for side in (-1, 1)]
+    )
+    low, high = float(bounds.min()), float(bounds.max())
+    length = float(np.ptp(station))
+    wanted = [x for x in _EXAGGERATIONS if x * (high - low) <= _HEIGHT_SHARE * length]
+    exaggeration = max(wanted, default=1)
+    missing = _LEAST_SHARE * length / exaggeration - (high - low)
+    if missing > 0:
+        low, high = low - missing / 2, high + missing / 2
+    return ProfileSheet(
+        name=name,
+        label=tuple(label),
+        station_m=station,
+        height_m=height,
+        ground_m=ground,
+        station_sigma_m=station_sigma,
+        height_sigma_m=height_sigma,
+        ground_sigma_m=ground_sigma,
+        station_ticks_m=unit_m
+        * ticks(float(station.min()) / unit_m, float(station.max()) / unit_m, _STATION_TICKS),
+        height_ticks_m=unit_m * ticks(low / unit_m, high / unit_m, _HEIGHT_TICKS),
+        exaggeration=exaggeration,
+    )
+
+
+def ticks(low: float, high: float, most: int) -> Floats:
+    """Multiples of 1, 2 or 5 times a power of ten, from at or below `low` to at or above `high`.
+
+    Parameters
+    ----------
+    low, high
+        What they enclose; they differ.
+    most
+        Steps in between, at most; one or two more where the ends are no multiples.
+    """
+    least = (high - low) / most
+    power = 10.0 ** np.floor(np.log10(least))
+    step = power * min(f for f in (1, 2, 5, 10) if f * power >= least * (1 - 1e-9))
+    first, last = np.floor(low / step + 1e-9), np.ceil(high / step - 1e-9)
+    return np.arange(first, last + 0.5) * float(step)
+
 
 ELLIPSE_VERTICES = 36
 """Of an ellipse drawn as a polygon: its area is short of the curve's by 0.5 %."""

@@ -7,8 +7,8 @@ import numpy as np
 from uavgram.errors import GeometryError
 from uavgram.geometry.earth.geodesy import Origin, geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.mission import Autopilot, HeightFrame, Mission
-from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.maps import Autopilot, HeightFrame, Mission
+from uavgram.model.planned import FlightPlanned
 
 LEAST_HOLD_S = 1.0
 """Drone and gimbal swing for about so long after they have stopped."""

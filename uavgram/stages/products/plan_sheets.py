@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.plan import PAPER_MM, Paper, Plan, PlanSheet
+from uavgram.model.maps import PAPER_MM, Paper, Plan, PlanSheet
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips
 

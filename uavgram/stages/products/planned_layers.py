@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.earth.map_projection import utm_crs
+from uavgram.geometry.earth.geodesy import utm_crs
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.layers import Attribute, Features, Layer, ShapeKind
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.stages.products.measured_shapes import shape
+from uavgram.model.maps import Attribute, Features, Layer, ShapeKind
+from uavgram.model.planned import FlightPlanned
+from uavgram.stages.products.map_layers import shape
 from uavgram.stages.products.mission import planned_origin
 
 MOST_BASES = 60

@@ -6,12 +6,12 @@ import numpy as np
 
 from uavgram.errors import GeometryError, near_miss
 from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.earth.map_projection import projected_from_enu
+from uavgram.geometry.earth.geodesy import projected_from_enu
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import row_poses, sight_lines
 from uavgram.geometry.ground.top_view import LEAST_SINE, View
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster
 from uavgram.model.naming import figures
 from uavgram.model.result.result import Result
 

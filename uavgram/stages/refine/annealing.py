@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.reliability.majority import MOST_OF_A_KIND, most_gross
+from uavgram.estimation.reliability.redundancy import MOST_OF_A_KIND, most_gross
 from uavgram.estimation.reliability.test_statistics import cofactors
 from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.observations.tapes import tape_rows, taped_lines
+from uavgram.estimation.survey.observations.lengths import tape_rows, taped_lines
 from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.stages.refine.begin.softened import SLACK

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from uavgram.estimation.reliability.core import core_fit
+from uavgram.estimation.reliability.redundancy import core_fit
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE
 from uavgram.model.message import Message

@@ -8,12 +8,12 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.estimation.reliability.coordinate_faults import displaced, likely_fault
+from uavgram.estimation.reliability.stated_values import displaced, likely_fault
 from uavgram.estimation.survey.adjustment import LeftOutRows, Refined, Removal
 from uavgram.estimation.survey.departures import heights_above_ground
 from uavgram.estimation.survey.observations.known import known_rows
-from uavgram.estimation.survey.observations.tapes import Taped, taped_lines
-from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.observations.lengths import Taped, taped_lines
+from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.survey import Survey

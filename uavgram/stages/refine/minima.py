@@ -11,9 +11,9 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.first_points import with_first_ties
+from uavgram.estimation.first_poses.known_frames import align_in_plane
 from uavgram.estimation.first_poses.network import FirstValues
-from uavgram.estimation.first_poses.plane_network import align_in_plane
-from uavgram.estimation.first_poses.tie_points import with_first_ties
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.geometry.ground.plane_of_most import plane_of_most
+from uavgram.geometry.ground.plane import plane_of_most
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import Beside, Sightings

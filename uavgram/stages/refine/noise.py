@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.core import redundancy_of
+from uavgram.estimation.reliability.redundancy import redundancy_of
 from uavgram.estimation.reliability.variance_components import (
     Component,
     Estimated,
@@ -25,9 +25,9 @@ from uavgram.estimation.reliability.variance_components import (
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.geometry.ground.relief import spread_knots
+from uavgram.geometry.ground.plane import spread_knots
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.result.noise import AreaNoise, LearntSigma, Noise, PickNoise, SurfaceShape
+from uavgram.model.result.reliability import AreaNoise, LearntSigma, Noise, PickNoise, SurfaceShape
 from uavgram.model.survey.survey import Relief, Survey
 from uavgram.stages.refine.continued import carried, continued, lines_used
 from uavgram.stages.refine.outstanding import Outstanding, outstanding

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from uavgram.model.message import Message
 from uavgram.model.naming import figures
-from uavgram.model.result.noise import AreaNoise, Noise, PickNoise
+from uavgram.model.result.reliability import AreaNoise, Noise, PickNoise
 
 CARELESS = 2.5
 """Factor of the stated identification beyond which tape and picks no longer mean the same point."""

@@ -10,9 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.reliability.core import core_fit
 from uavgram.estimation.reliability.hypotheses import log_probability
-from uavgram.estimation.reliability.redundancy import level_of_each, upper_tail
+from uavgram.estimation.reliability.redundancy import core_fit, level_of_each, upper_tail
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment

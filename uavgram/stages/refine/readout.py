@@ -11,7 +11,7 @@ from dataclasses import replace
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.rolling import FELT_PX, edge_shift_px, with_readout
-from uavgram.model.camera.readout import Readout
+from uavgram.model.camera.tags import Readout
 from uavgram.model.message import Message
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.continued import continued

@@ -11,17 +11,15 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.known_frames import known_rows
-from uavgram.estimation.measuring.next_length import distance_changes, line_faults, next_line
+from uavgram.estimation.measuring.scale import distance_changes, line_faults, next_line
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined, Removal
 from uavgram.estimation.survey.names import Names
-from uavgram.estimation.survey.suspicion import Suspicion
+from uavgram.estimation.survey.observations.observation import Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message, Several
-from uavgram.model.naming import figures, listed
-from uavgram.model.remedy import unpicked
+from uavgram.model.message import Message, Several, unpicked
+from uavgram.model.naming import FOOT_M, figures, listed
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
-from uavgram.model.units import FOOT_M
 from uavgram.stages.refine.lengths_in_view import odd_in_view, ratios_in_view
 from uavgram.stages.remedies import read_first
 

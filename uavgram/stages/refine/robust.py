@@ -17,15 +17,15 @@ from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
-from uavgram.estimation.reliability.majority import MOST_OF_A_KIND
+from uavgram.estimation.reliability.redundancy import MOST_OF_A_KIND
+from uavgram.estimation.reliability.stated_values import mistake
 from uavgram.estimation.reliability.test_statistics import cofactors
-from uavgram.estimation.reliability.wrong_units import mistake
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import kind_of
 from uavgram.estimation.survey.selection import select_control, select_picks, without_known
-from uavgram.geometry.ground.plane_of_most import plane_of_most
+from uavgram.geometry.ground.plane import plane_of_most
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.naming import listed_photos

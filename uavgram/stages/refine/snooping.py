@@ -7,7 +7,7 @@ from typing import NamedTuple
 from uavgram.estimation.reliability.data_snooping import suspicions
 from uavgram.estimation.reliability.test_statistics import observed
 from uavgram.estimation.survey.adjustment import Refined, Removal
-from uavgram.estimation.survey.suspicion import Suspicion
+from uavgram.estimation.survey.observations.observation import Suspicion
 
 STATED = ("lengths", "known")
 """Groups of readings that bear on several points each."""

@@ -21,7 +21,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message, Several
-from uavgram.model.result.noise import Noise, PickNoise
+from uavgram.model.result.reliability import Noise, PickNoise
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
 from uavgram.stages.refine.begin.photo_motion import ask_for_shutter, is_in_question

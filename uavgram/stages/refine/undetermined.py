@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
-from uavgram.estimation.measuring.next_length import line_faults
+from uavgram.estimation.measuring.scale import line_faults
 from uavgram.estimation.survey.unknowns import Layout
 from uavgram.model.arrays import Bools
 from uavgram.model.survey.survey import Survey

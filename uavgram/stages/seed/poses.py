@@ -18,11 +18,9 @@ from uavgram.geometry.motion.telemetry_pose import (
 )
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.photo_poses import Flight, PhotoExposures
-from uavgram.model.flight.pose import Poses, TelemetryPrior
-from uavgram.model.flight.telemetry import Telemetry
+from uavgram.model.flight.pose import Flight, PhotoExposures, Poses, Telemetry, TelemetryPrior
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.freed_frames import Faults, freed_by, unsure_s
+from uavgram.stages.seed.fault_effects import Faults, freed_by, unsure_s
 
 STEADY_CLOCK = 1e-9
 """Drift sigma of instants that are the flight's own: an unknown needs one, no quartz is better."""

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.clocks.boot_clock import to_boot
+from uavgram.estimation.clocks.clock_line import to_boot
 from uavgram.estimation.clocks.tied_clock import TiedClock, tied_clock
+from uavgram.estimation.first_poses.tied.bundle import TiedPoses, rays_of
 from uavgram.estimation.first_poses.tied.placing import levelled
-from uavgram.estimation.first_poses.tied.survey_rays import rays_of
 from uavgram.estimation.first_poses.tied.tied_poses import tied_poses
-from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import ENU_FROM_NED

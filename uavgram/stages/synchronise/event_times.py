@@ -1,4 +1,4 @@
-"""Instants of photos from the camera events they were aligned with.
+"""Instants of photos from camera events, and frames placed at their instants.
 
 Where each number comes from:
 
@@ -21,14 +21,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.estimation.clocks.alignment import Alignment
-from uavgram.estimation.clocks.clock_line import COARSE_S
-from uavgram.geometry.earth.gps_time import span_text
+from uavgram.estimation.clocks.clock_line import COARSE_S, to_utc
+from uavgram.geometry.earth.gps_time import span_text, utc_text
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.frames import Photos
-from uavgram.model.flight.pairing import Pairing, PairStatus
-from uavgram.model.message import Message
+from uavgram.model.flight.frames import Frames, Pairing, PairStatus, Photos
+from uavgram.model.message import Message, Several
 from uavgram.model.options import TimeOptions
-from uavgram.stages.synchronise.boots import ClockedBoot
+from uavgram.stages.synchronise.boots import ClockedBoot, is_inside
 
 HOW = (
     "Set time.offset_s (camera clock minus UTC, in seconds; compare a photo's time with the "
@@ -215,3 +214,79 @@ def _frames(pairing: Pairing, rows: list[int]) -> tuple[str, ...]:
 def _named(pairing: Pairing, rows: list[int]) -> str:
     shown = "; ".join(f"{pairing.frame_id[k]} ({pairing.reason[k]})" for k in rows[:_NAMED])
     return shown + (f"; and {len(rows) - _NAMED} more" if len(rows) > _NAMED else "")
+
+
+LONGEST_GAP_S = 1.0  # to the nearest logged position
+LOOK = "Look whether it is of this flight, and at time.offset_s."
+
+
+def placed_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames:
+    """Frames with the reason why one has no place in the log.
+
+    Parameters
+    ----------
+    photos
+        The photos, with their file times.
+    chosen
+        The boot that contains the photos.
+    timing
+        Instants of all photos.
+    """
+    positions = chosen.boot.positions
+    logged = np.zeros(0) if positions is None else to_utc(chosen.clock, positions.time_boot_s)
+    time = timing.time_utc_s
+    known = np.isfinite(time)
+    inside = is_inside(time, chosen)
+    gap = np.full(len(time), np.inf)
+    gap[known] = _to_nearest(time[known], logged)
+    matched = inside & (gap <= LONGEST_GAP_S)
+    first, last = chosen.span_utc_s()
+    reasons = []
+    for k in range(len(time)):
+        if matched[k]:
+            reasons.append("")
+        elif not known[k]:
+            reasons.append("no capture time in the file")
+        elif not inside[k]:
+            reasons.append(_outside(float(time[k]), first, last))
+        else:
+            reasons.append(f"the log has a gap here: its nearest position is {gap[k]:.1f} s away")
+    return Frames(
+        frame_id=photos.frame_id,
+        time_utc_s=time,
+        sigma_time_s=np.where(known, timing.sigma_time_s, np.nan),
+        matched=matched,
+        reason=tuple(reasons),
+        clock_offset_s=timing.offset_s,
+        clock_offset_sigma_s=timing.offset_sigma_s,
+        clock_drift_sigma=timing.drift_sigma,
+    )
+
+
+def _outside(time: float, first: float, last: float) -> str:
+    end, how = (first, "before the log begins") if time < first else (last, "after the log ends")
+    return f"taken {span_text(abs(time - end))} {how} ({utc_text(time)}, the log {utc_text(end)})"
+
+
+def _to_nearest(time: Floats, samples: Floats) -> Floats:
+    """(F,) distance to the nearest sample."""
+    if not len(samples):
+        return np.full(len(time), np.inf)
+    right = np.clip(np.searchsorted(samples, time), 0, len(samples) - 1)
+    left = np.maximum(right - 1, 0)
+    return np.minimum(np.abs(samples[right] - time), np.abs(time - samples[left]))
+
+
+def unmatched_messages(frames: Frames) -> tuple[Message, ...]:
+    """One warning for each frame that has no place in the log."""
+    return tuple(
+        Message(
+            "warning",
+            "frame-unmatched",
+            f"The photo {frame!r} has no place in the log: {reason}. {LOOK}",
+            frames=(frame,),
+            several=Several("{count} photos have no place in the log", repr(frame), reason, LOOK),
+        )
+        for frame, reason in zip(frames.frame_id, frames.reason, strict=True)
+        if reason
+    )

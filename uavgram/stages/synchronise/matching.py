@@ -1,6 +1,6 @@
 """Which instant of the flight belongs to which photo.
 
-The log's boot clock is tied to UTC (estimation/clocks/boot_clock.py); the photos' clock is tied to
+The log's boot clock is tied to UTC (estimation/clocks/clock_line.py); the photos' clock is tied to
 it by a stated offset, or by aligning photos with the log's camera events. Photos are never paired
 with events by their order alone, unless both are equally many and the project asks for it.
 """
@@ -11,16 +11,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
+from uavgram.estimation.first_poses.tied.bundle import TiedPoses
 from uavgram.geometry.earth.gps_time import DAY_S
-from uavgram.model.flight.frames import Frames, Photos
+from uavgram.model.flight.frames import Frames, Pairing, Photos
 from uavgram.model.flight.log import Boot, BootClock, FlightLog
-from uavgram.model.flight.pairing import Pairing
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.boots import apart, has_events, usable_boots
 from uavgram.stages.synchronise.by_ties import by_ties
-from uavgram.stages.synchronise.placement import placed_frames, unmatched_messages
+from uavgram.stages.synchronise.event_times import placed_frames, unmatched_messages
 from uavgram.stages.synchronise.timing import by_alignment, by_offset, by_order
 
 Ties = Callable[[], TiedPoses | None]

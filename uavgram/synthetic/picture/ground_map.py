@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.camera.projection import project
-from uavgram.geometry.motion.row_poses import row_share
+from uavgram.geometry.motion.camera_motion import row_share
 from uavgram.imaging.raster import Weights
 from uavgram.model.arrays import Floats
 from uavgram.synthetic.scene import Surface

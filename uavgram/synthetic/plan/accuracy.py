@@ -10,14 +10,16 @@ import numpy as np
 from uavgram.errors import GeometryError
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.model.arrays import Floats
-from uavgram.model.planned.parts import (
+from uavgram.model.planned import (
     AccuracyGrid,
+    ChosenBy,
+    Gain,
+    Laid,
     PlannedLines,
     PlannedMeasurements,
     PlannedPlates,
+    PlanRequest,
 )
-from uavgram.model.planned.plan import ChosenBy, Gain
-from uavgram.model.planned.request import Laid, PlanRequest
 from uavgram.model.target_families import plate_label
 from uavgram.synthetic.plan.cameras import large_enough, seen
 from uavgram.synthetic.plan.choose import SPOTS_AT_FIRST, Choice, good_enough, lengths

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.model.arrays import Floats
-from uavgram.model.planned.request import Laid, PlanRequest
+from uavgram.model.planned import Laid, PlanRequest
 from uavgram.pipeline.progress import Progress
 from uavgram.synthetic.plan.flights import Flight
 from uavgram.synthetic.plan.layouts import (

@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.errors import GeometryError
 from uavgram.geometry.ground.polygons import contains, crosses, long_axis
 from uavgram.model.arrays import Floats
-from uavgram.model.planned.request import FlightPattern, PlanRequest
+from uavgram.model.planned import FlightPattern, PlanRequest
 from uavgram.synthetic.plan.cameras import Cameras, seen
 from uavgram.synthetic.plan.scene import PlanScene
 from uavgram.synthetic.plan.wanted import Wanted, grid_in

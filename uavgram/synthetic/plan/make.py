@@ -11,14 +11,17 @@ from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.naming import figures
-from uavgram.model.planned.parts import (
+from uavgram.model.planned import (
+    Assumptions,
+    FlightFacts,
+    FlightPlanned,
     PlannedFrames,
     PlannedLines,
     PlannedMeasurements,
     PlannedPlates,
     PlannedPoints,
+    PlannedSite,
 )
-from uavgram.model.planned.plan import Assumptions, FlightFacts, FlightPlanned, PlannedSite
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.synthetic.plan.accuracy import (
     accuracy_grid,

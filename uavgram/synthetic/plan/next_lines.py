@@ -17,7 +17,7 @@ from uavgram.estimation.survey.unknowns import Layout
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
-from uavgram.model.planned.next_lines import NextLines
+from uavgram.model.planned import NextLines
 from uavgram.model.survey.observations import KnownLines
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import NO_SIGHTINGS

@@ -14,10 +14,9 @@ from uavgram.io.exports.mission_qgc import qgc_plan_text
 from uavgram.io.exports.mission_waypoints import waypoints_text
 from uavgram.io.outputs import as_output_errors, replace_bytes, replace_text, staged_output
 from uavgram.io.results.plan_json import write_plan
-from uavgram.model.maps.mission import Autopilot, HeightFrame
-from uavgram.model.maps.plan import Paper
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.model.units import METRIC, Units
+from uavgram.model.maps import Autopilot, HeightFrame, Paper
+from uavgram.model.naming import METRIC, Units
+from uavgram.model.planned import FlightPlanned
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.products.mission import flight_mission

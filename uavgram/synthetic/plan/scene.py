@@ -10,9 +10,8 @@ import numpy as np
 
 from uavgram.errors import InputError, near_miss
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
-from uavgram.geometry.ground.polygons import counterclockwise, long_axis
+from uavgram.geometry.ground.polygons import counterclockwise, long_axis, squares_on_plane
 from uavgram.geometry.ground.shapes import polygon_self_intersects
-from uavgram.geometry.ground.squares import squares_on_plane
 from uavgram.io.area_file import Area, AreaFile, read_areas
 from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
@@ -23,7 +22,7 @@ from uavgram.model.options import (
     TapeOptions,
     TelemetryOptions,
 )
-from uavgram.model.planned.request import Corners, PlanRequest
+from uavgram.model.planned import Corners, PlanRequest
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.synthetic.inputs import project_of
 from uavgram.synthetic.observe import Still

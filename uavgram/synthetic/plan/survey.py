@@ -16,8 +16,7 @@ from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.photo_poses import PhotoExposures
-from uavgram.model.flight.telemetry import Telemetry
+from uavgram.model.flight.pose import PhotoExposures, Telemetry
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.model.target_families import CORNERS, corner_label

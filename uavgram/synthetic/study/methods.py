@@ -20,7 +20,7 @@ from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane_pose import pose_above_plane
 from uavgram.imaging.known_point_pose import FEWEST_POINTS, poses_from_points
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.study.study import MethodRow
+from uavgram.model.simulation import MethodRow
 from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, method_scenes
 
 Starts = tuple[Floats, Floats]

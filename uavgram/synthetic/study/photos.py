@@ -14,8 +14,7 @@ from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.options import GroundOptions
-from uavgram.model.simulation.photo import PhotoDesign, PhotoDraws
-from uavgram.model.study.study import Cell
+from uavgram.model.simulation import Cell, PhotoDesign, PhotoDraws
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.study.method_scenes import AREA_M, FOCAL_PX, LOG_SIGMA, SIZE_PX, study_camera
 

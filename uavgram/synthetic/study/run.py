@@ -12,7 +12,7 @@ from typing import Any
 from uavgram.errors import UavgramError, near_miss
 from uavgram.io.outputs import staged_output
 from uavgram.io.results.study_json import write_studies
-from uavgram.model.study.study import MethodRow, Study
+from uavgram.model.simulation import MethodRow, Study
 from uavgram.pipeline.parallel import in_processes
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import one_blas_thread

@@ -9,8 +9,7 @@ import numpy as np
 from uavgram.estimation.calibration.difference import CameraDifference
 from uavgram.geometry.camera.facts import CameraFacts
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.provenance import CameraProvenance
+from uavgram.model.camera.calibration import Calibration, CameraProvenance
 from uavgram.views.terminal import aligned
 from uavgram.views.wording import number
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration_account import LensEffect
-from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.model.camera.calibration_result import CalibrationResult, LensEffect
 from uavgram.views.calibration.drawing import (
     hex_colours,
     is_dark,

@@ -11,8 +11,12 @@ import numpy as np
 from uavgram.imaging.photos.preview import jpeg_of_width
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import Board
-from uavgram.model.camera.calibration_account import CalibrationAccount, LensEffect
-from uavgram.model.camera.calibration_result import CalibrationResult, ModelScore
+from uavgram.model.camera.calibration_result import (
+    CalibrationAccount,
+    CalibrationResult,
+    LensEffect,
+    ModelScore,
+)
 from uavgram.views.calibration.camera_text import parameter_cells
 from uavgram.views.calibration.drawing import SQRT2, pixels_text, rows_by_photo
 from uavgram.views.calibration.maps import (

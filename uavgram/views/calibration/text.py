@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.camera.calibration_account import CalibrationAccount
-from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.model.camera.calibration_result import CalibrationAccount, CalibrationResult
 from uavgram.views.calibration.camera_text import parameter_cells
 from uavgram.views.calibration.drawing import SQRT2, pixels_text
 from uavgram.views.calibration.verdict import calibration_facts, judge_calibration

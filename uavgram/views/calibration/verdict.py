@@ -8,8 +8,11 @@ from typing import Literal
 import numpy as np
 
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.calibration_account import CalibrationAccount, LensEffect
-from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.model.camera.calibration_result import (
+    CalibrationAccount,
+    CalibrationResult,
+    LensEffect,
+)
 from uavgram.views.calibration.drawing import pixels_text
 from uavgram.views.survey.drawing import largest_known
 from uavgram.views.wording import LEVEL_RANK

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.model.units import Units
+from uavgram.model.naming import Units
+from uavgram.model.planned import FlightPlanned
 from uavgram.stages.products.planned_layers import wanted_shapes
 from uavgram.views.field_sheet.names import placed_names
 from uavgram.views.field_sheet.paper import WIDTH, Paper

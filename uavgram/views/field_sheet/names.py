@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.model.units import Units
+from uavgram.model.naming import Units
+from uavgram.model.planned import FlightPlanned
 from uavgram.views.field_sheet.paper import WIDTH, Paper
 from uavgram.views.planned.numbers import metres
 from uavgram.views.survey.texts import Letters, Text, Wanted, box, placed_texts

@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 import math
 
-from uavgram.model.maps.plan import Paper
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.model.units import METRIC, Units
+from uavgram.model.maps import Paper
+from uavgram.model.naming import METRIC, Units
+from uavgram.model.planned import FlightPlanned
 from uavgram.views.field_sheet.drawing import field_drawing
 from uavgram.views.field_sheet.names import LETTERS
 from uavgram.views.pages import page_environment

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.planned import FlightPlanned
 from uavgram.stages.products.planned_layers import grid_cells
 from uavgram.views.field_sheet.paper import Paper
 from uavgram.views.planned.numbers import centimetres

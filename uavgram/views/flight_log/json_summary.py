@@ -7,16 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from uavgram.estimation.clocks.boot_clock import to_utc
+from uavgram.estimation.clocks.clock_line import to_utc
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import (
+    BootSummary,
     CameraEvents,
     EstimatorSigmas,
     GimbalSamples,
     HomeSamples,
+    LogSummary,
     PositionSamples,
 )
-from uavgram.model.flight.log_summary import BootSummary, LogSummary
 
 
 def log_summary_object(summary: LogSummary) -> Any:  # noqa: ANN401

@@ -21,12 +21,13 @@ from uavgram.model.flight.log import (
     AttitudeSamples,
     Boot,
     BootClock,
+    BootSummary,
     CameraEvents,
     EstimatorSigmas,
+    LogSummary,
     PositionSamples,
     ReceptionSamples,
 )
-from uavgram.model.flight.log_summary import BootSummary, LogSummary
 from uavgram.views.flight_log.text import KINDS
 
 _BLUE, _ORANGE, _RED, _GREY, _GREEN = "#2f6fb5", "#d9730d", "#c92a2a", "#8a8f98", "#2b8a3e"

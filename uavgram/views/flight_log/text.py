@@ -9,14 +9,15 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import (
     BootClock,
+    BootSummary,
     CameraEvents,
     EstimatorSigmas,
     GimbalSamples,
     HomeSamples,
+    LogSummary,
     MessageCount,
     PositionSamples,
 )
-from uavgram.model.flight.log_summary import BootSummary, LogSummary
 
 KINDS = {
     "dataflash": "ArduPilot DataFlash log",

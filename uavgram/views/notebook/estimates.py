@@ -6,9 +6,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from uavgram.model.result.orientation import POSE_NAMES
 from uavgram.model.result.result import Result
-from uavgram.model.result.shared import Estimate
+from uavgram.model.result.shared import POSE_NAMES, Estimate
 
 Row = dict[str, object]
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.model.columns import Column, columns_of
+from uavgram.model.naming import Column, columns_of
 from uavgram.model.result.reliability import Evidence
 from uavgram.model.result.result import Result
 from uavgram.views.notebook.estimates import camera_rows, orientation_rows, shared_rows

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.patches import Polygon, Rectangle
 
-from uavgram.model.maps.plan import Plan
+from uavgram.model.maps import Plan
 from uavgram.model.result.result import Result
 from uavgram.views.plan.notes import fitted, plan_notes
 from uavgram.views.plan.sheet import INK as BLACK

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.model.case import case_from_options
+from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.views.plan.sheet import Sheet, width_mm
 from uavgram.views.plan.surveyed import DOUBT, is_doubtful

@@ -17,8 +17,7 @@ from PIL import Image
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.plan import Plan, PlanSheet
-from uavgram.model.maps.raster import GroundRaster
+from uavgram.model.maps import GroundRaster, Plan, PlanSheet
 from uavgram.model.result.result import Result
 from uavgram.views.plan.jpeg_pages import JpegPages
 from uavgram.views.plan.legend import draw_legend, outline_sheets

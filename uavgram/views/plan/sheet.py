@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.textpath import TextPath
 
 from uavgram.model.arrays import Floats
-from uavgram.model.maps.plan import Plan, PlanSheet
+from uavgram.model.maps import Plan, PlanSheet
 from uavgram.stages.products.text_places import Label, Where, place_labels
 
 MM_OF_POINT = 25.4 / 72.0

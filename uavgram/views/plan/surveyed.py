@@ -8,8 +8,12 @@ import numpy as np
 
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
-from uavgram.stages.products.map_layers import measured_strips, position_strips, reference_strips
-from uavgram.stages.products.measured_shapes import ENCLOSED
+from uavgram.stages.products.map_layers import (
+    ENCLOSED,
+    measured_strips,
+    position_strips,
+    reference_strips,
+)
 from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, half_text
 from uavgram.views.survey.sheet import INK
 from uavgram.views.units import column, round_bar, units_of, value_text

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.model.units import Units
+from uavgram.model.naming import Units
+from uavgram.model.planned import FlightPlanned
 from uavgram.views.planned.numbers import centimetres, metres
 from uavgram.views.planned.words import WORTH_SAYING
 from uavgram.views.units import spread_text, value_text

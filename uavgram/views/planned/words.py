@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import counted, listed
-from uavgram.model.planned.plan import FlightPlanned
+from uavgram.model.planned import FlightPlanned
 from uavgram.views.planned.numbers import centimetres, metres
 
 LOW_CHECK = 0.1

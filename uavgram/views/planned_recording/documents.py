@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import rerun as rr
 
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.model.units import Units
+from uavgram.model.naming import Units
+from uavgram.model.planned import FlightPlanned
 from uavgram.views.markdown import plain, table
 from uavgram.views.planned.numbers import metres
 from uavgram.views.planned.tables import line_rows, plate_rows, value_rows

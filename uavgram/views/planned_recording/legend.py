@@ -6,8 +6,8 @@ import numpy as np
 import rerun as rr
 from PIL import Image, ImageDraw, ImageFont
 
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.model.units import Units
+from uavgram.model.naming import Units
+from uavgram.model.planned import FlightPlanned
 from uavgram.views.planned.numbers import centimetres, metres
 from uavgram.views.planned_recording.space import accuracy_range, map_colours
 from uavgram.views.recording.stream import Recorder

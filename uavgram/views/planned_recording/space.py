@@ -9,8 +9,8 @@ import rerun as rr
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.model.units import Units
+from uavgram.model.naming import Units
+from uavgram.model.planned import FlightPlanned
 from uavgram.stages.products.planned_layers import grid_cells, wanted_shapes
 from uavgram.views.planned.numbers import centimetres, metres
 from uavgram.views.recording.eye import Eye

@@ -8,8 +8,8 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from uavgram.errors import OutputError
-from uavgram.model.planned.plan import FlightPlanned
-from uavgram.model.units import METRIC, Units
+from uavgram.model.naming import METRIC, Units
+from uavgram.model.planned import FlightPlanned
 from uavgram.views.planned_recording.documents import LAY, PHOTO, SUMMARY, log_plan_documents
 from uavgram.views.planned_recording.legend import log_plan_legend
 from uavgram.views.planned_recording.space import (

@@ -12,7 +12,7 @@ from uavgram.errors import OutputError
 from uavgram.imaging.photos.preview import Preview
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.result import Result
-from uavgram.model.result.ties import TieCloud
+from uavgram.model.result.tables import TieCloud
 from uavgram.views.recording.blueprint import blueprint
 from uavgram.views.recording.curves.plots import frame_curves, log_plots, log_status
 from uavgram.views.recording.curves.pose_curves import log_pose_plots, pose_curves

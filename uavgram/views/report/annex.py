@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.result.orientation import POSE_NAMES
 from uavgram.model.result.result import Result
+from uavgram.model.result.shared import POSE_NAMES
 from uavgram.views.report.long_tables import most_doubtful
 from uavgram.views.survey.drawing import flight_order
 from uavgram.views.wording import number

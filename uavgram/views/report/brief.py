@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.model.case import case_from_options
 from uavgram.model.naming import listed
+from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.views.report.checks import checks_summary
 from uavgram.views.survey.accuracy import accuracy_words

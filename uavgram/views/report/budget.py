@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.result.error_budget import ErrorBudget
+from uavgram.model.result.reliability import ErrorBudget
 from uavgram.model.result.result import Result
 from uavgram.views.wording import computed_first, number
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.model.result.noise import Noise
+from uavgram.model.result.reliability import Noise
 from uavgram.model.result.result import Alternative, Result
-from uavgram.stages.second_order import BIAS_OFF, SIGMA_OFF
+from uavgram.stages.measure import BIAS_OFF, SIGMA_OFF
 from uavgram.views.survey.reliability import second_order_rows
 from uavgram.views.units import units_of
 from uavgram.views.wording import computed_first, number, relief_text, shift_text

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from uavgram.errors import OutputError
-from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
+from uavgram.model.result.shared import learnt_camera
 from uavgram.views.pages import page_environment, units_shown
 from uavgram.views.report.annex import annex
 from uavgram.views.report.brief import MOST_REASONS, Brief, brief

@@ -7,7 +7,7 @@ import re
 from datetime import datetime
 from typing import Any
 
-from uavgram.model.maps.plan import Paper
+from uavgram.model.maps import Paper
 from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf, weasyprint_for
 
 _NAME = "report"

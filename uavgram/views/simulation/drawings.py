@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.model.simulation.repetitions import Simulation
+from uavgram.model.simulation import Simulation
 
 LEFT, WIDTH, RIGHT = 210.0, 1000.0, 30.0
 ROW, TOP, BOTTOM = 26.0, 22.0, 34.0

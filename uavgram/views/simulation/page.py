@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from uavgram.model.simulation.repetitions import Simulation
+from uavgram.model.simulation import Simulation
 from uavgram.views.pages import page_environment
 from uavgram.views.simulation.drawings import curve_of, ranges_of
 from uavgram.views.simulation.words import (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uavgram.model.simulation.repetitions import Simulation
+from uavgram.model.simulation import Simulation
 from uavgram.views.simulation.words import (
     HEADER,
     amiss,

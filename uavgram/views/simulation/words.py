@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Floats
+from uavgram.model.naming import METRIC
 from uavgram.model.result.verdict import VerdictLevel
-from uavgram.model.simulation.repetitions import Accuracy, Repetitions, Simulation, Variant
-from uavgram.model.units import METRIC
+from uavgram.model.simulation import Accuracy, Repetitions, Simulation, Variant
 from uavgram.views.units import decimals, shown
 from uavgram.views.wording import number
 

@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter, NullLocator
 
-from uavgram.model.study.study import SOURCES, MethodRow, Study
+from uavgram.model.simulation import SOURCES, MethodRow, Study
 from uavgram.views.study.words import AGREES, SOURCE_WORDS
 
 COLOURS = ("#2f6fb5", "#d9730d", "#2b8a3e", "#8e44ad", "#c92a2a")

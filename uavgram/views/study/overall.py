@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from uavgram.model.study.study import Study
+from uavgram.model.simulation import Study
 from uavgram.views.study.words import (
     agreement,
     capital,

@@ -6,7 +6,7 @@ from base64 import b64encode
 from collections.abc import Mapping
 from pathlib import Path
 
-from uavgram.model.study.study import Cell, Study
+from uavgram.model.simulation import Cell, Study
 from uavgram.views.pages import page_environment
 from uavgram.views.study.overall import overall, ranking
 from uavgram.views.study.words import AGREES, said

@@ -8,7 +8,7 @@ from operator import attrgetter
 
 import numpy as np
 
-from uavgram.model.study.study import SOURCES, Cell, MethodRow, Study
+from uavgram.model.simulation import SOURCES, Cell, MethodRow, Study
 
 AGREES = (0.95, 1.05)
 """Errors over predicted ones, between which a prediction is called right."""

@@ -8,9 +8,9 @@ import numpy as np
 
 from uavgram.geometry.ground.ellipse import ELLIPSOID_95, error_ellipsoid
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.naming import METRIC, Units
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource, PointResults
-from uavgram.model.units import METRIC, Units
 from uavgram.views.unit_words import in_units
 from uavgram.views.wording import height_text, number, with_sigma
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.result.profiles import COLUMNS
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import COLUMNS
 from uavgram.views.survey.drawing import nice_factor, round_length
 from uavgram.views.survey.texts import Text, Wanted, box, placed_texts
 from uavgram.views.units import Shown, column, round_bar, units_of

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.units import Units
+from uavgram.model.naming import Units
 from uavgram.views.style import ABOVE, BELOW, hex_colour
 from uavgram.views.units import column, round_bar
 

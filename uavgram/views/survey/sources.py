@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from uavgram.model.result.result import Result
-from uavgram.model.result.sources import SOURCES, only_by_program, picks_by_source
+from uavgram.model.result.tables import SOURCES, only_by_program, picks_by_source
 from uavgram.model.survey.observations import Source
 from uavgram.views.wording import number
 

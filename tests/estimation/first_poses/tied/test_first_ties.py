@@ -9,8 +9,8 @@ import pytest
 from place_only_scenes import LENS, place_only
 from scenes import cv_pixels
 
+from uavgram.estimation.first_poses.first_points import with_first_ties
 from uavgram.estimation.first_poses.network import FirstValues
-from uavgram.estimation.first_poses.tie_points import with_first_ties
 from uavgram.model.survey.ties import Sightings
 
 UP_M = 30.0

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from tied_flights import TWENTY, Conditions, TiedFlight, errors_of, tied_flight
 
+from uavgram.estimation.first_poses.tied.bundle import TiedPoses
 from uavgram.estimation.first_poses.tied.placing import levelled, moved, onto_positions
 from uavgram.estimation.first_poses.tied.tied_poses import tied_poses
-from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
 from uavgram.geometry.motion.rotation import exp_so3
 
 

@@ -9,7 +9,7 @@ import pytest
 from tied_flights import Conditions, TiedFlight, tied_flight
 
 from uavgram.estimation.first_poses.tied.tied_poses import tied_poses
-from uavgram.estimation.first_poses.tied.turned import spread, turn_between
+from uavgram.estimation.first_poses.tied.two_views import spread, turn_between
 from uavgram.geometry.motion.rotation import exp_so3
 
 NOISE_RAD = 1e-4

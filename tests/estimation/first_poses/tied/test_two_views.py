@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from uavgram.estimation.first_poses.tied.three_points import poses_from_three, resected
+from uavgram.estimation.first_poses.tied.tied_poses import poses_from_three, resected
 from uavgram.estimation.first_poses.tied.two_views import (
     epipolar_angles,
     essential_matrices,

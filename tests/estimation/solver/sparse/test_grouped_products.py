@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uavgram.estimation.solver.sparse import grouped_products
-from uavgram.estimation.solver.sparse.grouped_products import GroupedProducts
+from uavgram.estimation.solver.sparse import block_matrix
+from uavgram.estimation.solver.sparse.block_matrix import GroupedProducts
 
 
 @pytest.mark.parametrize("chunk", [1, 250_000])
 def test_every_product_is_added_once_to_its_group(
     monkeypatch: pytest.MonkeyPatch, chunk: int
 ) -> None:
-    monkeypatch.setattr(grouped_products, "CHUNK", chunk)
+    monkeypatch.setattr(block_matrix, "CHUNK", chunk)
     rng = np.random.default_rng(0)
     left, right = rng.normal(size=(30, 2, 3)), rng.normal(size=(20, 2, 4))
     one, other = rng.integers(0, 30, 200), rng.integers(0, 20, 200)

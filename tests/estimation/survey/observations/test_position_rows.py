@@ -12,8 +12,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.known import known_rows
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.estimation.survey.unknowns import move
-from uavgram.model.survey.control_lines import ON_LINE, LinePosition
-from uavgram.model.survey.known import KnownThing, lines_place
+from uavgram.model.survey.known import ON_LINE, KnownThing, LinePosition, lines_place
 
 SIGMA = np.array([[0.02, 0.01, 0.03], [0.01, 0.03, 0.02]])
 

@@ -12,7 +12,7 @@ from taped_scenes import read_on_tapes
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.observations.tapes import Taped
+from uavgram.estimation.survey.observations.lengths import Taped
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 

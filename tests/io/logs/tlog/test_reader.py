@@ -412,7 +412,7 @@ def test_a_frame_inside_a_payload_is_no_frame_of_its_own() -> None:
 def test_checksums_equal_pymavlinks() -> None:
     from pymavlink.generator.mavcrc import x25crc
 
-    from uavgram.io.logs.tlog.crc import checksums
+    from uavgram.io.logs.tlog.frames import checksums
 
     rng = np.random.default_rng(4)
     data = rng.integers(0, 256, 5000, dtype=np.uint8)

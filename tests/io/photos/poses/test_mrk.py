@@ -8,7 +8,7 @@ import pytest
 import tagged_jpeg
 
 from uavgram.errors import InputError
-from uavgram.io.photos.poses.mrk import read_mrk
+from uavgram.io.photos.poses.pose_tables import read_mrk
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Photos
 

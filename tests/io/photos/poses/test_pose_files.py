@@ -11,8 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.errors import InputError
 from uavgram.geometry.motion.rotation import matrix_from_ypr
-from uavgram.io.photos.poses.csv_table import read_pose_csv
-from uavgram.io.photos.poses.geo_txt import read_geo_txt
+from uavgram.io.photos.poses.pose_tables import read_geo_txt, read_pose_csv
 from uavgram.io.photos.poses.read import read_photo_poses
 
 

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.errors import InputError
 from uavgram.geometry.motion.rotation import matrix_from_ypr
-from uavgram.io.photos.jpeg_segments import APP1, EXIF_HEAD, Segment, build_jpeg, parse_jpeg
+from uavgram.io.photos.metadata import APP1, EXIF_HEAD, Segment, build_jpeg, parse_jpeg
 from uavgram.io.photos.poses.tags import first_maker, read_photo_tags
 from uavgram.io.photos.tagging.exif_gps import ExifGps, with_gps
-from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.flight.pose import PhotoPoses
 from uavgram.model.message import Message
 
 Poses = tuple[PhotoPoses, tuple[Message, ...]]

@@ -9,16 +9,14 @@ import pytest
 import tagged_jpeg
 
 from uavgram.errors import InputError
-from uavgram.geometry.motion.nadir_angles import nadir_from_gimbal
+from uavgram.geometry.motion.camera_motion import nadir_from_gimbal
 from uavgram.io.exports.geotags import write_geo_txt, write_pix4d_csv
-from uavgram.io.photos.exif_gps import read_exif_place
-from uavgram.io.photos.jpeg_segments import parse_jpeg
-from uavgram.io.photos.poses.geo_txt import read_geo_txt
+from uavgram.io.photos.metadata import DJI, parse_jpeg, read_exif_place, read_xmp
+from uavgram.io.photos.poses.pose_tables import read_geo_txt
 from uavgram.io.photos.poses.tags import read_photo_tags
 from uavgram.io.photos.tagging.copies import write_tagged_photo
 from uavgram.io.photos.tagging.exif_gps import ExifGps, TiffError, with_gps
-from uavgram.io.photos.xmp import DJI, read_xmp
-from uavgram.model.flight.geotag import GeoTags
+from uavgram.model.flight.pose import GeoTags
 
 
 def make_tags(

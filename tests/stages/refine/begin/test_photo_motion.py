@@ -15,11 +15,10 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import move
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.readout import Readout
+from uavgram.model.camera.tags import Readout
 from uavgram.model.flight.pose import CandidatePoses
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.rolling_shutter import RollingShutter
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey.survey import RollingShutter, Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.begin.photo_motion import (
     RATE_RAD_S,

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from scenes import Scene
 
-from uavgram.estimation.first_poses import plane_network
+from uavgram.estimation.first_poses import known_frames
 from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, Minimum
 from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.unknowns import State
-from uavgram.io.cameras.drone_table import drone_cameras
+from uavgram.io.cameras.choice import drone_cameras
 from uavgram.model.camera.tags import CameraTags
 from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.assemble import assemble
-from uavgram.stages.camera.assume import assume_camera
+from uavgram.stages.camera import assume_camera
 from uavgram.stages.refine import minima
 from uavgram.stages.refine.begin import softened
 from uavgram.stages.refine.begin.softened import iterations_for, settled
@@ -76,7 +76,7 @@ def test_without_soft_picks_first_it_would_not(
 ) -> None:
     """From poses as the homographies give them, and once: better ones lie near enough."""
     monkeypatch.setattr(softened, "SOFTER", ())
-    monkeypatch.setattr(plane_network, "polished", lambda *_: None)
+    monkeypatch.setattr(known_frames, "polished", lambda *_: None)
     monkeypatch.setattr(minima, "MOST_RETRIES", 0)
     lost = adjusted(strip(TOO_WIDE))
 

@@ -1,18 +1,157 @@
-"""Poses and tie points together: the adjustment of rays alone, in free axes and scale."""
+"""Poses and tie points together: rays of a survey, and their adjustment in free axes and scale."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from uavgram.estimation.first_poses.pose_problem import across_rays, ray_residuals
-from uavgram.estimation.first_poses.tied.tied_rays import TiedRays
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.solver.sparse.structure import Structure
+from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.motion.rotation import exp_so3
-from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.arrays import Bools, Floats, FrozenArrays, Ints
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.survey.survey import Survey
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TiedRays(FrozenArrays):
+    """N sightings of T tie points in F frames; a frame sees a point at most once.
+
+    Attributes
+    ----------
+    frame, point
+        (N,) which frame sees which point.
+    ray
+        (N, 3) unit vectors towards it, in the camera.
+    sigma_rad
+        (N,) standard deviation of a ray, per axis.
+    frames, points
+        F and T.
+    """
+
+    frame: Annotated[Ints, "n"]
+    point: Annotated[Ints, "n"]
+    ray: Annotated[Floats, "n", 3]
+    sigma_rad: Annotated[Floats, "n"]
+    frames: int
+    points: int
+
+    def take(self, rows: Ints | Bools) -> TiedRays:
+        """Some of the sightings, of the same frames and points."""
+        return TiedRays(
+            frame=self.frame[rows],
+            point=self.point[rows],
+            ray=self.ray[rows],
+            sigma_rad=self.sigma_rad[rows],
+            frames=self.frames,
+            points=self.points,
+        )
+
+    def shared(self) -> Ints:
+        """(F, F) how many points two frames have in common."""
+        ones = np.ones(len(self.frame), dtype=np.int64)
+        seen = csr_array((ones, (self.frame, self.point)), shape=(self.frames, self.points))
+        return np.asarray((seen @ seen.T).todense())
+
+    def of_pair(self, first: int, second: int) -> tuple[Ints, Ints]:
+        """(m,), (m,) rows of the points that two frames have in common, alike ordered."""
+        one, other = np.flatnonzero(self.frame == first), np.flatnonzero(self.frame == second)
+        _, at_one, at_other = np.intersect1d(
+            self.point[one], self.point[other], assume_unique=True, return_indices=True
+        )
+        return one[at_one], other[at_other]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TiedPoses:
+    """Poses of frames that hang together, in axes and a scale of their own.
+
+    Attributes
+    ----------
+    center, rotation
+        (F, 3), (F, 3, 3) world from camera; NaN for frames that do not hang together with them.
+    point
+        (T, 3); NaN where no two rays of such frames tell.
+    agrees
+        (N,) sightings that fit by and large; the others are of frames without a pose, or wrong.
+    spread_rad
+        How far rays pass the points, per axis (root mean square of those that agree).
+    """
+
+    center: Floats
+    rotation: Floats
+    point: Floats
+    agrees: Bools
+    spread_rad: float
+
+    @property
+    def placed(self) -> Bools:
+        """(F,) whether a frame has a pose."""
+        return np.isfinite(self.center[:, 0])
+
+
+def tied_rays(survey: Survey) -> tuple[TiedRays, Ints]:
+    """Rays to tie points and along chains of matches, each once by frame and point.
+
+    Returns
+    -------
+    rays
+        The points of the chains behind the tie points.
+    row : (N,)
+        Which sighting each is: first those of the ties, then those of the matches.
+    """
+    ties, matches, camera = survey.ties, survey.matches, survey.calibration
+    clicked = matches.pick
+    frame = np.concatenate([ties.frame, matches.frame])
+    point = np.concatenate([ties.point, ties.points + matches.point])
+    pixel = np.concatenate([ties.pixel_px, matches.pixel_px])
+    sigma = np.concatenate([ties.sigma_px, matches.sigma_px])
+    sizes = len(survey.frame_id), ties.points + len(clicked)
+    return rays_of(camera, (frame, point), pixel, sigma, sizes)
+
+
+def rays_of(
+    camera: Calibration,
+    seen: tuple[Ints, Ints],
+    pixel_px: Floats,
+    sigma_px: Floats,
+    sizes: tuple[int, int],
+) -> tuple[TiedRays, Ints]:
+    """Rays through pixels, each once by frame and point; and (N,) which pixel each is of.
+
+    Parameters
+    ----------
+    camera
+        Of all frames.
+    seen
+        (n,), (n,) which frame sees which point.
+    pixel_px, sigma_px
+        (n, 2), (n,) where, and the sigma of each coordinate.
+    sizes
+        How many frames and points there are.
+    """
+    frame, point = seen
+    ray = back_project(camera.model, camera.parameters, pixel_px)
+    size = np.linalg.norm(ray, axis=1)
+    _, first = np.unique(np.column_stack([frame, point]), axis=0, return_index=True)
+    rows = np.sort(first)
+    rows = rows[np.isfinite(size[rows])]
+    found = TiedRays(
+        frame=frame[rows],
+        point=point[rows],
+        ray=ray[rows] / size[rows, None],
+        sigma_rad=sigma_px[rows] / camera.parameters[0],
+        frames=sizes[0],
+        points=sizes[1],
+    )
+    return found, rows
+
 
 STAY = 1.0
 """Sigma with which each centre (in mean distances of the points) and attitude (rad) stays where it

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
+from uavgram.estimation.first_poses.tied.bundle import TiedPoses
 from uavgram.geometry.motion.rotation import exp_so3, nearest_rotation
 from uavgram.model.arrays import Bools, Floats, Ints
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures, KnownKind
 from uavgram.geometry.ground.line_of_position import beside_line, joint_covariance
-from uavgram.model.survey.control_lines import ON_LINE
-from uavgram.model.survey.known import KnownThing
+from uavgram.model.survey.known import ON_LINE, KnownThing
 
 
 class OnLine(KnownKind):

@@ -7,10 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.observations.observation import Kind, Observation, in_unit
+from uavgram.estimation.survey.observations.observation import Kind, Member, Observation, in_unit
 from uavgram.estimation.survey.observations.priors import Prior, independent_prior
 from uavgram.estimation.survey.observed import Observations, Truth
-from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import parameter_names

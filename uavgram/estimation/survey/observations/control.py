@@ -10,9 +10,14 @@ import numpy as np
 
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
+from uavgram.estimation.survey.observations.observation import (
+    Kind,
+    Member,
+    Misfit,
+    Observation,
+    Subjects,
+)
 from uavgram.estimation.survey.observed import Observations, Truth
-from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.observations import KnownWorldPoints

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.observations.observation import Kind, Observation, Subjects
+from uavgram.estimation.survey.observations.observation import Kind, Member, Observation, Subjects
 from uavgram.estimation.survey.observations.priors import Prior, independent_prior
 from uavgram.estimation.survey.observed import Observations, Truth
-from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey

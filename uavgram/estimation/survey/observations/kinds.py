@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING
 
 from uavgram.estimation.survey.observations.camera import Calibration, Readout, Turning
 from uavgram.estimation.survey.observations.control import Control
-from uavgram.estimation.survey.observations.gauge import Gauge
 from uavgram.estimation.survey.observations.ground import Departures, Plane, Relief
-from uavgram.estimation.survey.observations.identification import Identification, Linked
 from uavgram.estimation.survey.observations.known import Known
 from uavgram.estimation.survey.observations.lengths import Lengths, TapeScales
 from uavgram.estimation.survey.observations.observation import Kind, Observation
-from uavgram.estimation.survey.observations.pixels import Pixels
+from uavgram.estimation.survey.observations.pixels import Identification, Linked, Pixels
+from uavgram.estimation.survey.observations.priors import Gauge
 from uavgram.estimation.survey.observations.telemetry import ClockDriftPrior, FlightPrior, Telemetry
 from uavgram.estimation.survey.observations.tied import Beside, Matches, TieHeights, Ties
 

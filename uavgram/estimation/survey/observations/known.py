@@ -12,9 +12,14 @@ from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures
-from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
+from uavgram.estimation.survey.observations.observation import (
+    Kind,
+    Member,
+    Misfit,
+    Observation,
+    Subjects,
+)
 from uavgram.estimation.survey.observed import Observations, Truth
-from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State, unstacked
 from uavgram.geometry.ground.line_of_position import inverse_root
 from uavgram.model.arrays import Floats, Ints

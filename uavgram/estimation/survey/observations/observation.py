@@ -1,4 +1,4 @@
-"""What every kind of observation provides: its rows, and what they are called.
+"""Protocol of observations: what every kind provides, and suspicions of single ones.
 
 The likelihood, tests for blunders, error budget and report loop over kinds. A kind is a subclass of
 `Observation` in a file of its own, registered in `observations/kinds.py`.
@@ -15,10 +15,41 @@ import numpy as np
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observed import Observations, Truth
-from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.remedy import Remedy
+from uavgram.model.message import Remedy
+
+
+@dataclass(frozen=True)
+class Member:
+    """One observation: group of the likelihood, row in it, and the axis that tells most."""
+
+    kind: str
+    row: int
+    axis: int
+
+
+@dataclass(frozen=True)
+class Suspicion:
+    """An observation that does not fit, and what else could be wrong instead.
+
+    Attributes
+    ----------
+    accused
+        With the largest test statistic `w`.
+    w
+        Signed, given earlier suspicions.
+    group
+        Observations that no test can part from it.
+    rivals
+        Others whose odds against it are more than 1 in 20.
+    """
+
+    accused: Member
+    w: float
+    group: tuple[Member, ...]
+    rivals: tuple[Member, ...]
+
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem

@@ -10,10 +10,15 @@ from typing import ClassVar
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.observations.observation import Kind, Misfit, Observation, Subjects
+from uavgram.estimation.survey.observations.observation import (
+    Kind,
+    Member,
+    Misfit,
+    Observation,
+    Subjects,
+)
 from uavgram.estimation.survey.observations.priors import Prior, independent_prior
 from uavgram.estimation.survey.observed import Observations, Truth
-from uavgram.estimation.survey.suspicion import Member
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.motion.rotation import exp_so3, log_so3, right_jacobian_inverse
 from uavgram.geometry.motion.telemetry_pose import (
@@ -31,8 +36,7 @@ from uavgram.geometry.motion.telemetry_pose import (
     predict_pose,
 )
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.photo_poses import PhotoExposures
-from uavgram.model.flight.pose import TelemetryPrior
+from uavgram.model.flight.pose import PhotoExposures, TelemetryPrior
 
 
 class Telemetry(Observation):

@@ -23,8 +23,8 @@ from uavgram.io.logs.build import Table, build_log
 from uavgram.io.logs.dataflash.binary import index_binary
 from uavgram.io.logs.dataflash.formats import Columns, odd_names
 from uavgram.io.logs.dataflash.tables import Tables, index_text
+from uavgram.io.logs.quality.boots import ANY_CODE, StatedResets
 from uavgram.io.logs.quality.camera import events_of, gimbal_from_angles, image_numbers
-from uavgram.io.logs.quality.resets import ANY_CODE, StatedResets
 from uavgram.io.logs.quality.rows import is_height, plausible_rows, restarts
 from uavgram.io.logs.quality.samples import clock_samples
 from uavgram.io.logs.topics import Found, Messages, Row, Topic, as_numbers

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.geometry.motion.running import running_median
+from uavgram.geometry.motion.interpolation import running_median
 from uavgram.model.arrays import Bools, Floats, Ints
 
 LONGEST_BOOT_S = 30 * 86400.0

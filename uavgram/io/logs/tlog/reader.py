@@ -18,8 +18,8 @@ from uavgram.geometry.motion.rotation import matrix_from_ypr, ypr_from_matrix
 from uavgram.input_files import read_bytes
 from uavgram.io.logs.build import Table, build_log, first_found
 from uavgram.io.logs.mavlink_dialect import message_name, vehicle_kind
+from uavgram.io.logs.quality.boots import StatedResets
 from uavgram.io.logs.quality.camera import events_of, gimbal_from_angles, image_numbers
-from uavgram.io.logs.quality.resets import StatedResets
 from uavgram.io.logs.quality.rows import plausible_rows
 from uavgram.io.logs.quality.samples import attitude_samples, quaternions_of_angles
 from uavgram.io.logs.tlog.frames import FrameTable, Stream, boots, scan_frames, vehicles

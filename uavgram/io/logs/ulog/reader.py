@@ -15,8 +15,8 @@ from uavgram.errors import InputError
 from uavgram.geometry.earth.gps_time import MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
 from uavgram.io.logs.build import Table, build_log
 from uavgram.io.logs.mavlink_dialect import vehicle_kind
+from uavgram.io.logs.quality.boots import StatedResets
 from uavgram.io.logs.quality.camera import events_of, image_numbers
-from uavgram.io.logs.quality.resets import StatedResets
 from uavgram.io.logs.quality.rows import plausible_rows
 from uavgram.io.logs.topics import Found, Row, Topic
 from uavgram.io.logs.ulog.topics import UlogTables, read_tables

@@ -7,14 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
-from uavgram.io.photos.exif_gps import site_of
-from uavgram.io.photos.poses.csv_table import read_pose_csv
-from uavgram.io.photos.poses.geo_txt import read_geo_txt
-from uavgram.io.photos.poses.mrk import read_mrk
+from uavgram.io.photos.metadata import site_of
+from uavgram.io.photos.poses.pose_tables import read_geo_txt, read_mrk, read_pose_csv
 from uavgram.io.photos.poses.tags import read_photo_tags, read_stated_tags
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import HeightDatum
-from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.flight.pose import PhotoPoses
 from uavgram.model.message import Message
 
 FROM_PHOTOS = "exif"

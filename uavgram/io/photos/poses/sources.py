@@ -23,7 +23,7 @@ from uavgram.io.photos.poses.read import (
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import HeightDatum
-from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.flight.pose import PhotoPoses
 from uavgram.model.message import Message
 
 _ASSUMED = 1e9

@@ -16,13 +16,20 @@ from typing import Any
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.geometry.motion.nadir_angles import gimbal_from_nadir
-from uavgram.io.photos.exif_gps import ExifPlace, read_exif_place
-from uavgram.io.photos.xmp import DJI, PIX4D, XMP, XmpTags, read_xmp
+from uavgram.geometry.motion.camera_motion import gimbal_from_nadir
+from uavgram.io.photos.metadata import (
+    DJI,
+    PIX4D,
+    XMP,
+    ExifPlace,
+    XmpTags,
+    read_exif_place,
+    read_xmp,
+)
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import HeightDatum
-from uavgram.model.flight.photo_poses import PhotoPoses
+from uavgram.model.flight.pose import PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.naming import counted, listed_photos
 

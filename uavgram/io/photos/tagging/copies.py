@@ -9,20 +9,24 @@ from xml.parsers import expat
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.io.photos.jpeg_segments import (
+from uavgram.io.photos.metadata import (
     APP0,
     APP1,
+    DJI,
     EXIF_HEAD,
+    PIX4D,
     XMP_HEAD,
     Jpeg,
     Segment,
+    XmpTags,
     build_jpeg,
     parse_jpeg,
+    parse_xmp,
+    xmp_packet,
 )
 from uavgram.io.photos.tagging.exif_gps import ExifGps, TiffError, with_gps
 from uavgram.io.photos.tagging.xmp import with_tags
-from uavgram.io.photos.xmp import DJI, PIX4D, XmpTags, parse_xmp, xmp_packet
-from uavgram.model.flight.geotag import GeoTags
+from uavgram.model.flight.pose import GeoTags
 
 Tags = dict[tuple[str, str], str]
 

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta, timezone
 
 from PIL import ExifTags, Image
 
-from uavgram.io.photos.jpeg_segments import APP1, START, Segment, build_jpeg
+from uavgram.io.photos.metadata import APP1, START, Segment, build_jpeg
 
 
 def with_exif(jpeg: bytes, *, time_utc_s: float, zone_h: float, make: str, model: str) -> bytes:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping
 from xml.etree import ElementTree as ET
 
-from uavgram.io.photos.xmp import DJI, PIX4D, parse_xmp
+from uavgram.io.photos.metadata import DJI, PIX4D, parse_xmp
 
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 META = "adobe:ns:meta/"

@@ -10,10 +10,9 @@ import numpy as np
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.rolling import NONE
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.readout import UNKNOWN_READOUT, Readout
+from uavgram.model.camera.tags import UNKNOWN_READOUT, Readout
 from uavgram.model.flight.log import Track
-from uavgram.model.survey.rolling_shutter import RollingShutter
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey.survey import RollingShutter, Survey
 
 USUAL_M_S = 7.0
 """Speed of a drone that takes photos of the ground."""

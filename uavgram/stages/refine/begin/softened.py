@@ -11,7 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, Minimum, minimise
+from uavgram.estimation.solver.levenberg_marquardt import (
+    CONVERGED,
+    MAX_ITERATIONS,
+    Minimum,
+    minimise,
+)
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.model.arrays import Bools, Floats
@@ -111,7 +116,11 @@ def _softer(survey: Survey) -> Iterator[Survey]:
 
 
 def iterate(
-    problem: SurveyProblem, state: State, most: int, slack: float = 0.0, at_rest: float = 0.0
+    problem: SurveyProblem,
+    state: State,
+    most: int,
+    slack: float = 0.0,
+    at_rest: float = CONVERGED,
 ) -> Minimum[State]:
     """The minimum that iterations from a state lead to.
 
@@ -126,7 +135,7 @@ def iterate(
     slack
         Damping of what nothing determines, as a share of the normal matrix's diagonal.
     at_rest
-        Predicted fall of the sum of squares that is not worth a step, where it is more than usual.
+        Predicted fall of the sum of squares that is not worth a step.
 
     Raises
     ------

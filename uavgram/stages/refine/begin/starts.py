@@ -8,22 +8,22 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.free_points import with_free_points
+from uavgram.estimation.first_poses.first_points import with_free_points
 from uavgram.estimation.first_poses.homography import Pose
-from uavgram.estimation.first_poses.known_height import known_height
+from uavgram.estimation.first_poses.known_frames import PlaneNetwork, align_in_plane
 from uavgram.estimation.first_poses.network import (
     FirstValues,
     from_telemetry,
+    known_height,
     length_poses,
     lines_per_frame,
 )
-from uavgram.estimation.first_poses.plane_network import PlaneNetwork, align_in_plane
 from uavgram.estimation.first_poses.prior_gate import (
     allowed,
     compare_with_seed,
     seed_on_plane,
 )
-from uavgram.estimation.first_poses.tied.turned import with_turned
+from uavgram.estimation.first_poses.tied.two_views import with_turned
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane_pose import pose_above_plane

@@ -6,13 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.known_height import known_height
-from uavgram.estimation.first_poses.network import placing
-from uavgram.estimation.first_poses.tie_points import FEWEST_LABELS, seen_labels
+from uavgram.estimation.first_poses.first_points import FEWEST_LABELS, seen_labels
+from uavgram.estimation.first_poses.network import known_height, placing
+from uavgram.estimation.first_poses.tied.bundle import TiedPoses, tied_rays
 from uavgram.estimation.first_poses.tied.placing import levelled, moved
-from uavgram.estimation.first_poses.tied.survey_rays import tied_rays
 from uavgram.estimation.first_poses.tied.tied_poses import tied_poses
-from uavgram.estimation.first_poses.tied.tied_rays import TiedPoses
 from uavgram.estimation.survey.selection import without_ties_of
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground

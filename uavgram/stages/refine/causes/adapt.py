@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.estimation.survey.adjustment import Refined, Removal
 from uavgram.estimation.survey.observations.lengths import named_ends
-from uavgram.estimation.survey.suspicion import Member, Suspicion
+from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools
 from uavgram.model.survey.mend import Cause, Mend
 from uavgram.model.survey.survey import Survey

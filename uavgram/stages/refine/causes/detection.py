@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.reliability.core import core_fit, redundancy_of
 from uavgram.estimation.reliability.hypotheses import SMALLEST, explained, log_probability
-from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.reliability.redundancy import core_fit, redundancy_of, upper_tail
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.stages.refine.causes.flight.log import strained_priors, turn_by_places

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.first_poses.homography import resect_from_plane
-from uavgram.estimation.reliability.core import core_fit
+from uavgram.estimation.reliability.redundancy import core_fit
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.estimation.reliability.core import core_fit
 from uavgram.estimation.reliability.hypotheses import Explained, explained
+from uavgram.estimation.reliability.redundancy import core_fit
 from uavgram.model.survey.mend import Mend
 from uavgram.stages.refine.causes.detection import MISFIT
 from uavgram.stages.refine.causes.hypothesis import (

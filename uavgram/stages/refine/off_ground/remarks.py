@@ -9,8 +9,7 @@ import numpy as np
 
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.departures import heights_above_ground
-from uavgram.model.message import Message, Several
-from uavgram.model.remedy import unpicked
+from uavgram.model.message import Message, Several, unpicked
 from uavgram.stages.refine.off_ground.shown import photos_of
 from uavgram.stages.remedies import freed
 

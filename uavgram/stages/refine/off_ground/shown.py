@@ -14,11 +14,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.tie_points import seen_labels
+from uavgram.estimation.first_poses.first_points import seen_labels
 from uavgram.estimation.reliability.redundancy import upper_tail
-from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.within_survey import Placed, within_survey
-from uavgram.geometry.ground.plane_of_most import plane_of_most
+from uavgram.estimation.survey.adjustment import Adjustment, Placed, within_survey
+from uavgram.geometry.ground.plane import plane_of_most
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 

@@ -6,8 +6,7 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration_account import CalibrationAccount
-from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.model.camera.calibration_result import CalibrationAccount, CalibrationResult
 from uavgram.views.calibration.drawing import SQRT2, mean_residual_factor, residual_factor
 from uavgram.views.calibration.recording.documents import CAMERA_PAGE, SHEET, SUMMARY
 from uavgram.views.calibration.recording.image_maps import COVERAGE, RESIDUALS, UNCERTAINTY

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from uavgram.model.camera.calibration_account import CalibrationAccount
-from uavgram.model.camera.calibration_result import CalibrationResult
+from uavgram.model.camera.calibration_result import CalibrationAccount, CalibrationResult
 from uavgram.views.calibration.camera_text import parameter_cells
 from uavgram.views.calibration.drawing import SQRT2, pixels_text, rows_by_photo
 from uavgram.views.calibration.verdict import calibration_facts, judge_calibration

@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.errors import OutputError
 from uavgram.imaging.photos.preview import Preview
-from uavgram.model.camera.calibration_account import CalibrationAccount
+from uavgram.model.camera.calibration_result import CalibrationAccount
 from uavgram.views.calibration.recording.blueprint import calibration_blueprint
 from uavgram.views.calibration.recording.documents import log_calibration_documents
 from uavgram.views.calibration.recording.image_maps import log_image_maps

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Floats
+from uavgram.model.naming import METRIC, Units
 from uavgram.model.result.result import Result
-from uavgram.model.units import METRIC, Units
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import MEASURED, OBSERVED, REFINED, SEED
 from uavgram.views.survey.drawing import largest_sigmas

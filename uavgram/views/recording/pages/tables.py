@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 
 from uavgram.model.naming import counted
-from uavgram.model.result.learnt_camera import learnt_camera
 from uavgram.model.result.result import Result
+from uavgram.model.result.shared import learnt_camera
 from uavgram.views.pages import page_environment, units_shown
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.world.points import has_outlines

@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
-from uavgram.model.result.ties import TieCloud
+from uavgram.model.result.tables import TieCloud
 from uavgram.model.survey.observations import Source
 from uavgram.views.recording.photo.frame_picks import FramePicks
 from uavgram.views.recording.photo_marks import log_dots, log_polylines

@@ -8,7 +8,7 @@ import rerun as rr
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
-from uavgram.model.result.ties import TieCloud
+from uavgram.model.result.tables import TieCloud
 from uavgram.stages.products.map_layers import ellipse_outlines
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder

@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from uavgram.estimation.reliability.core import redundancy_of
 from uavgram.estimation.reliability.hypotheses import Explained, Moved
+from uavgram.estimation.reliability.redundancy import redundancy_of
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration

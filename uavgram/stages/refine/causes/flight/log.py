@@ -20,8 +20,7 @@ from uavgram.geometry.motion.interpolation import SmoothPositions
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.geometry.motion.telemetry_pose import CLOCK, HEADING_BIAS, POSITION_BIAS
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.photo_poses import PhotoExposures
-from uavgram.model.flight.pose import TelemetryPrior
+from uavgram.model.flight.pose import PhotoExposures, TelemetryPrior
 from uavgram.model.message import Message
 from uavgram.model.naming import figures
 from uavgram.model.survey.survey import Survey

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from uavgram.estimation.reliability.core import core_fit
+from uavgram.estimation.reliability.redundancy import core_fit
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.mend import Mend

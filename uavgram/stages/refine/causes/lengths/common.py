@@ -14,11 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
+from uavgram.estimation.measuring.scale import by_size
 from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.tapes import taped_lines
-from uavgram.estimation.survey.size import by_size
+from uavgram.estimation.survey.observations.lengths import taped_lines
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Mend

@@ -13,8 +13,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.lengths import named_ends
-from uavgram.estimation.survey.observations.tapes import Taped, taped_lines
+from uavgram.estimation.survey.observations.lengths import Taped, named_ends, taped_lines
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.stages.refine.causes.hypothesis import PRICE, Standing

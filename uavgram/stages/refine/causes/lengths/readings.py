@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.reliability.stated_values import CONVERSIONS, DECIMALS, UNITS
 from uavgram.estimation.reliability.test_statistics import falls_without
-from uavgram.estimation.reliability.wrong_units import CONVERSIONS, DECIMALS, UNITS
 from uavgram.estimation.survey.observations.lengths import named_ends
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message

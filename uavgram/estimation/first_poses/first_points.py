@@ -1,0 +1,257 @@
+"""First values of points off the ground and of tie points: where their rays meet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.ground.plane import intersect_ground
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey.survey import Survey
+from uavgram.model.survey.ties import Sightings
+
+WIDE = 0.1
+"""Standard deviation of where rays meet, as a share of how far away that is, from which on they say
+nothing: as a rule they then come from one place."""
+
+
+def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstValues:
+    """First values with the places of the points whose height is free.
+
+    A point gets none (NaN) where its rays say nothing, unless its coordinates or something else
+    known of it may tell: such a point begins at its coordinates, or on the ground.
+
+    Parameters
+    ----------
+    survey
+        The observations.
+    ray
+        (P, 3) of its picks, in their cameras.
+    values
+        With poses.
+    """
+    free = np.flatnonzero(survey.is_free)
+    if not len(free):
+        return values
+    frame, label, ray, sigma_px = _with_chains(survey, ray)
+    rows = np.flatnonzero(survey.is_free[label] & np.isfinite(values.center[frame, 0]))
+    center, owner = values.center[frame[rows]], label[rows]
+    direction = np.einsum("nij,nj->ni", values.rotation[frame[rows]], ray[rows])
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    sigma = sigma_px[rows] / survey.calibration.parameters[0]
+    met, spread = rays_meet(center, direction, sigma, owner, len(survey.label))
+    plane = np.array([values.height_m, 0.0, 0.0])
+    ground = intersect_ground(center, direction, plane, np.zeros(2), np.zeros(len(rows)))
+    point = means_of(ground, owner, len(survey.label))
+    point[survey.control_label] = survey.control_world_m
+    anchored = np.zeros(len(survey.label), dtype=np.bool_)
+    for known in (survey.control_label, survey.line_start, survey.line_end):
+        anchored[known] = True
+    for thing in survey.known:
+        anchored[list(thing.label)] = True
+    point[~anchored & (spread > WIDE)] = np.nan
+    good = in_front(met, center, direction, owner) & (spread <= WIDE)
+    point[good] = met[good]
+    point_m, departure_m = values.point_m.copy(), values.departure_m.copy()
+    point_m[free] = point[free, :2]
+    departure_m[free] = np.nan_to_num(point[free, 2] - values.height_m)
+    return values._replace(point_m=point_m, departure_m=departure_m)
+
+
+def _with_chains(survey: Survey, ray: Floats) -> tuple[Ints, Ints, Floats, Floats]:
+    """Frames, labels, rays and sigmas [px] of the picks and of the matches found from them."""
+    matches, camera = survey.matches, survey.calibration
+    found = back_project(camera.model, camera.parameters, matches.pixel_px)
+    return (
+        np.concatenate([survey.pick_frame, matches.frame]),
+        np.concatenate([survey.pick_label, survey.pick_label[matches.pick][matches.point]]),
+        np.concatenate([ray, found]),
+        np.concatenate([survey.pick_sigma_px, matches.sigma_px]),
+    )
+
+
+def rays_meet(
+    center: Floats, direction: Floats, sigma_rad: Floats, owner: Ints, count: int
+) -> tuple[Floats, Floats]:
+    """Where rays meet (K, 3), and the largest sigma of that, as a share of its distance (K,).
+
+    The point nearest to all rays, in sigmas: minimum of the sum of |(I - d d^T)(x - c)|^2 over
+    (sigma times the distance)^2, the distances those of the unweighted one.
+
+    Parameters
+    ----------
+    center, direction
+        (n, 3) where rays begin, and unit vectors along them.
+    sigma_rad
+        (n,) standard deviations across them.
+    owner
+        (n,) point of each, 0 to count - 1.
+    count
+        Number K of points.
+    """
+    across = np.eye(3) - direction[:, :, None] * direction[:, None, :]
+    onto = np.einsum("nij,nj->ni", across, center)
+    weight = np.ones(len(owner))
+    met, spread = np.full((count, 3), np.nan), np.full(count, np.inf)
+    for _ in range(2):
+        normal = _sums(weight[:, None] * across.reshape(-1, 9), owner, count).reshape(-1, 3, 3)
+        right = _sums(weight[:, None] * onto, owner, count)
+        values = np.linalg.eigvalsh(normal)
+        solvable = values[:, 0] > 1e-12 * values[:, 2]
+        met[solvable] = np.linalg.solve(normal[solvable], right[solvable, :, None])[..., 0]
+        distance = np.linalg.norm(met[owner] - center, axis=1)
+        weight = np.nan_to_num(1.0 / np.maximum(sigma_rad * distance, 1e-9) ** 2, nan=1.0)
+        mean = np.bincount(owner, distance, count) / np.maximum(np.bincount(owner, None, count), 1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            largest = 1.0 / np.sqrt(values[:, 0]) / mean
+        spread = np.where(solvable & np.isfinite(largest), largest, np.inf)
+    return met, spread
+
+
+def _sums(rows: Floats, owner: Ints, count: int) -> Floats:
+    """(count, k) sum of the rows (n, k) of each owner."""
+    return np.stack([np.bincount(owner, column, count) for column in rows.T], axis=1)
+
+
+def in_front(met: Floats, center: Floats, direction: Floats, owner: Ints) -> Bools:
+    """(K,) which points lie ahead on all of their rays.
+
+    Parameters
+    ----------
+    met
+        (K, 3) points; NaN of those without.
+    center, direction
+        (n, 3) where rays begin, and unit vectors along them.
+    owner
+        (n,) point of each ray.
+    """
+    ahead = np.einsum("ni,ni->n", met[owner] - center, direction) > 0
+    behind = np.bincount(owner[~ahead], minlength=len(met)) > 0
+    return np.asarray(np.isfinite(met[:, 0]) & ~behind)
+
+
+def means_of(place: Floats, owner: Ints, count: int) -> Floats:
+    """(count, 3) mean of the finite rows of each owner; NaN where there is none.
+
+    Parameters
+    ----------
+    place
+        (n, 3) places.
+    owner
+        (n,) point of each.
+    count
+        Number of points.
+    """
+    finite = np.isfinite(place).all(axis=1)
+    total = np.zeros((count, 3))
+    np.add.at(total, owner[finite], place[finite])
+    number = np.bincount(owner[finite], minlength=count)
+    return np.where(number[:, None] > 0, total / np.maximum(number, 1)[:, None], np.nan)
+
+
+NEAREST = 0.05
+"""Of the flying height: a point whose first value is nearer to its camera than that has none. The
+camera itself moves by some of it while it reads its rows."""
+
+FEWEST_LABELS = 3
+"""Labels in a frame that give it its pose where its ties say nothing but how it is turned."""
+
+
+def with_first_ties(survey: Survey, values: FirstValues) -> tuple[Survey, Floats]:
+    """The survey without sightings that have no first values, and those of the tie points.
+
+    Parameters
+    ----------
+    survey
+        The observations.
+    values
+        Of poses and labels.
+
+    Returns
+    -------
+    survey
+        Without sightings of points that are not in front of their cameras, and without ties that
+        say no more than the labels in their frames do.
+    point_m : (T, 3)
+        Of chains of matches east, north and departure; then of tie points east, north, up.
+    """
+    if not survey.matches.points + survey.ties.points:
+        return survey, np.zeros((0, 3))
+    chain, tie = _chains(survey, values), _ties(survey, values)
+    label = survey.pick_label[survey.matches.pick]
+    up = values.height_m + survey.height_above_m[label] + chain[:, 2]
+    matches, chains = _in_front(survey.matches, np.column_stack([chain[:, :2], up]), values)
+    tie[_from_one_place(survey, values)] = np.nan
+    ties, points = _in_front(survey.ties, tie, values)
+    usable = replace(survey, matches=matches, ties=ties)
+    return usable, np.concatenate([chain[chains], tie[points]])
+
+
+def _from_one_place(survey: Survey, values: FirstValues) -> Bools:
+    """(T,) ties that frames which only turned show, while labels in each of them give its pose.
+
+    They have no depth, and iterations would not come to rest on the way to one.
+    """
+    ties = survey.ties
+    low, high = np.full((ties.points, 3), np.inf), np.full((ties.points, 3), -np.inf)
+    np.minimum.at(low, ties.point, values.center[ties.frame])
+    np.maximum.at(high, ties.point, values.center[ties.frame])
+    labels = np.bincount(seen_labels(survey)[0], minlength=len(survey.frame_id))
+    fewest = np.full(ties.points, FEWEST_LABELS)
+    np.minimum.at(fewest, ties.point, labels[ties.frame])
+    return np.asarray((low == high).all(axis=1) & (fewest == FEWEST_LABELS))
+
+
+def seen_labels(survey: Survey) -> tuple[Ints, Ints]:
+    """Frames and labels, (n,) each, of all pairs of which one shows the other."""
+    matches = survey.matches
+    own = survey.pick_label[matches.pick][matches.point]
+    frame = np.concatenate([survey.pick_frame, matches.frame])
+    label = np.concatenate([survey.pick_label, own])
+    first, second = np.unique(np.stack([frame, label]), axis=1)
+    return first, second
+
+
+def _chains(survey: Survey, values: FirstValues) -> Floats:
+    """(T, 3) east, north and departure of the chains of matches: those of their labels."""
+    label = survey.pick_label[survey.matches.pick]
+    return np.column_stack([values.point_m[label], values.departure_m[label]])
+
+
+def _ties(survey: Survey, values: FirstValues) -> Floats:
+    """(T, 3) of the tie points: where the rays meet well ahead; else where they meet the ground."""
+    ties, camera = survey.ties, survey.calibration
+    ray = back_project(camera.model, camera.parameters, ties.pixel_px)
+    direction = np.einsum("nij,nj->ni", values.rotation[ties.frame], ray)
+    direction /= np.linalg.norm(direction, axis=1)[:, None]
+    good = np.isfinite(direction[:, 0]) & np.isfinite(values.center[ties.frame, 0])
+    seen, owner = (values.center[ties.frame[good]], direction[good]), ties.point[good]
+    met, spread = rays_meet(*seen, ties.sigma_px[good] / camera.parameters[0], owner, ties.points)
+    plane = np.array([values.height_m, 0.0, 0.0])
+    ground = intersect_ground(*seen, plane, np.zeros(2), np.zeros(len(owner)))
+    point = means_of(ground, owner, ties.points)
+    meets = in_front(met, *seen, owner) & (spread <= WIDE)
+    point[meets] = met[meets]
+    return point
+
+
+def _in_front(sightings: Sightings, world_m: Floats, values: FirstValues) -> tuple[Sightings, Ints]:
+    """Sightings of points (T, 3) well in front of their cameras, and which points these are.
+
+    Parameters
+    ----------
+    sightings
+        Which frame shows which point.
+    world_m
+        (T, 3) first values; NaN of points without.
+    values
+        Of poses.
+    """
+    away = world_m[sightings.point] - values.center[sightings.frame]
+    forward = values.rotation[sightings.frame][:, :, 2]
+    depth = np.einsum("ni,ni->n", away, forward)
+    height = np.abs(values.center[sightings.frame, 2] - values.height_m)
+    return sightings.without(~(depth > NEAREST * height))

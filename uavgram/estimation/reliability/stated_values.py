@@ -1,0 +1,119 @@
+"""Name, in words, the probable mistake in a stated coordinate or unit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+
+UNITS = (
+    (1000.0, "millimetres"),
+    (100.0, "centimetres"),
+    (1.0 / 0.0254, "inches"),
+    (1.0 / 0.3048, "feet"),
+    (0.001, "kilometres"),
+)
+"""How many of a unit a metre has: exact, the inch by definition of 1959."""
+
+DECIMALS = (
+    (10.0, "the decimal point one place off"),
+    (0.1, "the decimal point one place off"),
+    (0.01, "the decimal point two places off"),
+)
+CONVERSIONS = (
+    (0.3048, "turned from feet into metres twice"),
+    (0.0254, "turned from inches into metres twice"),
+)
+
+CLOSE = 0.01
+"""Relative difference up to which a ratio is that of a unit, however well it is known."""
+
+FARTHEST = 0.2
+"""The same, however badly it is known: so far no two of these ratios lie apart."""
+
+SIGMAS = 3.0
+
+
+def likely_mistake(ratio: float, relative_sigma: float) -> str:
+    """What makes a length so many times too long, such as ``in feet``; empty where nothing does.
+
+    Parameters
+    ----------
+    ratio
+        As written, over what it should be.
+    relative_sigma
+        Of that ratio.
+    """
+    known = [*((size, f"in {unit}") for size, unit in UNITS), *DECIMALS, *CONVERSIONS]
+    off = np.abs(np.log(ratio / np.array([size for size, _ in known])))
+    nearest = int(off.argmin())
+    if off[nearest] > min(max(CLOSE, SIGMAS * relative_sigma), FARTHEST):
+        return ""
+    return known[nearest][1]
+
+
+def mistake(taped_m: float, taped_sigma_m: float, seen_m: float, sigma_m: float) -> str:
+    """Find what was probably mistaken in a length; empty where nothing fits.
+
+    Parameters
+    ----------
+    taped_m, taped_sigma_m
+        As written, and its sigma.
+    seen_m, sigma_m
+        What it should be, and the sigma of that.
+    """
+    if not seen_m > 0:
+        return ""
+    ratio = taped_m / seen_m
+    return likely_mistake(ratio, float(np.hypot(sigma_m, taped_sigma_m / ratio)) / seen_m)
+
+
+FAR_M = 10_000.0
+"""Distance beyond which a point lies outside any survey: its coordinates are another place's."""
+
+EXCHANGED_SHARE = 0.1
+"""Of a distance, that is left at most where east and north are put back."""
+
+MOSTLY = 0.6
+"""Share of a distance from which on it lies mostly along one axis."""
+
+SIDES = (("west", "east"), ("south", "north"), ("below", "above"))
+
+
+def displaced(off_m: Floats, sigma_m: Floats) -> str:
+    """How far, how surely and whither stated coordinates lie from where a point was found.
+
+    Parameters
+    ----------
+    off_m, sigma_m
+        (3,) stated minus found, east, north, up; and the sigma of each.
+    """
+    distance = float(np.linalg.norm(off_m))
+    direction = off_m / distance
+    sigma = float(np.linalg.norm(sigma_m * direction))
+    size = f"{distance / 1000:.4g} km" if distance > FAR_M else f"{distance:.4g} m"
+    return f"{size} from where it was found (sigma {sigma:.2g} m), {_whither(direction)}"
+
+
+def likely_fault(stated_m: Floats, found_m: Floats) -> str:
+    """What may be wrong with coordinates that are off, in brackets; empty where nothing is likely.
+
+    Parameters
+    ----------
+    stated_m, found_m
+        (3,) east, north, up of a point as stated, and where it was found.
+    """
+    off_m = float(np.linalg.norm(stated_m - found_m))
+    turned_off_m = float(np.linalg.norm(stated_m[[1, 0, 2]] - found_m))
+    if turned_off_m < EXCHANGED_SHARE * off_m:
+        return " (east and north exchanged?)"
+    return " (a wrong sign, another coordinate system?)" if off_m > FAR_M else ""
+
+
+def _whither(direction: Floats) -> str:
+    """Where a unit vector (3,) points."""
+    axis = int(np.abs(direction).argmax())
+    if abs(direction[axis]) < MOSTLY:
+        return "to no one side"
+    side = SIDES[axis][int(direction[axis] > 0)]
+    return f"mostly {side}" if axis == 2 else f"mostly to the {side}"

@@ -1,1 +1,0 @@
-"""What a folder holds that a project could use: photos, logs, poses, cameras, tables."""

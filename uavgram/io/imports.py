@@ -1,0 +1,400 @@
+"""Picks of other programs: OpenDroneMap's gcp_list.txt, and LabelMe's JSON.
+
+After docs.opendronemap.org, "Ground Control Points": a coordinate system, then for each pick
+``x y z column row image [label]``, separated by blanks or tabs; z may be NaN where a height is not
+known (OpenSfM, ``io.py``: ``_read_gcp_list_lines``). Columns and rows count from the centre of the
+top-left pixel (OpenSfM, ``features.py``: ``normalized_image_coordinates`` adds half a pixel).
+
+A ``point`` is a pick at its place, a ``circle`` one at its centre; other shapes are no picks.
+LabelMe counts from the corner of the top-left pixel, and shows a photo turned as its EXIF asks
+(``labelme/utils/image.py``, ``apply_exif_orientation``), so its numbers are turned back here.
+"""
+
+from __future__ import annotations
+
+import glob
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from uavgram.errors import InputError
+from uavgram.input_files import read_text
+from uavgram.io.json_text import parse_json
+from uavgram.io.photos.files import PHOTO_SUFFIXES
+from uavgram.io.photos.metadata import exif_numbers, read_exif_tags, site_of
+from uavgram.io.photos.size import image_size
+from uavgram.io.tables.csv_tables import parse_number
+from uavgram.io.tables.odm_coordinates import content_lines, crs_of_header, geodetic
+from uavgram.model.arrays import Floats
+from uavgram.model.limits import sigma_fault, unshowable
+from uavgram.model.message import Message
+from uavgram.model.survey.observations import ImportedPicks, KnownPoints
+
+_NAMES = ("x", "y", "z", "column", "row")
+_NUMBERS, _Z = 5, 2
+_PHOTO = re.compile(rf".*(?:{'|'.join(map(re.escape, PHOTO_SUFFIXES))})(?=\s|$)", re.IGNORECASE)
+"""A photo's name, which may hold blanks: up to the last word that ends as photos' names do."""
+_NO_HEIGHT = "has no height (NaN), which a control point needs: add it, or leave the control out"
+UNKNOWN_HEIGHT_SIGMA_M = 10_000.0
+"""Of a height that says nothing: so wide that it has no weight."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GcpSigmas:
+    """Standard deviations of the coordinates, which the format does not hold.
+
+    Attributes
+    ----------
+    sigma_m
+        Of each coordinate of a point that has none of its own; None: every point has.
+    sigma_up_m
+        Of its height, where that is another. Stated, it is believed of heights of 0 too.
+    in_columns
+        Whether the cells behind the label are the point's own: horizontal, and vertical where
+        that is another.
+    """
+
+    sigma_m: float | None = None
+    sigma_up_m: float | None = None
+    in_columns: bool = False
+
+
+@dataclass(frozen=True)
+class _Row:
+    line: int
+    xyz: tuple[float, float, float | None]
+    pixel: tuple[float, float]
+    image: str
+    label: str
+    rest: tuple[str, ...] = ()
+
+
+def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> ImportedPicks:
+    """Read picks and, where `sigmas` are stated, the points' coordinates.
+
+    Parameters
+    ----------
+    path
+        The file.
+    sigmas
+        Of the coordinates. A height of exactly 0, which programs write where they know none, is
+        given one without weight.
+
+    Raises
+    ------
+    InputError
+        Names file and line of every mistake: an unknown coordinate system, text for a number, a
+        row without photo, one label with two places, two picks of a label in one photo.
+    """
+    path = Path(path)
+    head, *lines = content_lines(path, "a line for each pick")
+    crs = crs_of_header(path, *head)
+    rows = _rows(path, lines)
+    messages: list[Message] = []
+    if not all(row.label for row in rows):
+        rows = _named(rows)
+        text = f"{path.name}: picks without a label were named by their coordinates, gcp-1 and on"
+        messages.append(Message("info", "gcp-without-labels", text))
+    _check(path, rows)
+    known = None
+    if sigmas is not None:
+        first = list({row.label: row for row in reversed(rows)}.values())[::-1]
+        xyz = np.array([row.xyz for row in first], dtype=np.float64)
+        site = site_of(_beside(path, {row.image for row in rows}))
+        latitude, longitude = geodetic(path, crs, xyz, [row.line for row in first], site)
+        known = KnownPoints(
+            label=tuple(row.label for row in first),
+            kind="geodetic",
+            coordinates=np.column_stack([latitude, longitude, xyz[:, 2]]),
+            sigma_m=_sigmas(path, first, sigmas),
+        )
+        messages += _zero_heights(path, first, sigmas)
+    messages += _two_heights(path, rows)
+    return ImportedPicks(
+        image=tuple(row.image for row in rows),
+        label=tuple(row.label for row in rows),
+        pixel_px=np.array([row.pixel for row in rows]),
+        known=known,
+        messages=tuple(messages),
+    )
+
+
+def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
+    rows, faults = [], []
+    for line, text in lines:
+        cells = _cells(text)
+        numbers = [parse_number(cell) for cell in cells[:_NUMBERS]]
+        no_height = len(cells) > _Z and cells[_Z].lower() == "nan"
+        if no_height:
+            numbers[_Z] = 0.0
+        good = [value for value in numbers if value is not None]
+        if len(cells) <= _NUMBERS:
+            faults.append((line, "needs x, y, z, column, row and the photo's name"))
+        elif surplus := _surplus_words(text, cells):
+            faults.append(
+                (
+                    line,
+                    f"has {surplus!r} behind the label {cells[_NUMBERS + 1]!r}: if it belongs to "
+                    "the name of the photo or of the point, separate all cells by tabs",
+                )
+            )
+        elif len(good) < _NUMBERS:
+            wrong = numbers.index(None)
+            faults.append((line, f"{_NAMES[wrong]} must be a number (got {cells[wrong]!r})"))
+        else:
+            x, y, z, u, v = good
+            label = cells[_NUMBERS + 1] if len(cells) > _NUMBERS + 1 else ""
+            place = (x, y, None if no_height else z)
+            rest = tuple(cells[_NUMBERS + 2 :])
+            rows.append(_Row(line, place, (u, v), cells[_NUMBERS], label, rest))
+    if faults:
+        raise InputError.of_all(path, faults)
+    return rows
+
+
+def _cells(text: str) -> list[str]:
+    """Cells of a line; where tabs separate them, blanks are part of a name."""
+    words = text.split(None, _NUMBERS)
+    if len(words) <= _NUMBERS:
+        return words
+    *numbers, rest = words
+    is_tabbed = "\t" in rest or text.count("\t") >= _NUMBERS
+    first, *more = rest.split("\t") if is_tabbed else [rest]
+    photo = _PHOTO.match(first)
+    image = photo[0] if photo else first if is_tabbed else first.split()[0]
+    return [*numbers, image, *first[len(image) :].split(), *map(str.strip, more)]
+
+
+def _surplus_words(text: str, cells: list[str]) -> str:
+    """Find words behind the label that only blanks separate from it: part of a name, perhaps."""
+    words = [cell for cell in cells[_NUMBERS + 2 :] if parse_number(cell) is None]
+    own_cells = {cell.strip() for cell in text.split("\t")} if "\t" in text else set()
+    return " ".join(word for word in words if word not in own_cells)
+
+
+def _beside(path: Path, images: set[str]) -> Iterator[Path]:
+    """Where photos may be: beside the file, or in a folder there."""
+    for image in sorted(images):
+        yield path.parent / image
+        yield from path.parent.glob(f"*/{glob.escape(image)}")
+
+
+def _named(rows: list[_Row]) -> list[_Row]:
+    """The same place is the same point."""
+    number: dict[tuple[float, float, float | None], int] = {}
+    for row in rows:
+        number.setdefault(row.xyz, len(number) + 1)
+    return [replace(row, label=row.label or f"gcp-{number[row.xyz]}") for row in rows]
+
+
+def _sigmas(path: Path, rows: list[_Row], sigmas: GcpSigmas) -> Floats:
+    """(N, 3) east, north, up of points, each by its first row."""
+    result = np.empty((len(rows), 3))
+    faults: list[tuple[int, str]] = []
+    for k, row in enumerate(rows):
+        cells = row.rest[:2] if sigmas.in_columns else ()
+        own = [parse_number(cell) for cell in cells]
+        fault = next((text for text in map(_sigma_fault, own) if text), "")
+        if row.xyz[_Z] is None:
+            faults.append((row.line, _NO_HEIGHT))
+        elif fault:
+            faults.append((row.line, f"sigma behind the label {row.label!r} {fault}"))
+        elif not own and sigmas.sigma_m is None:
+            text = f"label {row.label!r} has no sigma behind it: add it, or state --control-sigma-m"
+            faults.append((row.line, text))
+        else:
+            across = own[0] if own else sigmas.sigma_m
+            up = own[-1] if len(own) > 1 else sigmas.sigma_up_m or across
+            up = UNKNOWN_HEIGHT_SIGMA_M if _has_no_height(row, sigmas) else up
+            result[k] = (across, across, up)
+    if faults:
+        raise InputError.of_all(path, faults)
+    return result
+
+
+def _sigma_fault(value: float | None) -> str:
+    return "must be a number" if value is None else sigma_fault(value)
+
+
+def _has_no_height(row: _Row, sigmas: GcpSigmas) -> bool:
+    return row.xyz[_Z] == 0.0 and sigmas.sigma_up_m is None
+
+
+def _zero_heights(path: Path, rows: list[_Row], sigmas: GcpSigmas) -> list[Message]:
+    without = [row.label for row in rows if _has_no_height(row, sigmas)]
+    if not without:
+        return []
+    which = "all points" if len(without) == len(rows) else f"points {', '.join(without)}"
+    text = (
+        f"{path.name}: {which} have the height 0, which programs write where they know none: the "
+        f"heights got a sigma of {UNKNOWN_HEIGHT_SIGMA_M:g} m, so they say nothing. If they are "
+        "true, state how well they are known with --control-sigma-up-m; else write the heights "
+        "into the table."
+    )
+    return [Message("warning", "gcp-zero-heights", text)]
+
+
+def _two_heights(path: Path, rows: list[_Row]) -> list[Message]:
+    """A warning where points with different names, or without any, differ in height alone."""
+    at: dict[tuple[float, float], dict[str, _Row]] = {}
+    for row in rows:
+        x, y, z = row.xyz
+        if z is not None:
+            at.setdefault((x, y), {}).setdefault(row.label, row)
+    places = [
+        " and ".join(f"{row.label} at {row.xyz[_Z]:g} (line {row.line})" for row in here.values())
+        for here in at.values()
+        if len({row.xyz[_Z] for row in here.values()}) > 1
+    ]
+    text = (
+        f"{path.name}: one place is listed at two heights: {'; '.join(places)}. If that is one "
+        "point, correct its height and give it one label; as it is, its picks belong to two points."
+    )
+    return [Message("warning", "gcp-two-heights", text)] if places else []
+
+
+def _check(path: Path, rows: list[_Row]) -> None:
+    place: dict[str, _Row] = {}
+    seen: dict[tuple[str, str], int] = {}
+    faults = []
+    for row in rows:
+        for what, name in (("label", row.label), ("image", row.image)):
+            if fault := unshowable(name):
+                faults.append((row.line, f"{what} {name!r} holds {fault}: type it again"))
+        if ";" in row.label:
+            text = f"label {row.label!r} holds a semicolon, which separates labels in measure.csv"
+            faults.append((row.line, text))
+        first = place.setdefault(row.label, row)
+        if first.xyz != row.xyz:
+            what = "height" if first.xyz[:_Z] == row.xyz[:_Z] else "place"
+            text = f"label {row.label!r} has another {what} than in line {first.line}"
+            faults.append((row.line, text))
+        at = seen.setdefault((row.image, row.label), row.line)
+        if at != row.line:
+            text = f"label {row.label!r} is picked in {row.image!r} in line {at} already: keep one"
+            faults.append((row.line, text))
+    if faults:
+        raise InputError.of_all(path, faults)
+
+
+_PICKS = ("point", "circle")
+# Stored (x, y) of what is shown at (x, y), from corner to corner of a stored photo of w by h, as
+# rows (by x, by y, of w, of h); EXIF 2.32, tag 274 "Orientation".
+_STORED = {
+    1: ((1, 0, 0, 0), (0, 1, 0, 0)),
+    2: ((-1, 0, 1, 0), (0, 1, 0, 0)),
+    3: ((-1, 0, 1, 0), (0, -1, 0, 1)),
+    4: ((1, 0, 0, 0), (0, -1, 0, 1)),
+    5: ((0, 1, 0, 0), (1, 0, 0, 0)),
+    6: ((0, 1, 0, 0), (-1, 0, 0, 1)),
+    7: ((0, -1, 1, 0), (-1, 0, 0, 1)),
+    8: ((0, -1, 1, 0), (1, 0, 0, 0)),
+}
+
+
+def read_labelme(path: str | Path) -> ImportedPicks:
+    """Read the picks of one photo.
+
+    Raises
+    ------
+    InputError
+        The file is no LabelMe file, holds no pick, picks a label twice, or its size is not that
+        of the photo beside it.
+    """
+    path = Path(path)
+    content = _content(path)
+    shown: list[tuple[float, float]] = []
+    label: list[str] = []
+    skipped: list[str] = []
+    for shape in content["shapes"]:
+        name = str(shape["label"])
+        if shape.get("shape_type", "polygon") not in _PICKS:
+            skipped.append(name)
+            continue
+        if name in label:
+            raise InputError(path, f"label {name!r} is picked twice: rename one of the two")
+        if fault := unshowable(name) or ("a semicolon" if ";" in name else ""):
+            raise InputError(
+                path, f"label {name!r} holds {fault}, which no label can have: rename it"
+            )
+        label.append(name)
+        shown.append(_place(path, name, shape["points"][0], content))
+    if not label:
+        raise InputError(path, "holds no point and no circle: there is nothing to import")
+    messages = []
+    if skipped:
+        text = f"{path.name}: shapes that are no points were left out: {', '.join(skipped)}"
+        messages.append(Message("info", "shapes-left-out", text))
+    corner = np.array(shown)
+    image = content["imagePath"].replace("\\", "/")
+    photo = path.parent / image
+    if photo.is_file():
+        corner = _turned_back(path, photo, content, corner)
+    else:
+        text = f"{path.name}: {image!r} is not beside it, so a turned photo would go unnoticed"
+        messages.append(Message("warning", "photo-not-beside", text))
+    return ImportedPicks(
+        image=(Path(image).name,) * len(label),
+        label=tuple(label),
+        pixel_px=corner - 0.5,
+        known=None,
+        messages=tuple(messages),
+    )
+
+
+def _place(
+    path: Path, name: str, point: Sequence[float], content: dict[str, Any]
+) -> tuple[float, float]:
+    """Where a shape lies, from the corner of the photo."""
+    x, y = float(point[0]), float(point[1])
+    width, height = content.get("imageWidth") or math.inf, content.get("imageHeight") or math.inf
+    if not (0 <= x <= width and 0 <= y <= height):
+        raise InputError(path, f"label {name!r} lies outside the photo, at ({x:g}, {y:g})")
+    return x, y
+
+
+def _content(path: Path) -> dict[str, Any]:
+    text = read_text(path, "is it a LabelMe file? Export it again")
+    try:
+        return _checked(parse_json(path, text))
+    except (ValueError, KeyError, TypeError, IndexError, OverflowError) as fault:
+        raise InputError(
+            path, f"is no LabelMe file ({type(fault).__name__}: {fault}): export it again"
+        ) from fault
+
+
+def _checked(content: object) -> dict[str, Any]:
+    """The content as an object; raises what `_content` tells in words."""
+    if not isinstance(content, dict):
+        raise TypeError("no object")
+    if not isinstance(content["imagePath"], str):
+        raise TypeError("imagePath")
+    for shape in content["shapes"]:
+        x, y = shape["points"][0][:2]
+        if not (np.isfinite(float(x)) and np.isfinite(float(y)) and str(shape["label"])):
+            raise ValueError("points")
+    return content
+
+
+def _turned_back(path: Path, photo: Path, content: dict[str, Any], corner: Floats) -> Floats:
+    """Places in the stored photo of what was picked in the photo as LabelMe showed it."""
+    width, height = image_size(photo)
+    values = exif_numbers(read_exif_tags(photo).get("Image Orientation"))
+    orientation = int(values[0]) if values and values[0] in _STORED else 1
+    shown = (width, height) if orientation < 5 else (height, width)
+    stated = (content.get("imageWidth") or shown[0], content.get("imageHeight") or shown[1])
+    if tuple(stated) == shown:
+        rows = np.array(_STORED[orientation], dtype=np.float64)
+        return np.asarray(corner @ rows[:, :2].T + rows[:, 2:] @ [width, height])
+    if tuple(stated) == (width, height):  # versions before 3.3 showed photos as stored
+        return corner
+    raise InputError(
+        path,
+        f"was made on a photo of {stated[0]} x {stated[1]} px, but {photo.name} has "
+        f"{width} x {height} px: pick in the original photo",
+    )

@@ -1,1 +1,0 @@
-"""Picks that were made in other programs (LabelMe, OpenDroneMap), read as ours."""

@@ -1,0 +1,340 @@
+"""Metadata of a photo: EXIF and XMP tags, without decoding it."""
+
+from __future__ import annotations
+
+import logging
+import math
+import struct
+import threading
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import islice
+from mmap import mmap
+from pathlib import Path
+from typing import Any, BinaryIO, cast
+from xml.parsers import expat
+
+import exifread
+import numpy as np
+
+from uavgram.errors import InputError, no_file
+from uavgram.geometry.earth.geodesy import Origin
+from uavgram.input_files import read_bytes
+
+APP0, APP1, SOS, EOI = 0xE0, 0xE1, 0xDA, 0xD9
+START = b"\xff\xd8"
+EXIF_HEAD = b"Exif\x00\x00"
+XMP_HEAD = b"http://ns.adobe.com/xap/1.0/\x00"
+LARGEST_SEGMENT = 65533
+_ALONE = {0x01, *range(0xD0, 0xD9)}  # TEM, RSTn, SOI: no length follows
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A marker (its second byte) with its payload, without marker and length."""
+
+    marker: int
+    payload: bytes
+
+
+@dataclass(frozen=True)
+class Jpeg:
+    """What lies before the first scan as segments, and everything from there on as it is."""
+
+    segments: tuple[Segment, ...]
+    scan: bytes
+
+    def app1(self, head: bytes) -> bytes | None:
+        """Payload behind `head` of the first APP1 segment that begins with it."""
+        for segment in self.segments:
+            if segment.marker == APP1 and segment.payload.startswith(head):
+                return segment.payload[len(head) :]
+        return None
+
+
+def read_segments(data: bytes | mmap) -> Iterator[tuple[Segment, int]]:
+    """Segments of a JPEG file, each with the byte at which it ends; none where it is no JPEG.
+
+    The last one, without payload, is the marker of the first scan (or of the end): where none
+    comes, the file is cut short.
+    """
+    at = 2 if data[:2] == START else len(data)
+    while at + 4 <= len(data) and data[at] == 0xFF:
+        marker = data[at + 1]
+        if marker == 0xFF:  # fill byte
+            at += 1
+        elif marker in _ALONE:
+            at += 2
+        elif marker in (SOS, EOI):
+            yield Segment(marker, b""), at
+            return
+        else:
+            (length,) = struct.unpack_from(">H", data, at + 2)
+            if length < 2 or at + 2 + length > len(data):
+                return
+            yield Segment(marker, data[at + 4 : at + 2 + length]), at + 2 + length
+            at += 2 + length
+
+
+def parse_jpeg(data: bytes) -> Jpeg | None:
+    """Split a JPEG file; None where it is none, or its segments are cut short."""
+    found = list(read_segments(data))
+    if not found or found[-1][0].marker not in (SOS, EOI):
+        return None
+    return Jpeg(tuple(segment for segment, _ in found[:-1]), data[found[-1][1] :])
+
+
+def build_jpeg(segments: Iterable[Segment], scan: bytes) -> bytes:
+    """Join segments and scan to a file.
+
+    Raises
+    ------
+    ValueError
+        A segment is longer than the format allows.
+    """
+    parts = [START]
+    for segment in segments:
+        if len(segment.payload) > LARGEST_SEGMENT:
+            raise ValueError(f"segment of {len(segment.payload)} bytes: at most {LARGEST_SEGMENT}")
+        head = struct.pack(">BBH", 0xFF, segment.marker, len(segment.payload) + 2)
+        parts += [head, segment.payload]
+    return b"".join([*parts, scan])
+
+
+# exifread trusts counts and offsets, and ends in these where a block is corrupt.
+_WHAT_EXIFREAD_RAISES = (
+    *(AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError),
+    *(struct.error, ZeroDivisionError),
+)
+MOST_BYTES, MOST_READS = 64_000_000, 1_000_000
+"""Of a photo's tags: a camera's are some 100 kB. What asks for more is damaged, or an attack."""
+
+_here = threading.local()
+
+
+def read_exif_tags(path: str | Path) -> dict[str, Any]:
+    """Read a photo's EXIF tags by exifread's names; none where the photo has no EXIF.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or its EXIF is broken.
+    """
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: take it out of `images`")
+    _here.is_reading = True
+    try:
+        with Path(path).open("rb") as file:
+            metered = cast("BinaryIO", _Metered(file))
+            return dict(exifread.process_file(metered, details=False, extract_thumbnail=False))
+    except OSError as fault:
+        raise InputError(path, f"cannot be read: {fault.strerror}") from fault
+    except _WHAT_EXIFREAD_RAISES as fault:
+        raise InputError(
+            path, f"its EXIF is broken ({fault}): leave this photo out, or copy it anew"
+        ) from fault
+    finally:
+        _here.is_reading = False
+
+
+class _Metered:
+    """A file of which only so much can be asked: a tag may state any length up to 4 GB."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self.seek, self.tell = file.seek, file.tell
+        self._read = file.read
+        self._bytes, self._reads = MOST_BYTES, MOST_READS
+
+    def read(self, size: int) -> bytes:
+        self._bytes -= size
+        self._reads -= 1
+        if self._bytes < 0:
+            raise ValueError(f"a tag asks for {size:,} bytes")
+        if self._reads < 0:
+            raise ValueError("its tags have no end")
+        return self._read(size)
+
+
+def _is_not_ours(_: logging.LogRecord) -> bool:
+    return not getattr(_here, "is_reading", False)
+
+
+# It reports what a photo lacks, once a photo; who uses the library beside us keeps its messages.
+logging.getLogger("exifread").addFilter(_is_not_ours)
+
+
+def exif_text(tags: Mapping[str, Any], *names: str) -> str:
+    """Text of the first of these tags that is there; empty where none is."""
+    return str(next((tags[name] for name in names if name in tags), "")).strip("\0 ")
+
+
+def exif_numbers(tag: Any) -> list[float]:  # noqa: ANN401 - exifread has no types
+    """Numbers of a tag of any of EXIF's types; none where one of them is no finite number.
+
+    exifread hands on whole numbers, ratios (also 0/0, which stands for "unknown"), each float and
+    double as a tuple of one, and text as it stands.
+    """
+    values = getattr(tag, "values", [])
+    if isinstance(values, str):
+        values = values.strip("\0 ").split()
+    try:
+        numbers = [float(value[0] if isinstance(value, tuple) else value) for value in values]
+    except (IndexError, OverflowError, TypeError, ValueError, ZeroDivisionError):
+        return []
+    return numbers if all(map(math.isfinite, numbers)) else []
+
+
+_MOST_LOOKED_AT = 20  # photos, for the place of all
+_ALTITUDE_SIGN = {0: 1.0, 1: -1.0, 2: 1.0, 3: -1.0}
+
+
+@dataclass(frozen=True)
+class ExifPlace:
+    """Latitude, longitude [deg] and altitude [m]; NaN where EXIF states none.
+
+    `above_sea` is True where EXIF says so (Exif 3.0, references 2 and 3); the older references 0
+    and 1 mean sea level or the ellipsoid, as the maker pleases.
+    """
+
+    latitude_deg: float = float("nan")
+    longitude_deg: float = float("nan")
+    altitude_m: float = float("nan")
+    above_sea: bool = False
+
+
+def read_exif_place(path: str | Path) -> ExifPlace:
+    """Read a photo's GPS tags; (0, 0), which stands for "no fix", counts as none.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read.
+    """
+    tags = read_exif_tags(path)
+    latitude = _degrees(tags, "Latitude", "S")
+    longitude = _degrees(tags, "Longitude", "W")
+    if latitude == 0.0 and longitude == 0.0:
+        latitude = longitude = float("nan")
+    reference = exif_numbers(tags.get("GPS GPSAltitudeRef"))
+    code = int(reference[0]) if reference else 0
+    altitude = exif_numbers(tags.get("GPS GPSAltitude"))
+    return ExifPlace(
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_m=altitude[0] * _ALTITUDE_SIGN.get(code, 1.0) if altitude else float("nan"),
+        above_sea=code in (2, 3),
+    )
+
+
+def _degrees(tags: dict[str, Any], name: str, negative: str) -> float:
+    """Signed degrees of degrees, minutes, seconds; NaN where a part or the reference is absent."""
+    parts = exif_numbers(tags.get(f"GPS GPS{name}"))
+    reference = exif_text(tags, f"GPS GPS{name}Ref").upper()
+    if len(parts) != 3 or not reference:
+        return float("nan")
+    size = float(np.dot(parts, [1.0, 1 / 60, 1 / 3600]))
+    return -size if reference.startswith(negative) else size
+
+
+def site_of(paths: Iterable[str | Path]) -> Origin | None:
+    """Say where photos were taken, by the first whose EXIF states it; None where none does."""
+    for path in islice((path for path in paths if Path(path).is_file()), _MOST_LOOKED_AT):
+        place = read_exif_place(path)
+        if math.isfinite(place.latitude_deg + place.longitude_deg):
+            return place.latitude_deg, place.longitude_deg, 0.0
+    return None
+
+
+# Expat itself, not a tree: declarations of types and entities are refused before they can expand.
+
+
+XmpTags = Mapping[tuple[str, str], str]
+"""(namespace without its last slash, name) -> text."""
+
+DJI = "http://www.dji.com/drone-dji/1.0"
+PIX4D = "http://pix4d.com/camera/1.0"
+XMP = "http://ns.adobe.com/xap/1.0"
+_RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
+_START, _END = b"<x:xmpmeta", b"</x:xmpmeta>"
+LARGEST_PACKET = 4_000_000
+_SEPARATOR = "\n"  # between namespace and name; in neither of them
+
+
+class _DeclarationError(ValueError):
+    """A document type or entity: XMP has neither, attacks do."""
+
+
+def read_xmp(path: str | Path) -> XmpTags:
+    """Read the XMP tags of a photo; empty where it has none.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or its packet is no XML, or declares entities.
+    """
+    packet = xmp_packet(Path(path))
+    if packet is None:
+        return {}
+    try:
+        return parse_xmp(packet)
+    except (expat.ExpatError, _DeclarationError) as fault:
+        raise InputError(
+            path,
+            f"its XMP packet cannot be read ({fault}): leave this photo out, or give the poses in "
+            "a CSV file",
+        ) from fault
+
+
+def xmp_packet(path: Path) -> bytes | None:
+    """XML of a photo's XMP packet; of anything but a JPEG, the first that lies in the file."""
+    data = read_bytes(path)
+    jpeg = parse_jpeg(data)
+    place = data if jpeg is None else jpeg.app1(XMP_HEAD)
+    if place is None:
+        return None
+    start = place.find(_START)
+    end = place.find(_END, start)
+    if start < 0 or end < 0 or end - start > LARGEST_PACKET:
+        return None
+    return place[start : end + len(_END)]
+
+
+def parse_xmp(packet: bytes) -> XmpTags:
+    """Collect the tags of a packet: attributes, and elements that hold nothing but text.
+
+    Raises
+    ------
+    xml.parsers.expat.ExpatError
+        The packet is no XML.
+    ValueError
+        It declares a document type or an entity.
+    """
+    tags: dict[tuple[str, str], str] = {}
+    text: list[str] = []
+
+    def start(_name: str, attributes: dict[str, str]) -> None:
+        text.clear()
+        for key, value in attributes.items():
+            tags.setdefault(_key(key), value.strip())
+
+    def end(name: str) -> None:
+        value = "".join(text).strip()
+        text.clear()
+        if value and _key(name)[0] != _RDF.rstrip("/"):
+            tags.setdefault(_key(name), value)
+
+    def refuse(*_: object) -> None:
+        raise _DeclarationError("it declares a document type or an entity")
+
+    parser = expat.ParserCreate(namespace_separator=_SEPARATOR)
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler = text.append
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    parser.Parse(packet, True)  # noqa: FBT003 - expat takes it by position: the last piece
+    return tags
+
+
+def _key(qualified: str) -> tuple[str, str]:
+    namespace, _, name = qualified.rpartition(_SEPARATOR)
+    return namespace.rstrip("/"), name

@@ -1,0 +1,349 @@
+"""Tables of photo poses: OpenDroneMap's geo.txt, DJI's image log, and CSV.
+
+``name x y [z] [yaw pitch roll] [horizontal and vertical accuracy] [anything]``, angles as nadir
+angles in degrees, all zero where unknown (docs.opendronemap.org, "Image Geolocation Files").
+
+Columns after DJI's manuals (Matrice 4, page 92; Zenmuse P1, page 24): number of the photo, GPS
+time of week and week, compensation from antenna to sensor (north, east, down, mm), latitude and
+longitude "after compensation", ellipsoidal height, their standard deviations (north, east, up, m),
+positioning status. The compensation is in the coordinates already: adding it would apply it twice.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.errors import InputError
+from uavgram.geometry.earth.geodesy import EXCHANGED, Origin, are_exchanged
+from uavgram.geometry.earth.gps_time import utc_from_gps
+from uavgram.geometry.motion.camera_motion import gimbal_from_nadir
+from uavgram.input_files import read_bytes
+from uavgram.io.photos.poses.tags import RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M
+from uavgram.io.tables.csv_tables import Columns, Table, parse_number, read_table
+from uavgram.io.tables.odm_coordinates import content_lines, crs_of_header, geodetic, height_datum
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.frames import Photos
+from uavgram.model.flight.log import HeightDatum
+from uavgram.model.flight.pose import PhotoPoses
+from uavgram.model.message import Message
+
+_COUNTS = (4, 7, 9)  # cells with name: to the height, to the angles, to the accuracies
+
+
+@dataclass(frozen=True)
+class _Row:
+    line: int
+    name: str
+    xyz: tuple[float, float, float]
+    angles: tuple[float, float, float]
+    sigmas: tuple[float, float]
+
+
+def read_geo_txt(
+    path: str | Path, heights: HeightDatum, site: Origin | None = None
+) -> tuple[PhotoPoses, tuple[Message, ...]]:
+    """Read a geo.txt.
+
+    Parameters
+    ----------
+    path
+        The file.
+    heights
+        Datum of its heights where its coordinate system names none.
+    site
+        Where the photos were taken by their own tags; None: they state no place.
+
+    Raises
+    ------
+    InputError
+        Names file and line of every mistake: an unknown coordinate system, text for a number, a
+        line without height, a photo that stands twice, a place outside the earth, and one that is
+        at the site only with x and y exchanged.
+    """
+    path = Path(path)
+    lines = content_lines(path, "a line for each photo")
+    crs = crs_of_header(path, *lines[0])
+    rows = _rows(path, lines[1:])
+    datum, guess = height_datum(crs, heights)
+    xyz = np.array([row.xyz for row in rows])
+    latitude, longitude = geodetic(path, crs, xyz, [row.line for row in rows], site)
+    nadir = np.radians([row.angles for row in rows])
+    messages: tuple[Message, ...] = ()
+    if not nadir.any():  # what the format says for "not available"
+        nadir = np.full_like(nadir, np.nan)
+        text = f"{path.name}: all angles are zero, which stands for unknown"
+        messages = (Message("info", "geo-without-angles", text),)
+    sigmas = np.array([row.sigmas for row in rows])
+    sigmas = np.where(sigmas > 0, sigmas, np.nan)
+    poses = PhotoPoses(
+        frame_id=tuple(row.name for row in rows),
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        height_m=xyz[:, 2],
+        datum=datum,
+        datum_guess=guess,
+        ypr_rad=gimbal_from_nadir(nadir),
+        sigma_horizontal_m=sigmas[:, 0],
+        sigma_vertical_m=sigmas[:, 1],
+        source="geo.txt",
+    )
+    return poses, messages
+
+
+def _rows(path: Path, lines: list[tuple[int, str]]) -> list[_Row]:
+    rows: list[_Row] = []
+    faults: list[tuple[int | None, str]] = []
+    seen: dict[str, int] = {}
+    for line, text in lines:
+        name, *cells = text.split()
+        count = max((n for n in _COUNTS if n <= len(cells) + 1), default=0)
+        numbers = [parse_number(cell) for cell in cells[: count - 1]]
+        good = [value for value in numbers if value is not None]
+        if not count:
+            faults.append((line, f"{name!r} has no height: a pose needs name, x, y and z"))
+        elif len(good) < len(numbers):
+            faults.append((line, f"must be a number (got {cells[numbers.index(None)]!r})"))
+        elif name in seen:
+            faults.append((line, f"{name!r} stands in line {seen[name]} already: keep one"))
+        else:
+            good += [0.0] * (8 - len(good))
+            rows.append(
+                _Row(line, name, (good[0], good[1], good[2]), (*good[3:6],), (*good[6:8],))  # type: ignore[arg-type]
+            )
+        seen.setdefault(name, line)
+    if faults:
+        raise InputError.of_all(path, faults)
+    return rows
+
+
+_NUMBER = r"\s*([-+]?[0-9]+(?:\.[0-9]*)?)\s*"
+_LINE = re.compile(
+    rf"\s*([0-9]+)\s+{_NUMBER}\[\s*([0-9]+)\s*\]{_NUMBER},\s*N{_NUMBER},\s*E{_NUMBER},\s*V"
+    rf"{_NUMBER},\s*Lat{_NUMBER},\s*Lon{_NUMBER},\s*Ellh{_NUMBER},{_NUMBER},{_NUMBER}"
+    r"\s+([0-9]+)\s*,\s*Q\s*"
+)
+# 100_0001_0002.JPG (Phantom 4 RTK), DJI_20230102030405_0002_V.JPG (later ones)
+_PHOTO_NUMBER = re.compile(r".*_([0-9]{3,5})(?:_[A-Za-z]+)?")
+_NO_POSITION, _FIXED = 0, 50
+_LARGEST_TIME_GAP_S = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Columns of the log; `line` (N,) counts from 1."""
+
+    line: Ints
+    number: Ints
+    utc_s: Floats
+    place: Floats  # (N, 3) latitude, longitude [deg], ellipsoidal height [m]
+    sigma_m: Floats  # (N, 3) north, east, up
+    quality: Ints
+
+
+def read_mrk(path: str | Path, photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
+    """Read an image log and join it with the photos by the number in their names.
+
+    Raises
+    ------
+    InputError
+        A line is malformed, a number stands twice, a photo's name has no number, two photos have
+        the same one, or the capture times contradict the join.
+    """
+    path = Path(path)
+    rows = _read_rows(path)
+    at = {int(number): k for k, number in enumerate(rows.number)}
+    numbers = _photo_numbers(path, photos)
+    joined = [(i, at[n]) for i, n in enumerate(numbers) if n in at]
+    placed = [(i, k) for i, k in joined if rows.quality[k] != _NO_POSITION]
+    if not placed:
+        raise InputError(
+            path,
+            f"has a position for none of the {len(numbers)} photos: it has the numbers "
+            f"{rows.number.min()} to {rows.number.max()}, the photos {min(numbers)} to "
+            f"{max(numbers)}; is it the log of another folder?",
+        )
+    photo, row = np.array(placed).T
+    _check_times(path, photos, rows, photo, row)
+    horizontal = np.sqrt((rows.sigma_m[row, :2] ** 2).mean(axis=1))
+    poses = PhotoPoses(
+        frame_id=tuple(photos.frame_id[i] for i in photo),
+        latitude_deg=rows.place[row, 0],
+        longitude_deg=rows.place[row, 1],
+        height_m=rows.place[row, 2],
+        datum="ellipsoid",
+        time_utc_s=rows.utc_s[row],
+        sigma_horizontal_m=np.maximum(horizontal, RTK_FLOOR_HORIZONTAL_M),
+        sigma_vertical_m=np.maximum(rows.sigma_m[row, 2], RTK_FLOOR_VERTICAL_M),
+        source="DJI MRK",
+    )
+    return poses, _quality_messages(path, rows.quality[row], len(joined) - len(placed))
+
+
+def _read_rows(path: Path) -> _Rows:
+    lines = read_bytes(path).decode("ascii", errors="replace").splitlines()
+    matches = [(k, _LINE.fullmatch(text)) for k, text in enumerate(lines, 1) if text.strip()]
+    faults: list[tuple[int | None, str]] = [
+        (k, "is no line of a DJI image log (number, time, [week], offsets, Lat, Lon, Ellh, Q)")
+        for k, match in matches
+        if match is None
+    ]
+    if faults:
+        raise InputError.of_all(path, faults)
+    if not matches:
+        raise InputError(path, "the file is empty")
+    table = np.array([[float(x) for x in m.groups()] for _, m in matches if m is not None])
+    number = table[:, 0].astype(np.int64)
+    line = np.array([k for k, _ in matches])
+    lost = np.flatnonzero((np.abs(table[:, 6]) > 90) | (np.abs(table[:, 7]) > 180))
+    if lost.size:
+        raise InputError(path, "its position is no place on earth", int(line[lost[0]]))
+    twice = np.flatnonzero(np.diff(np.sort(number)) == 0)
+    if twice.size:
+        value = np.sort(number)[twice[0]]
+        raise InputError(
+            path,
+            f"photo {value} stands in it twice: keep one of the two lines",
+            int(line[np.flatnonzero(number == value)[1]]),
+        )
+    return _Rows(
+        line=line,
+        number=number,
+        utc_s=utc_from_gps(table[:, 2], table[:, 1] * 1e3),
+        place=table[:, 6:9],
+        sigma_m=table[:, 9:12],
+        quality=table[:, 12].astype(np.int64),
+    )
+
+
+def _photo_numbers(path: Path, photos: Photos) -> list[int]:
+    numbers: dict[int, str] = {}
+    for name in photos.frame_id:
+        match = _PHOTO_NUMBER.fullmatch(name.rpartition(".")[0])
+        if match is None:
+            raise InputError(
+                path,
+                f"names photos by number, and {name!r} has none at its end (as 100_0001_0002.JPG "
+                "has): give the poses in a CSV file instead",
+            )
+        other = numbers.setdefault(int(match[1]), name)
+        if other != name:
+            raise InputError(
+                path,
+                f"names photos by number, and {name!r} and {other!r} have the same one: an image "
+                "log covers one folder; run them apart, or give the poses in a CSV file",
+            )
+    return list(numbers)
+
+
+def _check_times(path: Path, photos: Photos, rows: _Rows, photo: Ints, row: Ints) -> None:
+    """The camera's clock may be off, but by the same for all photos."""
+    gap = photos.file_time_s[photo] - rows.utc_s[row]
+    known = np.isfinite(gap)
+    if known.sum() < 2:
+        return
+    off = np.where(known, np.abs(gap - np.median(gap[known])), 0.0)
+    worst = int(np.argmax(off))
+    if off[worst] > _LARGEST_TIME_GAP_S:
+        raise InputError(
+            path,
+            f"{photos.frame_id[photo[worst]]!r} was taken {off[worst]:.1f} s away from where its "
+            "number says, measured against the other photos: renamed photos, or the log of "
+            "another folder?",
+            int(rows.line[row[worst]]),
+        )
+
+
+def _quality_messages(path: Path, quality: Ints, without: int) -> tuple[Message, ...]:
+    messages = []
+    if without:
+        text = f"{path.name}: {without} photos have no position (status 0) and were left out"
+        messages.append(Message("warning", "mrk-no-position", text))
+    loose = int(np.sum(quality != _FIXED))
+    if loose:
+        text = (
+            f"{path.name}: {loose} of {len(quality)} positions are no fixed RTK solution; their "
+            "own sigmas were taken"
+        )
+        messages.append(Message("warning", "mrk-not-fixed", text))
+    return tuple(messages)
+
+
+_ANGLES = ("yaw_deg", "pitch_deg", "roll_deg")
+_SIGMAS = ("sigma_horizontal_m", "sigma_vertical_m", "sigma_attitude_deg")
+_PLACE = ("latitude_deg", "longitude_deg", "height_m")
+
+
+def read_pose_csv(
+    path: str | Path,
+    heights: HeightDatum,
+    site: Origin | None = None,
+    *,
+    may_lack_places: bool = False,
+) -> PhotoPoses:
+    """Read image, latitude_deg, longitude_deg, height_m and, optional, angles and sigmas.
+
+    Angles are those of the optical axis, as of a gimbal: yaw from north, pitch -90 straight down,
+    roll 0 with the horizon level; all three, or none.
+
+    Parameters
+    ----------
+    path
+        The table.
+    heights
+        Datum of its heights.
+    site
+        Where the photos were taken by their own tags; None: they state no place.
+    may_lack_places
+        Whether another source has places, so that a row may have none: all three numbers, or none.
+
+    Raises
+    ------
+    InputError
+        Names file and line of every mistake.
+    """
+    table = read_table(
+        path,
+        Columns(
+            text=("image",),
+            numbers=() if may_lack_places else _PLACE,
+            optional_numbers=(*(_PLACE if may_lack_places else ()), *_ANGLES, *_SIGMAS),
+        ),
+    )
+    _check(table, site)
+    numbers = table.numbers
+    return PhotoPoses(
+        frame_id=table.text["image"],
+        latitude_deg=numbers["latitude_deg"],
+        longitude_deg=numbers["longitude_deg"],
+        height_m=numbers["height_m"],
+        sigma_horizontal_m=numbers["sigma_horizontal_m"],
+        sigma_vertical_m=numbers["sigma_vertical_m"],
+        datum=heights,
+        ypr_rad=np.radians(np.stack([numbers[name] for name in _ANGLES], axis=1)),
+        sigma_attitude_rad=np.radians(numbers["sigma_attitude_deg"]),
+        source=table.path.name,
+    )
+
+
+def _check(table: Table, site: Origin | None) -> None:
+    for name in _SIGMAS:
+        table.require_sigma(name)
+    table.require_unique("image", "photo")
+    table.require_range("latitude_deg", 90.0)
+    table.require_range("longitude_deg", 360.0)
+    for together in (_ANGLES, _PLACE):
+        given = np.stack([np.isfinite(table.numbers[name]) for name in together], axis=1)
+        for row in np.flatnonzero(given.any(axis=1) & ~given.all(axis=1)):
+            names = f"{', '.join(together[:-1])} and {together[-1]}"
+            table.blame(int(row), f"{names}: give all three, or none")
+    if site is not None:
+        place = table.numbers["latitude_deg"], table.numbers["longitude_deg"]
+        for exchanged in np.flatnonzero(are_exchanged(place, place[::-1], site)).tolist():
+            table.blame(exchanged, EXCHANGED)
+    if not len(table.line):
+        table.faults.append((None, "holds no photo: give a row for each, or leave `poses` out"))
+    table.raise_faults()

@@ -1,1 +1,0 @@
-"""What many simulated repetitions of a survey gave."""

@@ -1,1 +1,0 @@
-"""What studies ask of simulated surveys, and what they found."""

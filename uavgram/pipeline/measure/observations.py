@@ -1,0 +1,176 @@
+"""Observations of a project beside its tables: plates, lines of position, and mends."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.message import Message
+from uavgram.model.options import TargetOptions
+from uavgram.model.survey.known import ON_LINE, ControlLines, KnownThings, LinePosition
+from uavgram.model.survey.mend import Cause
+from uavgram.model.survey.observations import KnownLines, KnownPoints, Picks
+from uavgram.model.survey.survey import World
+from uavgram.pipeline.measure.inputs import Inputs
+from uavgram.pipeline.measure.pose import known_in_world
+from uavgram.stages.assemble import Assembled
+from uavgram.stages.plate_sides import SQUARE, own_scale, with_plate_sides
+
+
+def with_mends(inputs: Inputs, assembled: Assembled, causes: Iterable[Cause]) -> Inputs:
+    """Inputs whose tables say what the adjustment took, mends included.
+
+    Parameters
+    ----------
+    inputs
+        The project.
+    assembled
+        Where its picks and lengths stand in the survey.
+    causes
+        Of misfits, those that were mended, in their order.
+    """
+    for cause in causes:
+        mend = cause.mend
+        if mend is None:
+            continue
+        label = assembled.survey.label
+        pick = {int(k): i for i, k in enumerate(assembled.pick_index) if k >= 0}
+        line = {int(k): i for i, k in enumerate(assembled.line_index) if k >= 0}
+        inputs = replace(
+            inputs,
+            picks=_picks(
+                inputs.picks,
+                {pick[k]: label[at] for k, at in mend.label_of_pick.items()},
+                {pick[k]: place for k, place in mend.pixel_of_pick.items()},
+            ),
+            lines=_lines(
+                inputs.lines,
+                {line[k]: value for k, value in mend.length_m.items()},
+                {line[k]: (label[a], label[b]) for k, (a, b) in mend.ends.items()},
+                {line[k] for k in mend.level},
+            ),
+        )
+    return inputs
+
+
+def _picks(picks: Picks, label: dict[int, str], pixel_px: dict[int, tuple[float, float]]) -> Picks:
+    labels, pixels = list(picks.label), np.array(picks.pixel_px)
+    for row, name in label.items():
+        labels[row] = name
+    for row, place in pixel_px.items():
+        pixels[row] = place
+    return replace(picks, label=tuple(labels), pixel_px=pixels)
+
+
+def _lines(
+    lines: KnownLines,
+    length_m: dict[int, float],
+    ends: dict[int, tuple[str, str]],
+    level: set[int],
+) -> KnownLines:
+    length, start, end = np.array(lines.length_m), list(lines.start), list(lines.end)
+    for row, value in length_m.items():
+        length[row] = value
+    for row, (first, last) in ends.items():
+        start[row], end[row] = first, last
+    along = lines.along
+    if level:
+        every = range(len(start))
+        along = tuple("horizontal" if k in level else lines.along_of(k) for k in every)
+    return replace(lines, length_m=length, start=tuple(start), end=tuple(end), along=along)
+
+
+def plate_outline(targets: TargetOptions) -> Floats:
+    """(4, 2) corners of a plate in metres; of a ChArUco board, its outermost inner corners."""
+    if targets.side_m is not None:
+        return SQUARE * targets.side_m
+    from uavgram.config.board_text import parse_board  # noqa: PLC0415 - slow to load
+
+    board = parse_board(targets.family)
+    return SQUARE * board.square_m * [board.columns - 1, board.rows - 1]
+
+
+def with_sides(lines: KnownLines, picks: Picks, targets: TargetOptions | None) -> KnownLines:
+    """The known lengths, with those of the plates that were found.
+
+    Parameters
+    ----------
+    lines, picks
+        Of the project.
+    targets
+        Its plates; None: it has none.
+    """
+    if targets is None:
+        return lines
+    return with_plate_sides(lines, picks, plate_outline(targets), targets.sigma_m)
+
+
+def plate_scale(targets: TargetOptions | None) -> tuple[tuple[str, float], ...]:
+    """Name and prior of the scale that all plates have in common."""
+    return () if targets is None else own_scale(plate_outline(targets), targets.sigma_m)
+
+
+def with_position_lines(inputs: Inputs, world: World) -> tuple[Inputs, tuple[Message, ...]]:
+    """Inputs whose known things are joined by the lines of known position, behind the others.
+
+    Where nothing ties the world to the earth, lines with latitude and longitude stay out, with a
+    message.
+    """
+    lines = inputs.control_lines
+    if not lines.name:
+        return inputs, ()
+    ends, messages = known_in_world(inputs, _ends(lines, world), world)
+    if not ends.label:
+        return inputs, messages
+    has_height = np.isfinite(lines.coordinates[:, 0, 2])
+    placed = [
+        LinePosition(
+            ends_m=_without_height(place, has_height=high),
+            sigma_m=np.nan_to_num(sigma),
+            straightness_m=float(own),
+            has_height=bool(high),
+        )
+        for place, sigma, own, high in zip(
+            ends.world_m.reshape(-1, 2, 3),
+            lines.sigma_m,
+            lines.straightness_m,
+            has_height,
+            strict=True,
+        )
+    ]
+    known, none = inputs.known, (None,) * len(inputs.known.name)
+    count = len(lines.name)
+    joined = KnownThings(
+        name=(*known.name, *lines.name),
+        kind=(*known.kind, *(ON_LINE,) * count),
+        points=(*known.points, *lines.points),
+        value=np.concatenate([known.value, np.full(count, np.nan)]),
+        sigma=np.concatenate([known.sigma, [line.across_m for line in placed]]),
+        adjust=np.concatenate([known.adjust, lines.adjust]),
+        parameters=(*known.parameters, *((),) * count),
+        position=(*none, *placed),
+    )
+    return replace(inputs, known=joined), ()
+
+
+def _ends(lines: ControlLines, world: World) -> KnownPoints:
+    """Starts and ends in turn; unknown heights as that of the origin, which moves nothing in plan.
+
+    East and north of a place 100 m higher grow by 1.6e-5 of themselves.
+    """
+    coordinates = lines.coordinates.reshape(-1, 3).copy()
+    origin = 0.0 if lines.kind == "local" or world.origin is None else world.origin[2]
+    coordinates[np.isnan(coordinates[:, 2]), 2] = origin
+    return KnownPoints(
+        label=tuple(name for name in lines.name for _ in range(2)),
+        kind=lines.kind,
+        coordinates=coordinates,
+        sigma_m=np.nan_to_num(lines.sigma_m.reshape(-1, 3)),
+    )
+
+
+def _without_height(place: Floats, *, has_height: bool) -> Floats:
+    return place if has_height else place * [1.0, 1.0, 0.0]

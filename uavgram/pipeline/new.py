@@ -1,0 +1,527 @@
+"""A project file for a folder of photos: files that are found, and files to choose from."""
+
+from __future__ import annotations
+
+import errno
+import glob
+import os
+import shlex
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from uavgram.config.project_text import ProjectText, project_text
+from uavgram.errors import InputError, OutputError, UavgramError
+from uavgram.input_files import unread_format
+from uavgram.io.discovery import Holdings, PhotoGroup, TableRole, grouped, search_folder
+from uavgram.io.outputs import replace_text
+from uavgram.io.photos.catalogue import name_format, read_photos
+from uavgram.io.photos.files import matching_files
+from uavgram.io.photos.poses.read import FROM_PHOTOS
+from uavgram.io.photos.size import image_size
+from uavgram.io.tables.new_picks import CONTROL_HEADER
+from uavgram.io.tables.picked import LINES_HEADER, MEASURE_HEADER, PICKS_HEADER
+from uavgram.io.tables.rewrite import new_table
+from uavgram.model.flight.frames import Photos
+from uavgram.model.message import Message
+from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TimeOptions
+from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
+from uavgram.pipeline.check import missing
+from uavgram.pipeline.measure.ground_below import ABOVE_GROUND_SIGMA_M, ground_below, has_place
+from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.stages.messages import in_order
+from uavgram.stages.seed.photo_exposures import ABOVE_GROUND_M
+
+PROJECT = "project.yaml"
+PICKED = {"picks": PICKS_HEADER, "lines": LINES_HEADER, "measure": MEASURE_HEADER}
+"""Tables that the picking page makes, and their columns."""
+
+HEADERS = PICKED | {"control": CONTROL_HEADER}
+"""Columns of tables that a new project may have to be written for."""
+
+_TABLES: tuple[TableRole, ...] = (
+    *("picks", "lines", "known", "measure", "control", "control_lines", "check", "plan"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choices:
+    """What a person chose where a folder holds several; paths are relative to the folder.
+
+    A camera is a file, ``auto`` or ``unknown``, as in a project.
+    """
+
+    images: tuple[str, ...] = ()
+    log: Path | None = None
+    camera: Path | None = None
+    poses: Path | None = None
+
+
+@dataclass
+class Notes:
+    """What there is to say, while a folder is looked through."""
+
+    found: list[str] = field(default_factory=list)
+    messages: list[Message] = field(default_factory=list)
+
+    def warn(self, code: str, text: str, *files: str) -> None:
+        """Add a warning, on `files` where it is about some."""
+        self.messages.append(Message("warning", code, text, files=files))
+
+
+def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[PhotoGroup, ...]:
+    """Groups of photos to take, all of one size.
+
+    Parameters
+    ----------
+    folder
+        The project folder.
+    holdings
+        What it holds.
+    choices
+        Patterns that a person chose.
+    """
+    groups = holdings.photos
+    if choices.images:
+        named = {
+            path
+            for pattern in choices.images
+            for path in matching_files(absolute(folder, pattern), "correct --images")
+        }
+        groups = grouped(sorted(named))
+        if not groups:
+            image_size(min(named))  # says why
+            wanted = ", ".join(choices.images)
+            raise InputError(folder, f"no photo is named {wanted}: correct --images")
+    if not groups:
+        raise InputError(
+            folder,
+            "holds no photo (.jpg, .png, .tif), nor do the folders in it: name the folder of the "
+            f"flight, or copy the photos there. {passed_over(holdings)}".rstrip(),
+        )
+    if len({group.size_px for group in groups}) > 1:
+        raise InputError(folder, _sizes(folder, groups))
+    return groups
+
+
+def passed_over(holdings: Holdings) -> str:
+    """Files that a new project has no use for, by kind and number; empty where there is none."""
+    kinds = [(path, unread_format(path)) for path in holdings.others]
+    names = Counter(known.name if known else f"*{path.suffix}" for path, known in kinds)
+    ways = {f"A {known.name}: {known.way_out}": None for _, known in kinds if known}
+    counted = ", ".join(f"{count} x {name}" for name, count in names.items())
+    return ". ".join([f"Passed over: {counted}", *ways]) + "." if counted else ""
+
+
+def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
+    """The kinds of photos that there are, and how to choose one."""
+    patterns = [own_pattern(folder, group, groups) for group in groups]
+    rows = "\n".join(
+        f"  {pattern}: {len(group.files)} of {group.size_px[0]} x {group.size_px[1]} px, such as "
+        f"{group.files[0].name}"
+        for pattern, group in zip(patterns, groups, strict=True)
+    )
+    most = max(range(len(groups)), key=lambda k: len(groups[k].files))
+    way = f"--images '{patterns[most]}'"
+    if patterns.count(patterns[most]) > 1:
+        way = f"--images with the names of one size, or '{groups[most].files[0].name}' alone"
+    return (
+        "holds photos of several sizes, and a project has one camera of one size:\n"
+        f"{rows}\nchoose, such as with {way}"
+    )
+
+
+def own_pattern(folder: Path, group: PhotoGroup, groups: Sequence[PhotoGroup]) -> str:
+    """A group's pattern; with how its names begin, where that alone tells it from others.
+
+    Parameters
+    ----------
+    folder
+        The project folder.
+    group
+        The group.
+    groups
+        All groups of the folder.
+    """
+    beside = [
+        other
+        for other in groups
+        if other is not group and (other.folder, other.suffix) == (group.folder, group.suffix)
+    ]
+    start = os.path.commonprefix([path.stem for path in group.files])  # noqa: RUF071  (of names)
+    others = [path.name for other in beside for path in other.files]
+    if not beside or not start or any(name.startswith(start) for name in others):
+        return pattern_of(folder, group)
+    plain = pattern_of(folder, group)
+    return f"{plain.removesuffix(f'*{group.suffix}')}{glob.escape(start)}*{group.suffix}"
+
+
+def pattern_of(folder: Path, group: PhotoGroup) -> str:
+    """The pattern of a group, relative to the folder."""
+    inside = group.folder.relative_to(folder).as_posix()
+    start = "" if inside == "." else f"{glob.escape(inside)}/"
+    return f"{start}*{group.suffix}"
+
+
+def absolute(folder: Path, pattern: str) -> str:
+    """A pattern that is relative to the folder, as `read_photos` wants it."""
+    return pattern if Path(pattern).is_absolute() else f"{glob.escape(str(folder))}/{pattern}"
+
+
+def only_one(
+    folder: Path, what: str, option: str, candidates: Sequence[Path], chosen: Path | None
+) -> str | None:
+    """The only candidate, or the chosen one, relative to the folder.
+
+    Parameters
+    ----------
+    folder
+        The project folder.
+    what
+        What the file is, in words.
+    option
+        The option of the command that chooses one.
+    candidates
+        Files that could be it.
+    chosen
+        The one that a person chose; None: nobody did.
+    """
+    if chosen is not None:
+        path = chosen if chosen.is_absolute() else folder / chosen
+        if not path.is_file():
+            raise InputError(path, f"is no file: correct --{option} (relative to {folder})")
+        return _relative(folder, path)
+    names = [_relative(folder, path) for path in candidates]
+    if len(names) > 1:
+        raise InputError(
+            folder,
+            f"holds {len(names)} files that could be the {what}: {', '.join(names)}; choose with "
+            f"--{option}, such as --{option} '{names[0]}'",
+        )
+    return names[0] if names else None
+
+
+def _relative(folder: Path, path: Path) -> str:
+    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else str(path)
+
+
+def choose_camera(
+    folder: Path,
+    candidates: Sequence[Path],
+    chosen: Path | None,
+    photos: Photos,
+    notes: Notes,
+) -> str:
+    """The camera file that fits the photos, ``auto``, or ``unknown``.
+
+    Parameters
+    ----------
+    folder
+        The project folder.
+    candidates
+        Camera files that are there.
+    chosen
+        The one that a person chose; None: nobody did.
+    photos
+        Photos to take.
+    notes
+        What there is to say; the choice is added.
+    """
+    size = round(float(photos.width_px[0])), round(float(photos.height_px[0]))
+    if chosen is not None and str(chosen) == CAMERA_UNKNOWN:
+        return _unknown_camera(photos, notes)
+    of_photos = chosen is not None and str(chosen) == CAMERA_OF_PHOTOS
+    fitting: list[Path] = []
+    for path in candidates if chosen is None else ():
+        candidate = _relative(folder, path)
+        try:
+            camera = read_camera(path).calibration
+        except InputError as why:
+            text = f"{candidate} was passed over: {why.message}."
+            notes.warn("camera-passed-over", text, candidate)
+            continue
+        own = camera.width_px, camera.height_px
+        if own == size:
+            fitting.append(path)
+            continue
+        text = (
+            f"{candidate} was passed over: it is for {own[0]} x {own[1]} px, the photos have "
+            f"{size[0]} x {size[1]}."
+        )
+        notes.warn("camera-passed-over", text, candidate)
+    name = None if of_photos else only_one(folder, "camera", "camera", fitting, chosen)
+    if name is not None:
+        notes.found.append(f"camera: {name}")
+        return name
+    try:
+        camera_of_photos(photos)
+    except InputError:
+        if of_photos:
+            raise
+        return _unknown_camera(photos, notes)
+    notes.found.append("camera: auto, as the photos say which it was (with wide errors)")
+    return CAMERA_OF_PHOTOS
+
+
+def _unknown_camera(photos: Photos, notes: Notes) -> str:
+    """Where neither a file nor the photos say which camera it was.
+
+    Raises
+    ------
+    InputError
+        No ordinary camera can stand for it, or for all of the photos.
+    """
+    try:
+        camera_of_photos(photos, may_be_unknown=True)
+    except InputError as why:
+        way = "Put a camera file beside the photos, or choose photos with --images; then try again"
+        raise InputError(why.path, f"{why.message}. {way}") from why
+    notes.found.append("camera: unknown, so an ordinary drone camera, with very wide errors")
+    return CAMERA_UNKNOWN
+
+
+def choose_tables(folder: Path, holdings: Holdings, notes: Notes) -> dict[str, str]:
+    """Tables by role; those that the picking page makes have a name though they are not there.
+
+    Parameters
+    ----------
+    folder
+        The project folder.
+    holdings
+        What it holds.
+    notes
+        What there is to say; the choice is added.
+    """
+    names: dict[str, str] = {role: f"{role}.csv" for role in PICKED}
+    for role in _TABLES:
+        candidates = holdings.tables.get(role, ())
+        is_plan = role == "plan"
+        what = "plans" if is_plan else f"tables of {role}"
+        usual = folder / f"{role}.{'json' if is_plan else 'csv'}"
+        if usual in candidates:
+            candidates = (usual,)
+        if len(candidates) > 1:
+            listed = ", ".join(_relative(folder, path) for path in candidates)
+            raise InputError(
+                folder,
+                f"holds {len(candidates)} {what}: {listed}; call the one to use {usual.name}, in "
+                "the folder itself",
+            )
+        if candidates:
+            names[role] = _relative(folder, candidates[0])
+            notes.found.append(f"{role}: {names[role]}")
+    if holdings.gcp_lists and "control" not in names:
+        names["control"] = "control.csv"
+        file = holdings.gcp_lists[0]
+        tables = f"--output={folder / names['picks']}", f"--control={folder / 'control.csv'}"
+        command = shlex.join(["uavgram", "picks", "import", str(file), *tables])
+        text = (
+            f"{_relative(folder, file)} holds picks of points with known coordinates. To use them: "
+            f"{command} --control-sigma-m=0.02; write how well the coordinates are known, in "
+            "metres, instead of 0.02."
+        )
+        notes.messages.append(Message("info", "gcp-list-found", text, files=(file.name,)))
+    return names
+
+
+Attempt = tuple[ProjectText, Message | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class NewProject:
+    """A project that was written.
+
+    Attributes
+    ----------
+    path
+        The project file.
+    found
+        What it names, in words.
+    messages
+        What is still missing, and what is odd.
+    """
+
+    path: Path
+    found: tuple[str, ...]
+    messages: tuple[Message, ...]
+
+
+def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
+    """Write project.yaml for a folder, and empty tables for what is to be picked.
+
+    Files that are there are never written over. Nothing is written where something is found
+    twice and it is not said which to take, or where a file that is there is wrong.
+
+    Parameters
+    ----------
+    folder
+        It, or folders in it, holds the photos.
+    choices
+        Which photos, log or camera to take.
+
+    Raises
+    ------
+    InputError
+        The folder holds no photo, or several sizes, logs, cameras or tables of one kind: lists
+        them. Or it holds a project file already, or a file in it is wrong, or no camera can be
+        assumed for the photos.
+    OutputError
+        It cannot be written to.
+    """
+    choices = choices or Choices()
+    folder = folder.absolute()
+    project = folder / PROJECT
+    if project.exists():
+        raise InputError(project, "is there already: edit it, or move it away first")
+    notes = Notes()
+    text, photos = _described(folder, choices, notes)
+    made = _make_files(folder, text)
+    try:
+        _try(project, text, photos, notes)
+    except BaseException:
+        for path in made:
+            path.unlink(missing_ok=True)
+        raise
+    return NewProject(path=project, found=tuple(notes.found), messages=in_order(*notes.messages))
+
+
+def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectText, Photos]:
+    """What the project file is to say, with poses only attempted; and the photos."""
+    holdings = search_folder(folder)
+    groups = choose_photos(folder, holdings, choices)
+    images = choices.images or tuple(pattern_of(folder, group) for group in groups)
+    photos, _ = read_photos(tuple(absolute(folder, image) for image in images), TimeOptions())
+    width, height = groups[0].size_px
+    count, listed = len(photos.frame_id), ", ".join(images)
+    what = "photo" if count == 1 else "photos"
+    notes.found.append(f"{count} {what} of {width} x {height} px: {listed}")
+    camera = choose_camera(folder, holdings.cameras, choices.camera, photos, notes)
+    log = only_one(folder, "flight log", "log", holdings.logs, choices.log)
+    poses = None if log else only_one(folder, "poses", "poses", holdings.poses, choices.poses)
+    for what, name in (("flight log", log), ("poses", poses)):
+        if name is not None:
+            notes.found.append(f"{what}: {name}")
+    if others := passed_over(holdings):
+        notes.messages.append(Message("info", "files-passed-over", others))
+    text = ProjectText(
+        name=folder.name or "survey",
+        images=images,
+        camera=camera,
+        log=log,
+        poses=poses,
+        tables=choose_tables(folder, holdings, notes),
+    )
+    return text, photos
+
+
+def _make_files(folder: Path, text: ProjectText) -> list[Path]:
+    """Write the tables that are not there, and the project last; none over another."""
+    contents = {
+        folder / text.tables[role]: new_table(header, ()).decode()
+        for role, header in HEADERS.items()
+        if role in text.tables and not (folder / text.tables[role]).exists()
+    }
+    contents[folder / PROJECT] = project_text(text)
+    made: list[Path] = []
+    try:
+        for path, content in contents.items():
+            with path.open("x", encoding="utf-8", newline="") as stream:
+                made.append(path)
+                stream.write(content)
+    except OSError as fault:
+        for path in made:
+            with suppress(OSError):
+                path.unlink()
+        way = "copy the photos to a folder of your own, or ask for the right to write"
+        if fault.errno == errno.ENOSPC:
+            way = "free some space, and try again"
+        raise OutputError(f"{folder}: cannot be written to ({fault.strerror}); {way}") from fault
+    return made
+
+
+def _try(project: Path, text: ProjectText, photos: Photos, notes: Notes) -> None:
+    """Read the project as `uavgram check` does, and say what it still lacks.
+
+    Where the photos cannot be placed as it stands, what else can be tried without asking is tried.
+
+    Raises
+    ------
+    InputError
+        A file that is named is wrong.
+    """
+    why = last = ""
+    for attempt, note in _attempts(text, photos):
+        replace_text(project, project_text(attempt))
+        try:
+            inputs = read_inputs(project, unpicked=True)
+            posed = pose_frames(inputs)
+        except UavgramError as fault:
+            last = str(fault)
+            if isinstance(fault, InputError) and fault.path == attempt.poses:
+                last = fault.message
+            why = why or str(fault)
+            continue
+        if note is not None:
+            notes.messages.append(note)
+        if last and attempt.log is None and attempt.poses is None and has_place(photos):
+            notes.warn("poses-unusable", f"The photos state where they were taken, but: {last}.")
+        notes.messages += [*inputs.messages, *posed.messages, *missing(inputs)]
+        return
+    replace_text(project, project_text(text))
+    inputs = read_inputs(project, unpicked=True)
+    notes.warn("not-posed", f"The photos cannot be placed yet: {why}")
+    notes.messages += [*inputs.messages, *missing(inputs)]
+
+
+def _attempts(text: ProjectText, photos: Photos) -> list[Attempt]:
+    """Project files to try, the first that works is taken; and what is to be said of each."""
+    if text.log is not None:
+        return [(text, None), _on_utc(text, ""), *_by_names(text, photos.frame_id)]
+    if text.poses is not None:
+        return [(text, None), *_above_ground(text, photos, "")]
+    why = "The photos state where they were taken: `poses: exif` uses that."
+    posed = replace(text, poses=FROM_PHOTOS)
+    return [
+        (posed, Message("info", "poses-found", why)),
+        *_above_ground(posed, photos, f"{why} "),
+        (text, None),
+    ]
+
+
+def _above_ground(text: ProjectText, photos: Photos, also: str) -> list[Attempt]:
+    """The same with an assumed height above the ground, for poses that say nothing of it."""
+    origin = ground_below(str(text.poses), photos)
+    if origin is None:
+        return []
+    why = (
+        f"{also}They do not say how high that is above the ground: {ABOVE_GROUND_M:.0f} m ± "
+        f"{ABOVE_GROUND_SIGMA_M:.0f} m was assumed. Write the height of the ground (from a map, or "
+        "the place of take-off) into world.origin, and how well you know it into "
+        "ground.height_sigma_m."
+    )
+    return [(replace(text, origin=origin), Message("warning", "ground-assumed", why))]
+
+
+def _on_utc(text: ProjectText, also: str) -> Attempt:
+    why = (
+        f"{also}The camera's clock is taken to show UTC, up to 1 s: the photos fit the log's "
+        "camera events at several offsets, or it has none, and this one places them. Compare a "
+        "photo with the flight, and correct time.offset_s in the project if it is another."
+    )
+    return replace(text, offset_s=0.0), Message("warning", "clock-assumed", why)
+
+
+def _by_names(text: ProjectText, names: Sequence[str]) -> list[Attempt]:
+    """The same with times from the photos' names, where these hold some."""
+    form = name_format([Path(name).stem for name in names])
+    if form is None:
+        return []
+    named = replace(text, name_format=form)
+    why = f"The photos' names were read as their times: {names[0]} by {form}. "
+    return [
+        (named, Message("warning", "times-from-names", why.strip())),
+        _on_utc(named, why),
+    ]

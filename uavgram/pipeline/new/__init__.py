@@ -1,1 +1,0 @@
-"""A project file for a folder of photos."""

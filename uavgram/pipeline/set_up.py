@@ -1,0 +1,349 @@
+"""What a page asks before picking: what a folder holds, and how it was photographed and taped.
+
+What is set is written into project.yaml, in the places where a person would write it.
+"""
+
+from __future__ import annotations
+
+import glob
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from uavgram.config.project import load_project
+from uavgram.config.project_text import Settings, with_settings
+from uavgram.errors import InputError, UavgramError
+from uavgram.io.discovery import Holdings, PhotoGroup, search_folder
+from uavgram.io.imports import GcpSigmas
+from uavgram.io.outputs import replace_text
+from uavgram.io.photos.catalogue import read_photos
+from uavgram.io.photos.poses.read import FROM_PHOTOS, read_photo_poses
+from uavgram.model.flight.frames import Photos
+from uavgram.model.naming import METRIC, SHORT_FORMS, Units
+from uavgram.model.options import Auto, Project, TimeOptions
+from uavgram.model.provenance import Case
+from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
+from uavgram.pipeline.import_picks import ControlFiles, import_picks
+from uavgram.pipeline.new import PROJECT, Choices, absolute, new_project, own_pattern, passed_over
+
+MOST_NAMES = 30
+"""Files of a kind that a person is asked to choose from."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """How photos were taken and lengths taped.
+
+    Attributes
+    ----------
+    pitch_deg
+        Of a camera that was fixed: -90 looked straight down, 0 forward; ``auto``: as the drone
+        recorded it.
+    reading_sigma_m
+        Of a reading of the tape.
+    units
+        In which people read.
+    case
+        For the head of the report.
+    """
+
+    pitch_deg: float | Auto = "auto"
+    reading_sigma_m: float = 0.01
+    units: Units = METRIC
+    case: Case = field(default_factory=Case)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundPhotos:
+    """Photos of one folder and size.
+
+    Attributes
+    ----------
+    pattern
+        Which they are, relative to the folder that was looked through.
+    count, width_px, height_px, example
+        How many, how large, and the name of the first.
+    camera
+        What the first says of its camera; empty where nothing can be assumed from it.
+    looks_deg
+        How far below the horizon the camera looked, as the first says; None where it does not.
+    """
+
+    pattern: str
+    count: int
+    width_px: int
+    height_px: int
+    example: str
+    camera: str
+    looks_deg: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundCamera:
+    """A camera file, for photos of one size."""
+
+    name: str
+    width_px: int
+    height_px: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class FoundInFolder:
+    """What a folder holds for a project; names are relative to it.
+
+    Attributes
+    ----------
+    has_project
+        Whether a project was set up in it already.
+    photos, cameras, logs, poses, gcp_lists, tables
+        What could be used.
+    passed_over
+        What cannot, in a sentence; empty where there is nothing.
+    setup
+        As the project says, or the defaults.
+    camera
+        As the project says; None without one.
+    fault
+        Why the project that is there cannot be read; empty where it can.
+    """
+
+    has_project: bool
+    photos: tuple[FoundPhotos, ...]
+    cameras: tuple[FoundCamera, ...]
+    logs: tuple[str, ...]
+    poses: tuple[str, ...]
+    gcp_lists: tuple[str, ...]
+    tables: tuple[str, ...]
+    passed_over: str
+    setup: Setup
+    camera: str | None
+    fault: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wanted:
+    """What a person chose for a folder.
+
+    Attributes
+    ----------
+    choices
+        Which files a new project takes.
+    setup
+        How it was photographed and taped.
+    gcp_list
+        A gcp_list.txt to take points with known coordinates from; None: none.
+    gcp_sigma_m
+        How well those coordinates are known.
+    """
+
+    choices: Choices
+    setup: Setup
+    gcp_list: str | None = None
+    gcp_sigma_m: float = 0.02
+
+
+def look_through(folder: Path) -> FoundInFolder:
+    """Look through a folder and those in it; nothing is written.
+
+    Raises
+    ------
+    InputError
+        It cannot be read, or holds too much for one flight.
+    """
+    folder = folder.absolute()
+    holdings = search_folder(folder)
+    project, fault = None, ""
+    if (folder / PROJECT).exists():
+        try:
+            project = load_project(folder / PROJECT, unfinished=True)
+        except UavgramError as why:
+            fault = str(why)
+    own = {folder / PROJECT}
+    others = tuple(path for path in holdings.others if path not in own)
+    tables = (path for several in holdings.tables.values() for path in several)
+    return FoundInFolder(
+        has_project=(folder / PROJECT).exists(),
+        photos=tuple(_photos(folder, group, holdings) for group in holdings.photos[:MOST_NAMES]),
+        cameras=tuple(_cameras(folder, holdings)),
+        logs=_names(folder, holdings.logs),
+        poses=_names(folder, holdings.poses),
+        gcp_lists=_names(folder, holdings.gcp_lists),
+        tables=_names(folder, tuple(sorted(tables))),
+        passed_over=passed_over(replace(holdings, others=others)),
+        setup=Setup() if project is None else setup_of(project),
+        camera=None if project is None else _camera_of(folder, project),
+        fault=fault,
+    )
+
+
+def _names(folder: Path, paths: tuple[Path, ...]) -> tuple[str, ...]:
+    return tuple(path.relative_to(folder).as_posix() for path in paths[:MOST_NAMES])
+
+
+def _photos(folder: Path, group: PhotoGroup, holdings: Holdings) -> FoundPhotos:
+    first = group.files[0]
+    camera, looks_deg = "", None
+    try:
+        photos, _ = read_photos((absolute(folder, _pattern_of_one(folder, first)),), TimeOptions())
+        looks_deg = _looks_deg(photos)
+        camera = camera_of_photos(photos)[0].name
+    except UavgramError:  # the photo does not say, or is told of when the project is made
+        pass
+    return FoundPhotos(
+        pattern=own_pattern(folder, group, holdings.photos),
+        count=len(group.files),
+        width_px=group.size_px[0],
+        height_px=group.size_px[1],
+        example=first.name,
+        camera=camera,
+        looks_deg=looks_deg,
+    )
+
+
+def _pattern_of_one(folder: Path, file: Path) -> str:
+    return glob.escape(file.relative_to(folder).as_posix())
+
+
+def _looks_deg(photos: Photos) -> float | None:
+    try:
+        poses, _ = read_photo_poses(FROM_PHOTOS, photos, "msl")
+    except UavgramError:
+        return None
+    pitch = float(np.degrees(poses.ypr_rad[0, 1]))
+    return -pitch if math.isfinite(pitch) else None
+
+
+def _cameras(folder: Path, holdings: Holdings) -> list[FoundCamera]:
+    found = []
+    for path in holdings.cameras[:MOST_NAMES]:
+        try:
+            camera = read_camera(path).calibration
+        except UavgramError:
+            continue
+        name = path.relative_to(folder).as_posix()
+        size = camera.width_px, camera.height_px
+        found.append(FoundCamera(name=name, width_px=size[0], height_px=size[1]))
+    return found
+
+
+def _camera_of(folder: Path, project: Project) -> str:
+    path = Path(project.camera)
+    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else project.camera
+
+
+def setup_of(project: Project) -> Setup:
+    """What a project says already."""
+    mount = project.mount
+    fixed: float | Auto = mount.pitch_deg
+    if mount.gimbal == "none" and fixed == "auto":
+        fixed = -90.0
+    return Setup(
+        pitch_deg=fixed,
+        reading_sigma_m=project.tape.reading_sigma_m,
+        units=project.units,
+        case=project.case,
+    )
+
+
+def set_up(folder: Path, wanted: Wanted) -> Path:
+    """Write a project file for a folder, or change the one that is there; return it.
+
+    Raises
+    ------
+    UavgramError
+        The photos cannot be used as they are, or nothing can be written. A new project is gone
+        then, and one that was there is as it was.
+    """
+    folder = folder.absolute()
+    path = folder / PROJECT
+    is_new = not path.exists()
+    if is_new:
+        before = {one.name for one in folder.iterdir()}
+        new_project(folder, wanted.choices)
+        made = [one for one in folder.iterdir() if one.name not in before and one.is_file()]
+    else:
+        made = []
+    try:
+        change_setup(path, wanted.setup)
+        if not is_new:
+            _change_camera(folder, path, wanted.choices.camera)
+        if wanted.gcp_list is not None:
+            _take_points(folder, path, wanted)
+    except BaseException:
+        for one in made:
+            one.unlink(missing_ok=True)
+        raise
+    return path
+
+
+def change_setup(path: Path, setup: Setup) -> None:
+    """Write what differs from what a project says already; all else in the file stays.
+
+    Raises
+    ------
+    UavgramError
+        The file cannot be changed in those places; says what to write.
+    """
+    _write(path, _changes(setup_of(load_project(path, unfinished=True)), setup))
+
+
+def _changes(before: Setup, after: Setup) -> Settings:
+    """What is to be written, by section and key."""
+    changes: dict[str, str | float | Mapping[str, str | float]] = {}
+    if after.pitch_deg != before.pitch_deg:
+        fixed = after.pitch_deg != "auto"
+        changes["mount"] = {"gimbal": "none" if fixed else "auto", "pitch_deg": after.pitch_deg}
+    if after.reading_sigma_m != before.reading_sigma_m:
+        changes["tape"] = {"reading_sigma_m": after.reading_sigma_m}
+    if after.units != before.units:
+        words = {units: word for word, units in SHORT_FORMS.items()}
+        changes["units"] = words.get(after.units) or {**asdict(after.units)}
+    texts = {key: (getattr(before.case, key), getattr(after.case, key)) for key in CASE}
+    case: dict[str, str | float] = {k: now for k, (then, now) in texts.items() if then != now}
+    if case:
+        changes["case"] = case
+    return changes
+
+
+CASE: tuple[Literal["number", "title", "place", "date", "agency"], ...] = (
+    *("number", "title", "place", "date", "agency"),
+)
+"""Of a case, what is asked for."""
+
+
+def _change_camera(folder: Path, path: Path, camera: Path | None) -> None:
+    if camera is not None and str(camera) != _camera_of(
+        folder, load_project(path, unfinished=True)
+    ):
+        _write(path, {"camera": camera.as_posix()})
+
+
+def _write(path: Path, changes: Settings) -> None:
+    if not changes:
+        return
+    before = path.read_bytes().decode("utf-8-sig")
+    after = with_settings(before, changes)
+    if after is None:
+        keys = " and ".join(changes)
+        raise InputError(
+            path, f"is written in a way that only an editor can change: set {keys} in it by hand"
+        )
+    replace_text(path, after)
+    try:
+        load_project(path, unfinished=True)
+    except UavgramError:
+        replace_text(path, before)
+        raise
+
+
+def _take_points(folder: Path, path: Path, wanted: Wanted) -> None:
+    """Take picks and coordinates of a gcp_list.txt over."""
+    project = load_project(path, unfinished=True)
+    control = Path(project.control or folder / "control.csv")
+    sigmas = GcpSigmas(sigma_m=wanted.gcp_sigma_m)
+    file = folder / str(wanted.gcp_list)
+    import_picks([file], Path(project.picks), ControlFiles(path=control, sigmas=sigmas))

@@ -1,0 +1,247 @@
+"""Find tie points: features of every photo, compared pair by pair, verified, joined."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.imaging.ties.features import WORKING_PX, Features, read_features
+from uavgram.imaging.ties.likeness import likeness
+from uavgram.imaging.ties.matching import Guide, match_features
+from uavgram.imaging.ties.verify import FEWEST, verify
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.flight.pose import Poses
+from uavgram.model.survey.ties import TiePicks
+from uavgram.pipeline.parallel import prefetch
+from uavgram.pipeline.progress import Progress, silent
+from uavgram.stages.tie.overlap import LEAST_SHARE, Seen, overlap, pairs_of, predict
+from uavgram.stages.tie.tracks import (
+    Matches,
+    Sighted,
+    choose,
+    fitting,
+    relative_noise,
+    sigmas,
+    tracks_of,
+)
+
+DECIMALS = 3
+"""Of pixels, as the table has them."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """What is known before tie points are sought.
+
+    Attributes
+    ----------
+    frame_id, path
+        (N,) names and files of the photos.
+    calibration
+        Of the camera.
+    poses
+        Of those that have one, by their names; None where nothing says where any was.
+    picked_image, picked_px
+        (K,), (K, 2) what people picked: around it the height of the ground will be asked for.
+    ground_m, ground_sigma_m
+        Height of the ground in the world of the poses, and its standard deviation.
+    """
+
+    frame_id: tuple[str, ...]
+    path: tuple[str, ...]
+    calibration: Calibration
+    poses: Poses | None
+    picked_image: tuple[str, ...] = ()
+    picked_px: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    ground_m: float = 0.0
+    ground_sigma_m: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Found:
+    """Tie points, and what they were found from.
+
+    Attributes
+    ----------
+    ties
+        The sightings that are kept.
+    compared, matched
+        (P, 2), (Q, 2) pairs of photos that were compared, and those that show the same.
+    """
+
+    ties: TiePicks
+    compared: Ints
+    matched: Ints
+
+
+def find_ties(scene: Scene, progress: Progress = silent) -> Found:
+    """Find the tie points of a project's photos.
+
+    Parameters
+    ----------
+    scene
+        The photos, and what is known of them.
+    progress
+        Shows long loops.
+
+    Raises
+    ------
+    InputError
+        A photo cannot be read.
+    """
+    read = progress(prefetch(read_features, scene.path), "looking at photos", len(scene.path))
+    features = [found for _, found in read]
+    pairs, seen = _pairs(scene, features)
+    work = _PairWork(scene.calibration, features, seen)
+    compared = prefetch(work.compare, pairs.tolist())
+    matched = [found for _, found in progress(compared, "comparing photos", len(pairs))]
+    return _joined(scene, features, pairs, matched)
+
+
+class _Seeds(NamedTuple):
+    """Photos with a pose that says what they show, and the row of each in it (-1: none)."""
+
+    seen: Seen
+    row: Ints
+
+
+def _pairs(scene: Scene, features: Sequence[Features]) -> tuple[Ints, _Seeds | None]:
+    """Pairs of photos to compare, and what predicts where one shows what another does."""
+    count = len(scene.frame_id)
+    chosen = np.zeros((count, count), np.bool_)
+    seeds = _seeds(scene)
+    if seeds is not None:
+        photo = np.flatnonzero(seeds.row >= 0)
+        share = overlap(seeds.seen)[np.ix_(seeds.row[photo], seeds.row[photo])]
+        one, other = photo[pairs_of(share, LEAST_SHARE)].T
+        chosen[one, other] = True
+    unknown = range(count) if seeds is None else np.flatnonzero(seeds.row < 0).tolist()
+    if len(unknown):
+        one, other = pairs_of(likeness(features, unknown), FEWEST / 2).T
+        chosen[one, other] = True
+    return np.argwhere(chosen), seeds
+
+
+def _seeds(scene: Scene) -> _Seeds | None:
+    if scene.poses is None:
+        return None
+    everything = Seen(
+        calibration=scene.calibration,
+        poses=scene.poses,
+        ground_m=scene.ground_m,
+        ground_sigma_m=scene.ground_sigma_m,
+    )
+    at = {
+        name: k
+        for k, name in enumerate(scene.poses.frame_id)
+        if name in scene.frame_id and not everything.is_vague[k]
+    }
+    row = np.array([at.get(name, -1) for name in scene.frame_id], dtype=np.int64)
+    return _Seeds(everything, row) if (row >= 0).any() else None
+
+
+class _Matched(NamedTuple):
+    """Matches (M, 2) of two photos that passed, as rows of theirs, and (M,) how far off each is."""
+
+    rows: Ints
+    across_px: Floats
+
+
+class _PairWork:
+    """Compares two photos: by where the seeds predict things, else by their looks alone."""
+
+    def __init__(
+        self, calibration: Calibration, features: Sequence[Features], seeds: _Seeds | None
+    ) -> None:
+        self._calibration, self._features, self._seeds = calibration, features, seeds
+        lens = calibration.model, calibration.parameters
+        self._rays = [back_project(*lens, found.pixel_px) for found in features]
+        self._scale = scale_of(calibration)
+
+    def compare(self, pair: tuple[int, int]) -> _Matched:
+        """Matches of two photos, by their rows."""
+        one, other = pair
+        guide = self._guide(one, other)
+        found = self._verified(one, other, guide)
+        if guide is None:
+            # where all is compared with all, chance brings a few together
+            return found if len(found.rows) >= 2 * FEWEST else _Matched(found.rows[:0], np.empty(0))
+        if len(found.rows) < 2 * FEWEST:
+            # the seeds may be worse than they claim
+            free = self._verified(one, other, None)
+            found = free if len(free.rows) > 2 * FEWEST else found
+        return found
+
+    def _guide(self, one: int, other: int) -> Guide | None:
+        if self._seeds is None or min(rows := self._seeds.row[[one, other]].tolist()) < 0:
+            return None
+        predicted = predict(self._seeds.seen, rows[0], rows[1], self._features[one].pixel_px)
+        return None if predicted is None else Guide(predicted.pixel_px, predicted.radius_px)
+
+    def _verified(self, one: int, other: int, guide: Guide | None) -> _Matched:
+        rows = match_features(self._features[one], self._features[other], guide)
+        rays = self._rays[one][rows[:, 0]], self._rays[other][rows[:, 1]]
+        tested = verify(*rays, float(self._calibration.parameters[0]), self._scale)
+        return _Matched(rows[tested.good], tested.across_px[tested.good])
+
+
+def scale_of(calibration: Calibration) -> float:
+    """Pixels of a photo per pixel of the picture that features are sought in."""
+    return max(1.0, max(calibration.width_px, calibration.height_px) / WORKING_PX)
+
+
+def _joined(
+    scene: Scene, features: Sequence[Features], pairs: Ints, matched: Sequence[_Matched]
+) -> Found:
+    """Points over all photos, thinned out."""
+    counts = [len(found.pixel_px) for found in features]
+    first = np.cumsum([0, *counts])
+    photo = np.repeat(np.arange(len(features)), counts)
+    pixel = np.concatenate([found.pixel_px for found in features])
+    scale = scale_of(scene.calibration)
+    relative = relative_noise(np.concatenate([found.size_px for found in features]), scale)
+    matches = Matches(
+        np.concatenate(
+            [np.empty((0, 2), np.int64)]
+            + [found.rows + first[pair] for pair, found in zip(pairs, matched, strict=True)]
+        ),
+        np.repeat(np.arange(len(pairs)), [len(found.rows) for found in matched]),
+        np.concatenate([np.empty(0), *(found.across_px for found in matched)]),
+    )
+    matches = matches.take(np.flatnonzero(fitting(matches, relative, len(pairs))))
+    sigma = sigmas(matches, relative, len(pairs), scale)
+    tracks = tracks_of(matches, photo)
+    row = {name: k for k, name in enumerate(scene.frame_id)}
+    picked = [k for k, name in enumerate(scene.picked_image) if name in row]
+    kept = choose(
+        Sighted(
+            tracks=tracks,
+            photo=photo[tracks.feature],
+            pixel_px=pixel[tracks.feature],
+            sigma_px=sigma[tracks.feature],
+            width_px=scene.calibration.width_px,
+            height_px=scene.calibration.height_px,
+            picked_photo=np.array([row[scene.picked_image[k]] for k in picked], dtype=np.int64),
+            picked_px=scene.picked_px[picked],
+        )
+    )
+    rows = np.flatnonzero(np.isin(tracks.point, kept))
+    feature = tracks.feature[rows]
+    ties = TiePicks(
+        image=tuple(scene.frame_id[k] for k in photo[feature]),
+        tie=tuple(_names(tracks.point[rows])),
+        pixel_px=pixel[feature].round(DECIMALS),
+        sigma_px=sigma[feature].round(DECIMALS),
+    )
+    return Found(ties=ties, compared=pairs, matched=pairs[[len(m.rows) > 0 for m in matched]])
+
+
+def _names(point: Ints) -> Iterator[str]:
+    """Names of points, counted from 1."""
+    number = np.unique(point, return_inverse=True)[1]
+    return (f"tie{k + 1}" for k in number)

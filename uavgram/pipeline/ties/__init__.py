@@ -1,1 +1,0 @@
-"""Tie points: found in the photos, and put into the project's table."""

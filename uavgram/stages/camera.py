@@ -1,0 +1,371 @@
+"""Camera of a survey: assumed from what a photo says, and learnt from the survey itself.
+
+The best source that there is: the maker's calibration in the photo, else the sensor's resolution in
+EXIF, else the table of drone cameras with the focal length of EXIF, else the 35 mm equivalent.
+Where there is none and that may be, an ordinary drone camera.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from uavgram.errors import InputError
+from uavgram.geometry.camera.facts import equivalent_focal_px, focal_plane_px, is_strip
+from uavgram.geometry.camera.lens import largest_radius
+from uavgram.model.arrays import Floats
+from uavgram.model.camera.calibration import (
+    CENTRE_OF_A_STRIP,
+    DRONE_TABLE,
+    EQUIVALENT_FOCAL,
+    FACTORY,
+    FOCAL_OF_A_STRIP,
+    FOCAL_PLANE_FOCAL,
+    ORDINARY_EQUIVALENTS_MM,
+    RADIAL_UNKNOWN,
+    AssumedErrors,
+    Calibration,
+    assumed_covariance,
+)
+from uavgram.model.camera.tags import CameraTags, DroneCamera
+from uavgram.model.message import Message
+from uavgram.model.naming import figures
+from uavgram.model.result.shared import LEARNT_BELOW, LearntCamera
+
+WAY_OUT = (
+    "calibrate the camera (uavgram calibrate) and name its camera.yaml, or write a camera.yaml by "
+    "hand"
+)
+WITHOUT = "or write `camera: unknown` in the project, for an ordinary drone camera with wide errors"
+UNKNOWN_CAMERA, ASSUMED_CAMERA = "camera-unknown", "camera-assumed"
+"""Codes of the messages about a camera of which nothing is known, and one that photos tell of."""
+
+CALIBRATED_FOCAL = 0.002
+"""Of a focal length by an ordinary calibration, as a share: what there is to gain (the published
+calibration of a Phantom 3 by 30 photos has 0.15 % of fy)."""
+
+_SAME_SHAPE = 0.01  # of width / height
+_CONTRADICTION = 0.12  # of two focal lengths: more than a strip of a sensor, or a rounded one
+
+
+@dataclass(frozen=True, eq=False)
+class _Source:
+    """Parameters of a camera, where they come from in words, and how good they are."""
+
+    parameters: Floats
+    words: str
+    errors: AssumedErrors
+
+
+def assume_camera(
+    tags: CameraTags, table: tuple[DroneCamera, ...], *, may_be_unknown: bool = False
+) -> tuple[Calibration, tuple[Message, ...]]:
+    """Make a camera from the tags of a photo.
+
+    Parameters
+    ----------
+    tags
+        Of one photo.
+    table
+        The drone cameras that are known.
+    may_be_unknown
+        Whether an ordinary drone camera is assumed where the photo says nothing that helps.
+
+    Returns
+    -------
+    calibration
+        Brown, with the covariance that its source deserves.
+    messages
+        Which source gave it, and what a calibration would gain.
+
+    Raises
+    ------
+    InputError
+        Nothing is known of this camera, or the photo was taken with digital zoom, and that may not
+        be; or it has a fisheye lens, which no ordinary camera stands for.
+    """
+    is_fisheye = _is_fisheye(tags, table)
+    source = _factory(tags)
+    if source is None and not is_fisheye:
+        source = _from_sensor(tags, _from_table(tags, table) or _from_equivalent(tags))
+    if source is not None:
+        return _calibration(tags, source), (_assumed(tags, source),)
+    why = _why_unknown(tags, table)
+    if is_fisheye or not may_be_unknown:
+        or_not = "" if is_fisheye else f"; {WITHOUT}"
+        raise InputError(tags.path, f"{why}: {WAY_OUT}{or_not}")
+    source = _ordinary(tags)
+    return _calibration(tags, source), (_nothing_known(tags, source, why),)
+
+
+def _calibration(tags: CameraTags, source: _Source) -> Calibration:
+    return Calibration(
+        name=tags.camera_name or "camera",
+        model="brown",
+        width_px=tags.width_px,
+        height_px=tags.height_px,
+        parameters=source.parameters,
+        covariance=assumed_covariance("brown", source.parameters, tags.width_px, source.errors),
+    )
+
+
+def _assumed(tags: CameraTags, source: _Source) -> Message:
+    """What was assumed, and what a calibration would gain."""
+    focal_px, errors = source.parameters[0], source.errors
+    text = (
+        f"Camera {tags.camera_name or 'camera'!r} is assumed, not calibrated: {source.words}. "
+        f"Focal length {focal_px:.0f} ± {errors.focal * focal_px:.0f} px "
+        f"({100 * errors.focal:.1f} %), principal point ± {errors.centre * tags.width_px:.0f} px; "
+        f"a calibration would bring the focal length's sigma from {100 * errors.focal:.1f} % down "
+        f"to some {100 * CALIBRATED_FOCAL:.1f} %: photograph a chessboard, 15 times or more, and "
+        "run `uavgram calibrate PHOTOS --board chessboard:9x6:25mm`."
+    )
+    return Message("warning", ASSUMED_CAMERA, text)
+
+
+def _nothing_known(tags: CameraTags, source: _Source, why: str) -> Message:
+    """What was assumed of a camera that nobody knows, what follows, and what to do."""
+    focal_px, errors = source.parameters[0], source.errors
+    text = (
+        f"Nothing is known of this camera: the first photo {why}. {source.words} is assumed: focal "
+        f"length {focal_px:.0f} ± {errors.focal * focal_px:.0f} px ({100 * errors.focal:.0f} %), "
+        f"principal point ± {errors.centre * tags.width_px:.0f} px, distortion "
+        f"± {_corner_sigma_px(tags, source):.0f} px at the corners. Lengths from one photo are as "
+        "uncertain; more photos and known lengths help, and the ± of each measurement says how "
+        "far, but not for a tele, zoom or fisheye lens. Tape six lengths or more, and calibrate "
+        "the camera: photograph a chessboard 15 times, then `uavgram calibrate`, or the Camera tab "
+        "of `uavgram pick`."
+    )
+    return Message("warning", UNKNOWN_CAMERA, text)
+
+
+def _corner_sigma_px(tags: CameraTags, source: _Source) -> float:
+    """How far the assumed errors of a radial distortion move the image's corners."""
+    focal_px = source.parameters[0]
+    radius = math.hypot(tags.width_px, tags.height_px) / (2 * focal_px)
+    terms = (sigma * radius**k for k, sigma in zip((3, 5, 7), source.errors.radial, strict=True))
+    return float(focal_px * math.hypot(*terms))
+
+
+def _centre(tags: CameraTags) -> list[float]:
+    return [(tags.width_px - 1) / 2, (tags.height_px - 1) / 2]
+
+
+def _factory(tags: CameraTags) -> _Source | None:
+    """The maker's calibration of this very lens.
+
+    The camera matrix is [fx 0 width / 2 + cx; 0 fy height / 2 + cy; 0 0 1] for OpenCV's undistort
+    (DJI, Mavic 3M Image Processing Guide 2023, page 9, step 2).
+    """
+    if not tags.dewarp:
+        return None
+    fx, fy, cx, cy, *lens = tags.dewarp
+    words = "the maker's calibration in the photo (DewarpData)"
+    if tags.dewarped:
+        lens = [0.0] * 5
+        words += "; the photo says that its distortion was taken out already"
+    parameters = np.array([fx, fy, tags.width_px / 2 + cx, tags.height_px / 2 + cy, *lens])
+    return _Source(parameters, words, FACTORY)
+
+
+def _from_table(tags: CameraTags, table: tuple[DroneCamera, ...]) -> _Source | None:
+    """Focal length of EXIF over the table's pixel size, with the table's distortion.
+
+    Of a camera with a perspective lens.
+    """
+    camera = find_camera(tags, table)
+    if camera is None or tags.digital_zoom > 1:
+        return None
+    focal_mm = tags.focal_mm if math.isfinite(tags.focal_mm) else camera.focal_mm
+    if math.isnan(focal_mm):
+        return None
+    reduction = tags.width_px / camera.width_px
+    focal_px = [focal_mm / pitch * reduction for pitch in camera.pitch_mm]
+    parameters = np.array([*focal_px, *_centre(tags), *camera.distortion])
+    errors = DRONE_TABLE
+    if math.isfinite(tags.focal_step_mm):  # the step's own error is uniform
+        rounding = tags.focal_step_mm / focal_mm / math.sqrt(12)
+        errors = replace(errors, focal=math.hypot(errors.focal, rounding))
+    words = f"the table of drone cameras ({camera.comment}) with {focal_mm:g} mm"
+    shape = camera.width_px / camera.height_px
+    if abs(tags.width_px / tags.height_px / shape - 1) > _SAME_SHAPE:
+        errors = _of_a_strip(errors)
+        words += (
+            f"; the photo is no whole {camera.width_px} x {camera.height_px} frame of its sensor, "
+            "and how wide a strip it is nobody says"
+        )
+    if not camera.distortion.any() or _folds_in_view(parameters, tags):
+        parameters[4:] = 0.0
+        errors = replace(errors, radial=RADIAL_UNKNOWN)
+        words += "; its distortion is unknown"
+    return _Source(parameters, words, errors)
+
+
+def find_camera(tags: CameraTags, table: tuple[DroneCamera, ...]) -> DroneCamera | None:
+    """Find a photo's camera in the table; of a colour and a thermal one, the nearer in size."""
+    name = _key(tags.make + tags.model)
+    named = [camera for camera in table if name and _key(camera.make_model) == name]
+    return min(named, key=lambda c: abs(math.log(c.width_px / tags.width_px)), default=None)
+
+
+def _key(name: str) -> str:
+    return "".join(name.split()).casefold()
+
+
+def _of_a_strip(errors: AssumedErrors) -> AssumedErrors:
+    return replace(errors, focal=FOCAL_OF_A_STRIP, centre=CENTRE_OF_A_STRIP)
+
+
+def _folds_in_view(parameters: Floats, tags: CameraTags) -> bool:
+    """Whether the distortion folds back inside the image: it was not fitted over all of it."""
+    corner = np.hypot(tags.width_px, tags.height_px) / (2 * parameters[0])
+    return bool(largest_radius("brown", parameters) < corner)
+
+
+def _from_equivalent(tags: CameraTags) -> _Source | None:
+    """The 35 mm equivalent of EXIF; its distortion is unknown."""
+    if math.isnan(tags.focal_35mm_mm) or tags.digital_zoom > 1:
+        return None
+    errors = replace(DRONE_TABLE, focal=EQUIVALENT_FOCAL, radial=RADIAL_UNKNOWN)
+    words = f"the 35 mm equivalent in EXIF ({tags.focal_35mm_mm:g} mm); its distortion is unknown"
+    if is_strip(tags):
+        errors = _of_a_strip(errors)
+        words += ", and so is how wide a strip of the sensor the photo is"
+    return _Source(_pinhole(tags, equivalent_focal_px(tags, tags.focal_35mm_mm)), words, errors)
+
+
+def _from_sensor(tags: CameraTags, other: _Source | None) -> _Source | None:
+    """The focal length over the sensor's resolution, the rest as the other source has it.
+
+    EXIF alone does not tell a copy whose EXIF names its own size as the original's: the focal
+    length must agree with the other source; where there is none, the original's size is stated.
+    """
+    focal_px, apart = focal_plane_px(tags)
+    if math.isnan(focal_px):
+        return other
+    if other is None and not all(map(math.isfinite, tags.original_px)):
+        return None
+    if other is not None and abs(focal_px / other.parameters[0] - 1) > _CONTRADICTION:
+        but = f"{other.words}; FocalPlaneXResolution in EXIF contradicts that ({focal_px:.0f} px)"
+        return replace(other, words=f"{but} and was not used: a copy of another size?")
+    rounding = tags.focal_step_mm / tags.focal_mm / math.sqrt(12)
+    focal = math.hypot(FOCAL_PLANE_FOCAL, apart, 0.0 if math.isnan(rounding) else rounding)
+    words = f"FocalPlaneXResolution in EXIF with {tags.focal_mm:g} mm"
+    parameters = _pinhole(tags, focal_px)
+    errors = replace(DRONE_TABLE, focal=focal, radial=RADIAL_UNKNOWN)
+    if other is not None and other.parameters[4:].any():
+        parameters[4:], errors = other.parameters[4:], replace(other.errors, focal=focal)
+        words += ", and the distortion of the table of drone cameras"
+    else:
+        words += "; its distortion is unknown"
+    return _Source(parameters, words, errors)
+
+
+def _ordinary(tags: CameraTags) -> _Source:
+    """A camera as drones have them: nobody says of which width of its sensor the photo is."""
+    logarithm = np.log(list(ORDINARY_EQUIVALENTS_MM.values()))
+    spread = float(np.std(logarithm, ddof=1))
+    equivalent_mm = math.exp(np.mean(logarithm)) * tags.digital_zoom
+    errors = _of_a_strip(replace(DRONE_TABLE, radial=RADIAL_UNKNOWN))
+    errors = replace(
+        errors,
+        focal=math.hypot(errors.focal, spread),
+        centre=errors.centre * tags.digital_zoom,
+    )
+    words = f"An ordinary drone camera of {equivalent_mm:.0f} mm (35 mm equivalent)"
+    return _Source(_pinhole(tags, equivalent_focal_px(tags, equivalent_mm)), words, errors)
+
+
+def _pinhole(tags: CameraTags, focal_px: float) -> Floats:
+    """(9,) parameters without distortion."""
+    return np.array([focal_px, focal_px, *_centre(tags), 0.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def _is_fisheye(tags: CameraTags, table: tuple[DroneCamera, ...]) -> bool:
+    camera = find_camera(tags, table)
+    return camera is not None and not camera.is_perspective
+
+
+def _why_unknown(tags: CameraTags, table: tuple[DroneCamera, ...]) -> str:
+    if _is_fisheye(tags, table):
+        return (
+            f"was taken with a fisheye lens ({tags.camera_name}), of which nothing can be assumed"
+        )
+    if tags.digital_zoom > 1:
+        return f"was taken with digital zoom ({tags.digital_zoom:g} times)"
+    if not tags.camera_name:
+        return "does not say which camera took it (no Make and Model in EXIF)"
+    return (
+        f"was taken with {tags.camera_name!r}, and states no focal length in EXIF that would help"
+    )
+
+
+FAR = 3.0
+"""Prior sigmas beyond which a parameter's shift contradicts the calibration."""
+
+_PIXELS = {"fx", "fy", "cx", "cy"}
+
+
+def what_was_learnt(camera: LearntCamera, *, is_assumed: bool = False) -> tuple[Message, ...]:
+    """Say which parameters the survey determines better than the calibration did, and which not.
+
+    Parameters
+    ----------
+    camera
+        Before and after.
+    is_assumed
+        Whether nobody calibrated it: its values and sigmas before are a guess.
+
+    Returns
+    -------
+    One message; a second one, a warning, where the survey contradicts the calibration; none where
+    the calibration holds every parameter fixed.
+    """
+    if np.isnan(camera.ratio).all():
+        return ()
+    before = "assumed camera" if is_assumed else "calibration"
+    learnt = np.flatnonzero(camera.learnt)
+    rest = [camera.names[i] for i in np.flatnonzero(~camera.learnt & ~np.isnan(camera.ratio))]
+    unknown = (
+        f"{' '.join(rest)} cannot be learnt from it (their sigmas stay within "
+        f"{100 * (1 - LEARNT_BELOW):.0f} % of the {before}'s)"
+    )
+    if not learnt.size:
+        text = f"The survey's own picks and lengths say nothing new of the camera: {unknown}."
+        return (Message("info", "camera-not-learnt", text),)
+    refined = ", ".join(_refined(camera, int(i), before) for i in learnt)
+    text = f"The survey's own picks and lengths refined the camera: {refined}" + (
+        f"; {unknown}." if rest else "."
+    )
+    messages = [Message("info", "camera-learnt", text)]
+    far = [int(i) for i in learnt if abs(camera.shift[i]) > FAR]
+    if far:
+        moved = ", ".join(f"{camera.names[i]} by {camera.shift[i]:+.1f}" for i in far)
+        text = _contradicted(moved, is_assumed=is_assumed)
+        messages.append(Message("warning", "camera-contradicted", text))
+    return tuple(messages)
+
+
+def _contradicted(moved: str, *, is_assumed: bool) -> str:
+    if is_assumed:
+        return (
+            f"The survey moves the camera farther than was assumed of it ({moved} of the assumed "
+            "sigmas): another kind of camera, a zoom or a cut-out, or gross errors in picks and "
+            "lengths. Calibrate the camera."
+        )
+    return (
+        f"The survey moves the camera farther than its calibration allows ({moved} of its "
+        "sigmas): another camera, resolution, zoom or focus than was calibrated, or gross "
+        "errors in picks and lengths. Look at these, and calibrate the camera as it was used."
+    )
+
+
+def _refined(camera: LearntCamera, i: int, source: str) -> str:
+    unit = " px" if camera.names[i] in _PIXELS else ""
+    before, after = camera.prior_sigma[i], camera.sigma[i]
+    return (
+        f"{camera.names[i]} from ± {figures(before)}{unit} to ± {figures(after)}{unit} "
+        f"(moved by {camera.shift[i]:+.1f} of the {source}'s sigmas)"
+    )
