@@ -110,7 +110,7 @@ def test_wrong_usage_is_status_2_on_stderr(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["run", "check", "pick", "rectify", "geotag"])
+@pytest.mark.parametrize("name", ["run", "check", "rectify", "geotag"])
 def test_without_a_project_here_the_way_to_one_is_told(
     command: Command, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

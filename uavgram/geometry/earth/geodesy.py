@@ -211,7 +211,15 @@ def _is_within(bounds: tuple[float, ...], latitude_deg: float, longitude_deg: fl
 
 
 def within_area(crs: CRS, latitude_deg: Floats, longitude_deg: Floats) -> Bools:
-    """Tell which places (N,) are in a coordinate system's area of use; all where it names none."""
+    """Find which places are in a coordinate system's area of use.
+
+    Parameters
+    ----------
+    crs
+        The coordinate system; where it names no area, all places are in it.
+    latitude_deg, longitude_deg
+        (N,) the places, on WGS 84 [deg].
+    """
     area = crs.area_of_use
     places = zip(latitude_deg.tolist(), longitude_deg.tolist(), strict=True)
     return np.array([area is None or _is_within(area.bounds, *place) for place in places])

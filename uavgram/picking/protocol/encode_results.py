@@ -21,16 +21,16 @@ def results_json(result: Result) -> Json:
     words, units = verdict_words(result), units_of(result)
     keep, exact = names_like_lengths(result), exact_lengths(result)
 
-    def told(text: str) -> str:
+    def in_project_units(text: str) -> str:
         return in_units(text, units, keep, exact)
 
     rows = result.measurements
     return {
         "level": words.level,
-        "headline": told(headline(result)),
-        "first": told(reason_sentence(words.reasons[0])) if words.reasons else "",
-        "others": [told(reason.text) for reason in words.reasons[1:]],
-        "scale": told(words.scale),
+        "headline": in_project_units(headline(result)),
+        "first": in_project_units(reason_sentence(words.reasons[0])) if words.reasons else "",
+        "others": [in_project_units(reason.text) for reason in words.reasons[1:]],
+        "scale": in_project_units(words.scale),
         "counts": words.counts,
         "case": [list(pair) for pair in case_from_options(result.provenance.options)],
         "made": result.provenance.created_utc,
