@@ -107,7 +107,8 @@ def likely_fault(stated_m: Floats, found_m: Floats) -> str:
     turned_off_m = float(np.linalg.norm(stated_m[[1, 0, 2]] - found_m))
     if turned_off_m < EXCHANGED_SHARE * off_m:
         return " (east and north exchanged?)"
-    return " (a wrong sign, another coordinate system?)" if off_m > FAR_M else ""
+    is_far = off_m > FAR_M
+    return " (latitude and longitude swapped, a wrong sign, another system?)" if is_far else ""
 
 
 def _whither(direction: Floats) -> str:

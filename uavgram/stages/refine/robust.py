@@ -655,7 +655,9 @@ def _clicks_instead(candidate: Candidate) -> dict[str, Adjustment | None]:
             continue
         cost = bounded_cost(problem, minimum, out)
         if cost <= found.cost + RIVAL:
-            gross = {name: np.where(is_out, np.inf, 0.0) for name, is_out in out.items()}
+            gross = {
+                name: np.where(is_out, 2.0 * GROSS_SIGMAS, 0.0) for name, is_out in out.items()
+            }
             other = Annealed(problem, minimum, found.frames, weight, gross, cost)
             without = _adjusted_without(replace(candidate, annealed=other))
             label = problem.survey.label[problem.survey.pick_label[pick]]
