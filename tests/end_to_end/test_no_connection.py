@@ -135,6 +135,7 @@ def test_no_command_calls_anybody(repository: Path, data_dir: Path, tmp_path: Pa
         ["simulate", str(tmp_path / "configs" / "single_photo.yaml"), "--repetitions", "2"],
         ["study", "lengths", "--repetitions", "20", "--workers", "1"],
         ["batch", survey, "--workers", "1"],
+        ["shortcut", "--folder", str(tmp_path)],
     ]
     elsewhere = {"view", "pick"}  # they serve until they are ended: below
     assert {arguments[0] for arguments in calls} | elsewhere == {

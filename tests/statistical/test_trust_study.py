@@ -135,13 +135,16 @@ def test_a_fault_is_the_first_cause_and_no_value_beside_it_is_wrong_and_in_order
     assert max(map(abs, zs(row, "ok")), default=0.0) < 3.5
 
 
-def test_a_click_that_nothing_checks_is_named_beside_the_length_that_was_left_out() -> None:
+def test_a_click_that_explains_as_much_is_named_beside_the_length_that_was_left_out() -> None:
     """Of two errors that explain the same, neither is chosen."""
     survey = drawn("single", "pick_60_400px", 12003)
     row = judged(survey, {"world": "single", "fault": "pick_60_400px", "seed": 12003})
     (label,) = survey.wrong["labels"]
-    assert row["reasons"][0]["cause"] == "line-left-out"
-    assert f"the click on {label!r} is wrong" in row["reasons"][0]["text"]
+    first = row["reasons"][0]
+    assert first["cause"] == "blunder-not-located"
+    assert f"the click on {label!r}" in first["text"]
+    assert label in first["labels"]
+    assert len(first["lengths"]) == 1
 
 
 def test_one_wrong_withheld_length_is_amber_and_named() -> None:

@@ -1,4 +1,4 @@
-"""Cores of this process, and one thread for the linear algebra while our calls run.
+"""One thread for the linear algebra, for as long as one of our calls runs.
 
 Sums over blocks of another size round in another way, and BLAS cuts its blocks by the number of
 its threads: what is to come out the same on every machine is computed with one. Most matrices here
@@ -8,36 +8,16 @@ are small besides: more threads wait for each other longer than they help.
 from __future__ import annotations
 
 import functools
-import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
+# Only libraries that are loaded can be limited, and these two bring one each.
 import numpy.linalg  # noqa: F401
 import scipy.linalg  # noqa: F401
 from threadpoolctl import LibController, OpenBLASController, ThreadpoolController
-
-_allowed: list[int] = []
-"""How many cores this process was told to use, if it was."""
-
-
-def use_one_core() -> None:
-    """From now on use one core: this process is one of as many as there are cores."""
-    _allowed[:] = [1]
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    if _allowed:
-        return _allowed[0]
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
-# Only libraries that are loaded can be limited, and these two bring one each.
 
 Arguments = ParamSpec("Arguments")
 Value = TypeVar("Value")

@@ -13,7 +13,6 @@ from picking_server import Served, served
 
 from uavgram.errors import OutputError
 from uavgram.picking.session.door import LONGEST_REQUEST, Door
-from uavgram.pipeline.set_up import set_up
 
 
 @pytest.fixture
@@ -189,7 +188,7 @@ def test_a_full_disk_is_said_and_leaves_nothing(
     number = numbers(browser)["first"]
     before = sorted((home / "first").rglob("*"))
     browser.get("/door/look", params={"folder": number})
-    monkeypatch.setattr(set_up, "replace_text", full)
+    monkeypatch.setattr("uavgram.pipeline.set_up.replace_text", full)
     answer = browser.post("/door/begin", json=wanted(number, setup={"pitch_deg": -45}))
     assert (answer.status_code, "the disk is full" in answer.json()["why"]) == (409, True)
     assert sorted((home / "first").rglob("*")) == before

@@ -43,7 +43,7 @@ changes: its factor serves the steps that follow too, as long as they keep their
 KEPT = 0.5
 """Share of the predicted fall that must come true for a factor to serve once more."""
 
-SHRINKS = 0.5
+SHRINKS = 0.7
 """Predicted fall of a step with a kept factor, in that of the step before, from which on the next
 step needs a factor of its own: along weakly determined directions a kept one crawls."""
 

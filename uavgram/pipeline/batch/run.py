@@ -26,9 +26,9 @@ from uavgram.pipeline.batch.survey import (
     was_told,
     with_results,
 )
+from uavgram.pipeline.cores import cores
 from uavgram.pipeline.executor.cluster import Cluster, on_cluster
 from uavgram.pipeline.executor.processes import Bounds, Ended, in_workers
-from uavgram.pipeline.threads import cores
 from uavgram.pipeline.versions import stamp
 from uavgram.stages.pooled import camera_drifts, pooled_fits
 from uavgram.views.batch_page import write_batch_page
