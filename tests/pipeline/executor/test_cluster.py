@@ -10,14 +10,14 @@ import pytest
 from executor_work import GO_ON, HELD_BY, STOPPED, fail_at_two, hang_once
 
 from uavgram.errors import UavgramError
-from uavgram.pipeline import threads
+from uavgram.pipeline import cores
 from uavgram.pipeline.executor import cluster
 from uavgram.pipeline.executor.cluster import Cluster, on_cluster
 
 
 @pytest.fixture
 def local(monkeypatch: pytest.MonkeyPatch) -> Iterator[distributed.LocalCluster]:
-    monkeypatch.setattr(threads, "_allowed", [])  # workers of their own processes keep it
+    monkeypatch.setattr(cores, "_allowed", [])  # workers of their own processes keep it
     with (
         dask.config.set({"distributed.scheduler.worker-ttl": "4s"}),
         distributed.LocalCluster(
