@@ -35,7 +35,7 @@ def test_each_item_is_made_and_what_fails_stops_no_other(local: distributed.Loca
 
     assert {k: one.value for k, one in ended.items()} == {0: 0, 1: 1, 2: None, 3: 9}
     assert "ValueError: two" in ended[2].why
-    assert threads.cores() == 1
+    assert cores.cores() == 1
 
 
 def test_an_item_of_a_worker_that_fell_silent_is_made_by_another(
