@@ -91,7 +91,7 @@ def weasyprint_for(name: str) -> Any:  # noqa: ANN401
         return importlib.import_module("weasyprint")
     except ImportError as fault:
         raise UavgramError(
-            f"{name}.pdf needs WeasyPrint, which is not installed: pip install 'uavgram[pdf]'. "
+            f"{name}.pdf needs WeasyPrint, which is not installed: pip install weasyprint. "
             f"Or print {name}.html from a browser."
         ) from fault
     except OSError as fault:  # it loads them when it is imported
