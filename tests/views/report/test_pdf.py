@@ -181,5 +181,5 @@ def test_numbers_of_other_results_make_another_file() -> None:
 def test_without_weasyprint_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "weasyprint", None)
 
-    with pytest.raises(UavgramError, match=r"pip install 'uavgram\[pdf\]'"):
+    with pytest.raises(UavgramError, match=r"pip install weasyprint"):
         check_pdf()
