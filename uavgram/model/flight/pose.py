@@ -69,6 +69,8 @@ class TelemetryPrior(FrozenArrays):
         (3,) east, north, up.
     heading_bias_rad
         Where the heading bias is looked for: the mean of its prior, which the seeds share.
+    mount_is_assumed
+        Whether nobody states where the camera looks, neither log, photos nor project.
     """
 
     frame_index: Annotated[Ints, "n"]
@@ -84,6 +86,7 @@ class TelemetryPrior(FrozenArrays):
     lever_arm_sigma_m: float
     position_bias_sigma_m: Annotated[Floats, 3]
     heading_bias_rad: float = 0.0
+    mount_is_assumed: bool = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

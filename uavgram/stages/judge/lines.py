@@ -19,7 +19,7 @@ from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
 from uavgram.model.survey.observations import KnownLines
 from uavgram.stages.judge.picks import rows_of
-from uavgram.stages.judge.tested_survey import TestedSurvey
+from uavgram.stages.judge.tested_survey import TestedSurvey, is_mount_open
 from uavgram.stages.remedies import read_first
 
 PICK_OR_CORRECT = "Pick that, or correct the label."
@@ -187,7 +187,7 @@ def _left_out(
     gross -= {int(survey_index[i]) for i, name in enumerate(lines.name) if name in refined.settled}
     seen = np.isfinite(seen_m)  # else an end is not adjusted, which has a message of its own
     out = [i for i, index in enumerate(survey_index) if int(index) in gross and seen[i]]
-    if out and (refined.rival_lines or refined.rival_clicks):
+    if out and (refined.rival_lines or refined.rival_clicks or is_mount_open(refined.adjustment)):
         return (_one_of(refined, lines, out),)
     what = {i: mistake(lines.length_m[i], lines.sigma_m[i], seen_m[i], sigma_m[i]) for i in out}
     alike = {i: what[i] or i for i in out}  # unknown mistakes: each alone
@@ -213,22 +213,28 @@ def _left_out(
 
 
 def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:
-    """The message on lengths and clicks of which one is wrong, and nothing shows which."""
+    """The message on lengths, clicks or mount, of which one is wrong and nothing shows which."""
     names = {lines.name[i] for i in out} | refined.rival_lines
     rows = [i for i, name in enumerate(lines.name) if name in names]
     each = tuple(lines.name[i] for i in rows)
     clicks = tuple(one for one in refined.adjustment.survey.label if one in refined.rival_clicks)
     which = [f"the length {name!r}" for name in each] + [f"the click on {one!r}" for one in clicks]
     again = "Tape one of them again, or another line"
+    if is_open := is_mount_open(refined.adjustment):
+        which.append("the camera's direction, straight down, which nobody states")
     if clicks:
         it = "it" if len(each) == 1 else "one of these lengths"
         again = (
             f"Tape {it} again; click on {listed(map(repr, clicks))} again or in another photo, and "
             f"look at {'its' if len(clicks) == 1 else 'their'} stated height, if there is one"
         )
+    if is_open:
+        again = f"State in `mount` how the camera hung. {again}"
+    left = listed(repr(lines.name[i]) for i in out)
+    left = f"The length {left} was" if len(out) == 1 else f"The lengths {left} were"
     text = (
         f"One of these is wrong: {listed(which, link='or')}. All the rest fits without any one of "
-        f"them, and nothing shows which. The length {lines.name[out[0]]!r} was left out. {again}."
+        f"them, and nothing shows which. {left} left out. {again}."
     )
     ends = chain(*((lines.start[i], lines.end[i]) for i in rows))
     return Message(

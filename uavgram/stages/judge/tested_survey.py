@@ -26,6 +26,9 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.reliability import Effects
 from uavgram.stages.judge.checks import Withheld
 
+SHOWN = 0.5
+"""Redundancy of the camera's assumed direction from which on the photos show it."""
+
 CERTAIN = 1e12
 """Cofactor of a reading in which no gross error is possible."""
 
@@ -182,9 +185,11 @@ def _shown(
 ) -> dict[str, Floats]:
     """(n, a, a) cofactor matrices of each group of readings: how much of their errors shows.
 
-    With withheld values they are those that readings would have if these took part.
+    With withheld values they are those that readings would have if these took part. A direction of
+    the camera that is assumed may be as wrong as a reading.
     """
-    blocks = {kind: groups[kind].block for kind in READINGS if kind in groups}
+    kinds = (*READINGS, *(("boresight",) if _is_mount_assumed(adjustment) else ()))
+    blocks = {kind: groups[kind].block for kind in kinds if kind in groups}
     shown = {kind: cofactors(block, adjustment.covariance) for kind, block in blocks.items()}
     if withheld is not None and (fits := withheld.fits(limit)).any():
         weight = np.linalg.inv(withheld.joint[np.ix_(fits, fits)])
@@ -194,6 +199,20 @@ def _shown(
     # The code of a target says which point it is: no pick of it can be of another place.
     shown["pixels"][adjustment.survey.target_pick] += CERTAIN * np.eye(2)
     return shown
+
+
+def _is_mount_assumed(adjustment: Adjustment) -> bool:
+    telemetry = adjustment.survey.telemetry
+    return telemetry is not None and telemetry.mount_is_assumed
+
+
+def is_mount_open(adjustment: Adjustment) -> bool:
+    """Whether nobody states where the camera looked, and the photos do not show it either."""
+    if not _is_mount_assumed(adjustment):
+        return False
+    share = cofactors(adjustment.minimum.blocks["boresight"], adjustment.covariance)
+    tilts = share[0][:2, :2] if len(share) == 1 else np.diag(share[:2, 0, 0])  # of the optical axis
+    return bool(np.linalg.eigvalsh(tilts)[0] < SHOWN)
 
 
 def _suspicions(

@@ -76,33 +76,45 @@ def _unknown(measured: MeasuredValues) -> Iterator[Message]:
 def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
     """Name the measurements that nothing checks, and what would check them.
 
-    One message on those that hang on clicks, one on those that hang on lengths, known things and
-    control points; the worst measurement gives the numbers. And one on those of which nothing is
-    known.
+    One message on those that hang on the camera's assumed direction, one on those that hang on
+    clicks, one on those that hang on lengths, known things and control points; the worst
+    measurement gives the numbers. And one on those of which nothing is known.
     """
     yield from _unknown(examined.measured)
-    for clicks in (True, False):
+    for kind in ("boresight", "pixels", ""):
         found = {
-            i: [one for one in weakest.unseen if (one.member.kind == "pixels") == clicks]
+            i: [one for one in weakest.unseen if _family(one) == kind]
             for i, weakest in enumerate(examined.weakest)
         }
         sigma = examined.measured.sigma
         rows = [i for i in found if found[i]]
         rows.sort(key=lambda i: -abs(found[i][0].change) / sigma[i])
         if rows:
-            yield _message(examined, rows, found, clicks=clicks)
+            yield _message(examined, rows, found, kind)
+
+
+def _family(unseen: Unseen) -> str:
+    """Kind of readings with a message of its own; empty for all others."""
+    return unseen.member.kind if unseen.member.kind in ("boresight", "pixels") else ""
 
 
 def _message(
-    examined: TestedSurvey, rows: list[int], found: dict[int, list[Unseen]], *, clicks: bool
+    examined: TestedSurvey, rows: list[int], found: dict[int, list[Unseen]], kind: str
 ) -> Message:
     names = tuple(examined.measured.name[i] for i in rows)
     are = "are" if len(rows) > 1 else "is"
     worst = found[rows[0]][0]
-    numbers = _numbers(examined, rows[0], worst)
+    numbers = f" ({_numbers(examined, rows[0], worst)})"
     labels: tuple[str, ...] = ()
     mend = None
-    if clicks:
+    if kind == "boresight":
+        what = "a camera that looked another way than straight down"
+        action = (
+            "Neither the log nor the photos contain where it looked: state in `mount` how it hung"
+        )
+        plain = "Not checked: how did the camera hang? Straight down was assumed."
+        numbers = ""  # of a direction that nobody states, an error may have any size
+    elif kind == "pixels":
         labels = examined.names.subjects(*(one.member for i in rows for one in found[i]))["labels"]
         what = f"a wrong click on {listed(labels, MOST_NAMED, link='or')}"
         it = "them" if len(labels) > 1 else "it"
@@ -113,8 +125,8 @@ def _message(
         action, mend = _second_reading(examined, worst)
         plain = f"Not checked: {what} would not be noticed."
     text = (
-        f"{listed(map(repr, names), MOST_NAMED)} {are} not checked: {what} would not be noticed "
-        f"({numbers}). {action}."
+        f"{listed(map(repr, names), MOST_NAMED)} {are} not checked: {what} would not be noticed"
+        f"{numbers}. {action}."
     )
     return Message(
         "warning",

@@ -87,6 +87,7 @@ def seed(
         lever_arm_m=np.array(mount.lever_arm_m),
         lever_arm_sigma_m=mount.lever_arm_sigma_m,
         position_bias_sigma_m=shared_sigma[POSITION_BIAS],
+        mount_is_assumed=not gimbal and mount.pitch_deg == "auto",
     )
     poses = Poses(
         frame_id=names,
