@@ -28,6 +28,7 @@ def known_point_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
 
     The picks are first undistorted by `back_project`.
     """
+    # Row of the control points for each label; -1 for others.
     control = np.full(len(survey.label), -1)
     control[survey.control_label] = np.arange(len(survey.control_label))
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)

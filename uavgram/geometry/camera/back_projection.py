@@ -394,6 +394,7 @@ def _newton(parameters: Floats, target: Floats, start: Floats) -> Floats:
         done = (np.abs(miss) * parameters[:2] <= allowed).all(axis=1)
         good = done & ~folded(lens, now[:, 0], now[:, 1], largest)
         point[index[good]] = now[good]
+        # Newton step by the symmetric 2x2 Jacobian, where its determinant is positive.
         determinant = lens.a * lens.c - lens.b * lens.b
         going = ~done & (determinant > 0)
         if not going.any():

@@ -21,8 +21,8 @@ BLOCK = 8192
 # Squared radius below which OpenCV's fisheye is the identity to the last digit.
 _TINY_RADIUS_SQUARED = 1e-20
 
-# Fraction of the radius at which a rational lens sends points to infinity, up to which
-# points count as in view. Closer to the pole, rounding alone exceeds 1e-9 px.
+# Fraction of the radius at which a rational lens sends points to infinity, up to which points count
+# as in view. Closer to the pole, rounding alone exceeds 1e-9 px.
 _BEFORE_POLE = 0.99
 
 # Indices of the radial coefficients among the camera's parameters.
@@ -184,8 +184,7 @@ def fold_argument(model: LensModel, coefficients: Floats) -> float:
 def _smallest_root(ascending: Floats) -> float:
     """Find the smallest t > 0 at which 1 + c1 t^2 + c2 t^4 + ... is zero; inf if there is none."""
     # As a polynomial in 1 / t^2 the leading coefficient is 1, so coefficients near zero do no harm,
-    # and the
-    # nearest zero is the largest root.
+    # and the nearest zero is the largest root.
     roots = np.roots(ascending)
     crossings = roots[(roots.imag == 0) & (roots.real > 0)].real
     return 1.0 / math.sqrt(crossings.max()) if len(crossings) else math.inf

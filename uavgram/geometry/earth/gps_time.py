@@ -29,8 +29,8 @@ SECONDS_PER_WEEK = 604800.0
 DAY_S = 86400.0
 """Length of a day [s]: clocks that differ by more than any time zone are of different days."""
 
-# IERS Bulletin C: days at whose start GPS gained one more second on UTC. None had
-# been announced after that of 2017 when this was written (program version 0.1).
+# IERS Bulletin C: days at whose start GPS gained one more second on UTC. None had been announced
+# after that of 2017 when this was written (program version 0.1).
 _LEAP_DAYS = tuple(
     date.fromisoformat(day)
     for day in (

@@ -112,6 +112,7 @@ def volume(points: Floats, base_m: Floats, *, top: bool = False) -> Volume:
     after, middle = np.roll(corner, -1, axis=0), float(share @ above)
     area = 0.5 * (corner[:, 0] * after[:, 1] - corner[:, 1] * after[:, 0])
     mean = (height + np.roll(height, -1) + middle) / 3.0
+    # Signed plan area; its sign is the sense of the outline.
     total = float(area.sum())
     sense = np.sign(total) if abs(total) > UPRIGHT * np.sum(corner**2) else np.nan
     # d A_i / d corner_i is half of corner_(i+1), turned by a right angle; d A_i / d corner_(i+1)
@@ -122,6 +123,7 @@ def volume(points: Floats, base_m: Floats, *, top: bool = False) -> Volume:
     by_points = np.zeros_like(points)
     by_points[:count, :2] = sideways
     by_points[:, :2] -= share[:, None] * sideways.sum(axis=0)
+    # Derivative by heights: a third of the adjacent triangles' area.
     by_points[:count, 2] = (area + np.roll(area, 1)) / 3.0
     by_points[:, 2] += share * total / 3.0
     value, by_points = defined(float(sense * (area @ mean)), sense * by_points)

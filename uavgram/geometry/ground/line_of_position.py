@@ -65,10 +65,10 @@ def _square_to(unit: Floats, size: Floats) -> Floats:
 
 
 FARTHEST = 2.0
-"""Largest share of the line's length, from its start, that enters the derivatives by its ends.
+"""Largest distance from either end, in lengths of the line, that enters the end derivatives.
 
-The same holds before the start. Points farther out keep this lever: otherwise an adjustment could
-run away along a line to where its direction has no weight.
+Points farther out keep this lever: otherwise an adjustment could run away along a line to where its
+direction has no weight.
 """
 
 

@@ -92,6 +92,7 @@ def _moved_back(poses: RowPoses, in_middle: Floats, share: Floats) -> Floats:
     angle = np.linalg.norm(turn, axis=-1) * share
     back = hat(turn)
     point = in_middle - share[..., None] * _seen(poses.rotation, poses.sweep[..., :3])
+    # First and second power of -w x, with Rodrigues' coefficients.
     once = _seen(back, point)  # -w x y
     twice = _seen(back, once)
     once *= (share * np.sinc(angle / np.pi))[..., None]

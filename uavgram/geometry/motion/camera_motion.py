@@ -100,6 +100,7 @@ def camera_motion(
     times = [track.position_time_s, track.attitude_time_s]
     times += [track.gimbal_time_s] if len(track.gimbal_time_s) else []
     first, last = max(one[0] for one in times), min(one[-1] for one in times)
+    # Poses a little before and after each exposure, within the span of the track.
     before, after = (np.clip(at_s + side, first, last) for side in (-HALF_SPAN_S, HALF_SPAN_S))
     poses = exposures_by_time(track, frame_id)
     since_middle = prior.time_s - prior.middle_s
@@ -107,6 +108,7 @@ def camera_motion(
         poses(before), prior.gimbal_from_camera, shared, since_middle
     )
     end, from_end, _ = predict_pose(poses(after), prior.gimbal_from_camera, shared, since_middle)
+    # Rotation vector between the two poses, in camera axes.
     turn = log_so3(np.swapaxes(from_start, 1, 2) @ from_end)
     span_s = (after - before)[:, None]
     known = span_s > 0

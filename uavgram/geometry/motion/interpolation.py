@@ -58,9 +58,9 @@ def running_median(values: NDArray[np.floating[Any]], size: int) -> Floats:
 
 
 MANY = 100
-"""Number of instants from which repeated pieces are made only once.
+"""Number of instants from which repeated pieces are computed only once.
 
-So many instants are those of many states at once, and many of them are in the same pieces.
+With so many instants, usually those of many states at once, many are in the same pieces.
 """
 
 

@@ -176,7 +176,7 @@ def predict_pose(
     center_world : (..., N, 3)
     world_from_camera : (..., N, 3, 3)
     jacobian : (..., N, 6, 12)
-        Of (δcentre in world, δθ in camera with R exp(δθ)) by the shared unknowns.
+        Derivative of (δcentre in world, δθ in camera with R exp(δθ)) by the shared unknowns.
     """
     # Rotations of heading and boresight in one call.
     vectors = np.stack([shared[..., HEADING_BIAS] * UP, shared[..., BORESIGHT]], axis=-2)

@@ -161,7 +161,7 @@ class _Search:
         coarse
             Sampling interval in steps.
         alone
-            Whether the place must be unique, and away from the edge of the photo.
+            Whether the place must be unique, and most of its region inside the photo.
         """
         options, half = self._options, self._patch.search_half
         near, frame = self._frames.source[i] * coarse, self._frames.target[i] * coarse

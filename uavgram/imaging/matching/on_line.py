@@ -184,6 +184,7 @@ def _fitted(
     frames = common_frames(line.affine[place, photo][None])
     near = window(source, line.source_px, frames.source[0], FITTED_HALF + 4)
     far = window(target, start, frames.target[0], FITTED_HALF + 4)
+    # Match with the weights centred on the chosen window.
     middle = np.linalg.solve(frames.source[0], _WINDOWS.middle[support])
     found = fitted(
         near[None],
@@ -198,6 +199,7 @@ def _fitted(
     moved = into @ found.place[0]
     spread = into @ covariance_of(found, options)[0] @ into.T
     change = np.linalg.norm(found.linear[0] - np.eye(2), ord=2)
+    # Accept only near the common place, well correlated, undistorted and precise.
     right = (
         np.hypot(*moved) < FARTHEST_PX
         and found.likeness[0] > ALIKE

@@ -46,10 +46,10 @@ OFF_PX = 1.2
 """Standard deviation of a corner's place about its pick [px]."""
 
 STRONG = 0.05, 0.125
-"""Least strength of a corner, and an addition for few photos.
+"""Least strength of a corner, and an addition to it for few photos.
 
-The addition is divided by the square of the number of photos that must agree, less one: fewer
-photos agree more often by chance. Measured on rendered streets.
+The addition is divided by (n - 1)^2 with the number n of photos that must agree: fewer photos agree
+more often by chance. Measured on rendered streets.
 """
 
 _REACH = 6

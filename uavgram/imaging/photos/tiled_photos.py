@@ -24,7 +24,7 @@ OVERVIEWS_BYTES = 64_000_000
 """Memory limit of overviews: that of a photo of 48 megapixels takes 12 MB."""
 
 IN_USE_S = 10.0
-"""Longest time between two requests of a page in use."""
+"""Longest time between two requests of a page in use, while other pages are in use, too."""
 
 _CHANNELS = 3
 

@@ -29,6 +29,7 @@ def sight_board_plate(image: Image, board: Board) -> tuple[SeenPlate, ...]:
     """
     seen = sight_charuco(image, board)
     last, rows = board.columns - 1, board.rows - 1
+    # The outermost inner corners, in the order of a plate's corners.
     outer = [0, last, rows * board.columns + last, rows * board.columns]
     place = {corner: k for k, corner in enumerate(seen.corner.tolist())}
     corner, sigma = np.full((4, 2), np.nan), np.full(4, np.nan)

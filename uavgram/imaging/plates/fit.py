@@ -58,7 +58,7 @@ class PlateFit:
     contrast
         Grey values from black to white, outside shadows.
     rms
-        Of the residuals [grey values].
+        Root mean square of the residuals [grey values].
     runs_on
         Correlation of a residual with its neighbours: 0 for white noise.
     agreement

@@ -94,6 +94,7 @@ def _sighted(image: Image, family: str, candidate: Candidate) -> SeenPlate | Non
     rows, columns = window.slices
     grey = image[rows, columns]
     sides = np.linalg.norm(np.roll(corner, -1, axis=0) - corner, axis=1)
+    # Large plates are measured in a reduced window.
     factor = max(1, math.ceil(float(sides.max()) / _LARGEST_SIDE_PX))
     if factor > 1:
         grey, window = _reduced(grey, window, factor)

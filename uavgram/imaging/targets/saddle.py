@@ -132,9 +132,11 @@ def fit_saddles(windows: Windows, start_px: Floats, axes_px: Floats) -> SaddleFi
     lower, upper = np.full(PARAMETERS, -np.inf), np.full(PARAMETERS, np.inf)
     lower[_BLUR], upper[_BLUR] = SMALLEST_BLUR_PX, 0.5 * windows.offset_px.max()
     fit = fit_windows(model, _first_state(windows, start_px, axes_px), bounds=(lower, upper))
+    # Variance of the residuals from n - p degrees of freedom.
     variance = fit.cost / np.maximum(windows.weight.sum(axis=1) - PARAMETERS, 1.0)
     side = round(len(windows.offset_px) ** 0.5)
     square = (len(windows.grey), side, side)
+    # Correlated residuals enlarge the covariance.
     correlation = neighbour_correlation(
         fit.residual.reshape(square), windows.weight.reshape(square)
     )

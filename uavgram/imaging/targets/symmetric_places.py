@@ -109,6 +109,7 @@ def _places(grey: Image, holds: Callable[[Floats], Bools]) -> list[tuple[Floats,
             if min(size) <= 2 * radius:
                 break
             value = _symmetry(smooth, radius)
+            # Local maxima of the symmetry at wanted places.
             peak = value >= cv2.dilate(value, np.ones((2 * _APART_PX + 1,) * 2, np.uint8))
             v, u = np.nonzero(peak & (value > 0))
             place = np.asarray((np.column_stack([u, v]) + 0.5) * scale - 0.5, np.float64)
@@ -137,6 +138,7 @@ def _symmetry(smooth: Weights, radius: int) -> Weights:
         for du in range(radius + 1)
         if du**2 + dv**2 <= radius**2 and (du > 0 or dv > 0)
     ]
+    # Sums over opposite pixels: 2 a b and a^2 + b^2, so that their ratio is a correlation.
     for du, dv in pairs:
         one = smooth[radius + dv : height - radius + dv, radius + du : width - radius + du] - middle
         other = (

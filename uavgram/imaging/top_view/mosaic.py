@@ -42,7 +42,7 @@ CHOICE_BUDGET = 4_000_000
 CELL_PX = 16
 # Number of places along the longer side, or a few more, at which photos' brightness is compared.
 NODES = 64
-# Width to which a photo is halved for this comparison, at most about twice as much.
+# Width above which a photo is halved for this comparison; less than twice this width remains.
 LIGHT_PX = 200
 # Step of the pixels that decide whether the ground is too dark to be seen.
 TONE_STEP_PX = 4

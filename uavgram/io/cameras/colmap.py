@@ -105,6 +105,7 @@ def _camera(
             f"got {len(values)}",
             number,
         )
+    # Order of this program; the principal point moves by half a pixel.
     by_name = dict(zip(names, values, strict=True))
     f = by_name.get("f", 0.0)
     order = ["k1", "k2", "p1", "p2", "k3"] if model == "brown" else ["k1", "k2", "k3", "k4"]

@@ -88,6 +88,7 @@ def _camera(path: Path, name: str, camera: dict[str, Any]) -> dict[str, Any]:
     width, height = number("width"), number("height")
     if width % 1 or height % 1:
         raise InputError(path, f"camera {name!r}: its size must be whole pixels")
+    # Lengths are in units of the longer side, from the centre of the image.
     size = max(width, height)
     focal = number("focal_x", "focal")
     focal_y = number("focal_y", "focal", otherwise=focal)

@@ -234,6 +234,7 @@ def _parameters(path: Path, keys: Mapping[str, Any]) -> tuple[LensModel, Floats]
         raise InputError(path, "holds no distortion_coefficients: add them (0 where there is none)")
     model = _lens_model(keys)
     counts = [count - 4 for count in parameter_counts(model)]
+    # Trailing zeros may be coefficients of a larger model; drop them unless a covariance has them.
     used = given if any(name in keys for name in _COVARIANCE) else np.trim_zeros(given, "b")
     fits = len(given) == 4 if model == "fisheye" else len(given) >= 4
     if not fits or len(used) > counts[-1]:

@@ -228,7 +228,7 @@ def read_exif_place(path: str | Path) -> ExifPlace:
 
 
 def _degrees(tags: dict[str, Any], name: str, negative: str) -> float:
-    """Signed degrees of degrees, minutes, seconds; NaN where a part or the reference is absent."""
+    """Convert degrees, minutes, seconds to signed degrees; NaN if incomplete."""
     parts = exif_numbers(tags.get(f"GPS GPS{name}"))
     reference = exif_text(tags, f"GPS GPS{name}Ref").upper()
     if len(parts) != 3 or not reference:

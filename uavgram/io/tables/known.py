@@ -287,6 +287,7 @@ def read_control_lines(path: str | Path) -> ControlLines:
             hint = f": {guess}" if (guess := near_miss(word, _USES)) else ""
             table.blame(row, f"use must be {' or '.join(_USES)} (got {word!r}){hint}")
     table.raise_faults()
+    # Defaults: the vertical sigma is the horizontal one, the straightness a constant.
     plan, up, own = (table.numbers[name] for name in _SIGMAS)
     up = np.where(np.isnan(up), plan, up)
     sigma = np.broadcast_to(np.stack([plan, plan, up], axis=1)[:, None], ends.shape)

@@ -101,6 +101,7 @@ def dji_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
     altitude = number("AbsoluteAltitude")
     flag = number("RtkFlag")
     has_rtk = xmp.get((DJI, "AltitudeType"), "").lower().startswith("rtk") or flag >= 16
+    # Mean variance of the two horizontal axes.
     horizontal = float(np.hypot(number("RtkStdLat"), number("RtkStdLon")) / math.sqrt(2))
     vertical = number("RtkStdHgt")
     stated = has_rtk and horizontal > 0 and vertical > 0
